@@ -54,9 +54,9 @@ class NonFiniteError(InputError):
 
 class RankError(AdaptctlError):
     """Error of a rank k, the number of identifiable parameters, that cannot be certified. `singular_values`, a tuple of
-    floats that falls, no unit, holds those of the scaled energy differences, P of P parameters, or the 11 of the worst
-    joint where a tree's rank was found joint by joint; it is empty, the default, where the cause is another, such as a
-    basis or angles near to special ones."""
+    falling floats, no unit, holds those of the scaled energy differences: P for P parameters, or the 11 of the worst
+    joint where a tree's rank was found joint by joint. It is empty, the default, where the cause is another, such as a
+    fundamental basis of another rank, or angles that are nearly, but not exactly, right ones."""
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
         super().__init__(message)
@@ -65,9 +65,9 @@ class RankError(AdaptctlError):
 
 class GainError(InputError):
     """Error of feedback gains that are too large for the control period: the sampled loop could ring (oscillate) or be
-    unstable. Torque laws raise it, for example, where T_c lambda_max(M^-1 K), no unit, with the period T_c (s), the
-    mass matrix M and the velocity gains K, is above 1.5, or where M is not positive definite; the message says what is
-    allowed."""
+    unstable. Torque laws raise it, for example, where the hold number T_c lambda_max(M^-1 K), no unit, is above 1.5,
+    with the period T_c (s), the mass matrix M and the velocity gains K, or where M is not positive definite. The
+    message says what is allowed."""
 
 
 class PhysicalConsistencyWarning(UserWarning):
@@ -77,9 +77,10 @@ class PhysicalConsistencyWarning(UserWarning):
 
 
 class StabilityWarning(UserWarning):
-    """Warning that parameter estimates on their way may make an adaptive control loop ring (oscillate) whose gains
-    alone would not. Laws such as `SlotineLi` give it at construction where estimates within the stated `prior` could
-    bring the hold number, no unit, to 2 or more."""
+    """Warning that parameter estimates, while they adapt, may make an adaptive control loop ring (oscillate) whose
+    gains alone would not. Laws such as `SlotineLi` give it at construction where estimates within the stated `prior`
+    (their greatest distances from the first estimate) could bring the hold number to 2 or more: the control period
+    times the largest eigenvalue of M^-1 K, no unit, with the mass matrix M and the velocity feedback K."""
 
 
 class ReferenceWarning(UserWarning):
@@ -112,8 +113,8 @@ class LoopError(InputError):
 class SingularityError(AdaptctlError):
     """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others: the
     smallest singular value of the closures' Jacobian by the dependent joints is below 0.05 of that at the reference
-    configuration, the singularity was passed, or loops did not close. The message has the primary positions p (r,), rad
-    (m)."""
+    configuration, the singularity was passed, or loops did not close. The message has the positions (r,), rad (m), of
+    the r primary joints."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):

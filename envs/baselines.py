@@ -26,16 +26,15 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     `env` is a `TrackingEnv`, one within wrappers, or a vector environment of ours, of whose arms one is taken; a copy
     is driven, without the wrappers, and `env` stays as it is. The names are "zero torque"; "PD", without gravity
     compensation; "PD with gravity", compensated with the true parameters; "Slotine-Li from nothing", Slotine and Li's
-    adaptive law from an estimate of zero; and "computed torque" with the true parameters. Their gains are those of
-    `tune` with `bandwidth` 8/s and `hold` 1. The mean is over `episodes`; episode k, from 0, has the seed `seed` + k.
+    adaptive law from an estimate of zero; and "computed torque" with the true parameters. Their gains are those that
+    `tune` designs for a `bandwidth` of 8 rad/s and a `hold` number of 1, no unit. The mean is over `episodes`, a number
+    of them; episode k, from 0, has the seed `seed` + k.
 
-    Raises `InputError` for another environment, and for `episodes` that are no whole number of at least 1, Gymnasium's
-    `Error` for a negative seed, and what `tune` and the environment raise.
+    Raises `InputError` for another environment, and for `episodes` and a `seed` that are no whole numbers of at least 1
+    and 0, and what `tune` and the environment raise.
     """
-    if not isinstance(episodes, int) or episodes < 1:
-        raise InputError(f"episodes: expected a whole number of at least 1, got {episodes!r}")
-    own = deepcopy(tracking_of(env))
-    seeds = range(seed, seed + episodes)
+    first, count = _whole(seed, "seed", 0), _whole(episodes, "episodes", 1)
+    own, seeds = deepcopy(tracking_of(env)), range(first, first + count)
     driven = {name: np.mean([_driven(own, law, k) for k in seeds]) for name, law in _laws(own).items()}
     return {"zero torque": float(np.mean([_driven(own, None, k) for k in seeds]))} | {
         name: float(value) for name, value in driven.items()
@@ -46,6 +45,12 @@ def shown_baselines(returns: dict[str, float]) -> str:
     """Text of the returns, a line each, the least first."""
     rows = sorted(returns.items(), key=lambda row: row[1])
     return "\n".join(f"{name:<28}{value:12.2f}" for name, value in rows)
+
+
+def _whole(given: object, what: str, least: int) -> int:
+    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < least:
+        raise InputError(f"{what}: expected a whole number of at least {least}, got {given!r:.80}")
+    return int(given)
 
 
 def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:

@@ -37,10 +37,11 @@ class GainRange:
     def of(cls, controller: Controller[Any], names: Iterable[str], span: float) -> GainRange:
         """The range from 1 / span to span, or to what the control period carries where all are that large.
 
-        Raises `NotFoundError` for names that are none of `controller.numbers`, `InputError` on a bad span.
+        Raises `NotFoundError` for names that are none of `controller.numbers`, `InputError` for what are no names and
+        on a bad span.
         """
         require_controller(controller)
-        chosen = (names,) if isinstance(names, str) else tuple(names)
+        chosen = names_of(names)
         controller.tuned({name: controller.numbers.get(name, 0.0) for name in chosen})
         if not chosen:
             raise NotFoundError(f"gains: expected at least one of {', '.join(controller.numbers) or 'none there are'}")
@@ -102,30 +103,33 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
     ## Action space
 
-    `Box(-1, 1, (a,), float32)`, no unit: an action x scales a gain by `span`^x, so that -1 divides it by `span` (4), 0
-    leaves it and 1 multiplies it. `gains` is one name in `controller.numbers` or several. Those of one number a joint,
-    such as `bandwidth` and `damping`, have an action a joint; others, such as `adaptation.gain`, one for all their
-    numbers. What is out of bounds is clipped; a wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
+    `Box(-1, 1, (a,), float32)`, a numbers without a unit: a number x scales a gain by `span`^x, so that -1 divides it
+    by `span` (4), 0 leaves it and 1 multiplies it. `gains` is one name in `controller.numbers` or several. Those of one
+    number a joint, such as `bandwidth` and `damping`, have an action number a joint; others, such as `adaptation.gain`,
+    one for all their numbers. What is out of bounds is clipped; a wrong shape raises `InputError`, NaN and infinity
+    `NonFiniteError`.
 
     The largest gains together are checked as those of a new controller are: where the control period cannot carry them,
     an action of 1 stands for the largest factor that it can, `env.range.highest`, at least 1.
 
     ## Observation space
 
-    That of the environment, (n,), n = 5r + r L, in its units. `info` has, besides the environment's, `gains`: a mapping
-    from the names to the m numbers (m,) of each gain in the control period that is over, in the gain's own unit.
+    That of the environment, (n,), in its units; n = 5r + r L of ours, for r joints and L look-ahead times. `info` has,
+    besides the environment's, `gains`: a mapping from the names to the m numbers (m,) of each gain in the control
+    period that is over, in the gain's own unit.
 
     ## Errors
 
     `InputError` for a `controller` that is none or not for the environment's joints, an environment without the
-    `observation_slices` and the `control_period` of ours, or whose observations or actions a wrapper has changed, and a
-    `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and for none.
+    `observation_slices` and the `control_period` of ours, or whose observations or actions a wrapper has changed,
+    `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and
+    for none.
     """  # noqa: E501  # an example
 
     def __init__(
         self, env: gymnasium.Env[Any, Any], controller: Controller[Any], gains: Iterable[str], span: float = 4.0
     ) -> None:
-        gains = (gains,) if isinstance(gains, str) else tuple(gains)
+        gains = names_of(gains)
         gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, gains=gains, span=span)
         gymnasium.Wrapper.__init__(self, env)
         self._parts = parts_of(env, controller)
@@ -135,18 +139,20 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (n,), as in the class's card, and `info` of an episode, which begins; the controller
-        begins with an empty memory, and `info` has its `gains` as they are. `seed` is that of the random numbers, None
-        to go on with them; `options` are those of `TrackingEnv`, None for none. Raises what `TrackingEnv.reset` raises:
-        `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        """The first observation (n,), the environment's in its units, and `info` of an episode, which begins; the
+        controller begins with an empty memory, and `info` has its `gains`, unscaled, as a mapping from names to arrays.
+        `seed` is that of the random numbers, None to go on with them; `options` are those of `TrackingEnv.reset`
+        (`payload`, `trajectory`, `initial_error`, `parameters`), None for none. Raises `InputError` for bad options,
+        `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
         return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,) as in the class's card, reward (no unit), `terminated`, `truncated` and `info` after one
-        control period under the controller, its gains scaled by the action (a,), no unit, clipped to [-1, 1]. Raises
+        """Observation (n,), the environment's in its units, reward (no unit), `terminated`, `truncated` and `info`
+        after one control period under the controller, its gains scaled by the action (a,), no unit, one number a joint
+        for a gain of one number a joint, else one a gain, clipped to [-1, 1]; `info` has these `gains`. Raises
         `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's
         `ResetNeeded` before the first reset and after the episode's end."""
         if self._memory is None:
@@ -164,13 +170,15 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
 
 class TuningVectorEnv(ControlledVectorEnv):
-    """Vector environment of N arms, each as in `TuningEnv`, around a `VectorTrackingEnv`: actions (N, a), no unit,
-    clipped to [-1, 1], scale some gains of each arm's own controller. Observations (N, n) are the environment's, in its
-    units. After a step `info` has `gains`: a mapping from the names of `gains` to the m numbers (N, m) of each, in the
-    gain's own unit.
+    """Vector environment of N arms around a `VectorTrackingEnv`, each driven by a `controller` some of whose gains the
+    actions scale, as in `TuningEnv`: actions (N, a), no unit, clipped to [-1, 1], are exponents of `span` (4). `gains`
+    names one of `controller.numbers` or several; each has one of the a actions, or one a joint where the gain has.
+    Observations (N, n) are the environment's, in its units. After a step `info` has `gains`: a mapping from these names
+    to the m numbers (N, m) of each, in the gain's own unit.
 
     Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
-    and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and for none.
+    `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and
+    for none.
     """
 
     def __init__(
@@ -182,3 +190,11 @@ class TuningVectorEnv(ControlledVectorEnv):
     def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
         torques, self._memory = self.controller.step_tuned(self.range.packed(actions), self._memory, *self._seen)
         return torques, {"gains": self.range.gains(actions)}
+
+
+def names_of(gains: object) -> tuple[str, ...]:
+    """Names of gains, given as one or several. Raises `InputError` for what are none."""
+    names = (gains,) if isinstance(gains, str) else tuple(gains) if isinstance(gains, Iterable) else None
+    if names is None or not all(isinstance(name, str) for name in names):
+        raise InputError(f"gains: expected a name, or several, such as ['damping'], got {gains!r:.80}")
+    return names

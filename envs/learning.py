@@ -72,7 +72,7 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     A wrapper of `TrackingEnv` for reinforcement learning: observations and actions are scaled to [-1, 1], no unit.
     Rewards, episodes, options and `info` are the environment's own, so that returns compare with those of controllers
     that drive it: `adaptctl.envs.baselines` computes them. `env` may be a `TuningEnv` or a `ResidualEnv` too. Raises
-    `InputError` for an environment that is none of ours, or whose observations a wrapper has changed.
+    `InputError` for an environment that is none of these, or whose observations a wrapper has changed.
 
     ```python
     env = gymnasium.make("adaptctl.envs:adaptctl/Puma560Learning-v0")     # or Learning-v0, robot=...
@@ -84,23 +84,23 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`: shares of the torque limits; or the actions of `ResidualEnv` (r,) or `TuningEnv` (a,),
-    as they are, where one of those is wrapped. What is out of bounds is clipped as there. A wrong shape raises
-    `InputError`, NaN and infinity `NonFiniteError`.
+    `Box(-1, 1, (r,), float32)`, r joints: shares of the torque limits; or the actions of `ResidualEnv` (r,) or
+    `TuningEnv` (a,), as they are, where one of those is wrapped. What is out of bounds is clipped by the environment. A
+    wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
     `Box(-1, 1, (5r + r L,), float32)` for r joints and L look-ahead times: each number x, in rad (m) and s, is seen as
-    x / (|x| + s), with a scale s in the unit of x.
+    x / (|x| + c), with a scale c in the unit of x.
 
-    | Places      | Number x                                             | s                                   |
+    | Places      | Number x                                             | Scale c                             |
     |-------------|------------------------------------------------------|-------------------------------------|
-    | 0 to r      | position minus the reference's                       | a tenth of h, or of the error bound where that is less |
-    | r to 2r     | velocity minus the reference's                       | 5/s times that                      |
+    | 0 to r      | position minus the reference's                       | a tenth of h (below), or of the error bound where that is less |
+    | r to 2r     | velocity minus the reference's                       | 5/s times the first                 |
     | 2r to 3r    | position from the middle of the joint's range        | h, half the range (1 rad or m where there is none) |
     | 3r to 4r    | velocity                                             | h a second                          |
     | 4r to 5r    | the reference's acceleration                         | h a second squared                  |
-    | from 5r     | the reference's positions ahead minus those now      | as the first                        |
+    | from 5r     | the reference's positions ahead minus those now      | as the first, each of the L times   |
 
     ## Version history
 
@@ -117,28 +117,31 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """The first observation (n,), n = 5r + r L, float32 in [-1, 1] as in the class's card, and `info` of an
-        episode, which begins. `seed` is that of the random numbers, None to go on with them; `options` are those of
-        `TrackingEnv`, None for none. Raises what `TrackingEnv.reset` raises: `InputError` for bad options,
-        `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        """The first observation (n,), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], no
+        unit, and `info` of an episode, which begins. `seed` is that of the random numbers, None to go on with them;
+        `options` are those of `TrackingEnv.reset` (`payload`, `trajectory`, `initial_error`, `parameters`), None for
+        none. Raises `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad
+        seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), n = 5r + r L, float32 in [-1, 1], reward (no unit), `terminated`, `truncated` and `info`
-        after one control period under an action (r,) in [-1, 1], shares of the largest torques; (a,) around a
-        `TuningEnv`. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion
-        runs away, Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
+        """Observation (n,), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], reward (no
+        unit), `terminated`, `truncated` and `info` after one control period under an action (r,) in [-1, 1], shares of
+        the torque limits; around a `TuningEnv`, its action (a,). Raises `InputError` on a wrong shape, `NonFiniteError`
+        on NaN and infinity and where the motion runs away, Gymnasium's `ResetNeeded` before the first reset and after
+        the episode's end."""
         share = finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(share * self._scale)
         return self._view(observation), reward, terminated, truncated, info
 
 
 class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """Vector environment of N arms, each as in `LearningEnv`, around a `VectorTrackingEnv`, a `ResidualVectorEnv` or a
-    `TuningVectorEnv`: observations (N, n), n = 5r + r L, float32, and actions (N, a), a = r but around a
-    `TuningVectorEnv`, are in [-1, 1], no unit. Raises `InputError` for another vector environment, and one whose
-    observations a wrapper has changed."""
+    """Vector environment of N arms for reinforcement learning, each as in `LearningEnv`, around a `VectorTrackingEnv`,
+    a `ResidualVectorEnv` or a `TuningVectorEnv`. Observations (N, n), n = 5r + r L for r joints and L look-ahead times,
+    float32, are scaled to [-1, 1], no unit; actions (N, a) in [-1, 1] are shares of the torque limits, a = r, or those
+    of the other two as they are. Raises `InputError` for another vector environment, and one whose observations a
+    wrapper has changed."""
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         super().__init__(env)
@@ -151,21 +154,25 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, float32 in [-1, 1], and `info` of all arms, after an episode of every arm
-        has begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools (N,). `seed` s gives
-        arm i s + i, a list each its own, None lets the random numbers go on; `options` are those of
-        `VectorTrackingEnv`, None for none. Raises what `VectorTrackingEnv.reset` raises: `InputError` for bad seeds and
-        options, `NotFoundError` for unknown ones, Gymnasium's `ResetNeeded` for a part of the arms before the first
-        reset of all."""
+        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], no unit,
+        and `info` of all N arms, after an episode of every arm has begun, or, with `autoreset_mode` "Disabled", of
+        those in the option `reset_mask`, bools (N,).
+
+        `seed` s gives arm i the seed s + i, a list each its own, None lets the random numbers go on. `options` are
+        those of `TrackingEnv.reset` (`payload`, `trajectory`, `initial_error`, `parameters`), for all arms or one each,
+        None for none. Raises `InputError` for bad seeds and options, `NotFoundError` for unknown ones, Gymnasium's
+        `ResetNeeded` for a part of the arms before the first reset of all.
+        """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info
 
     def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, float32 in [-1, 1], rewards (no unit), `terminated` and `truncated`, (N,)
-        each, and `info` after one control period of all arms under actions (N, r) in [-1, 1], shares of the largest
-        torques; (N, a) around a `TuningVectorEnv`. `final_obs` in `info` is scaled likewise. Raises `InputError` on a
-        wrong shape, `NonFiniteError` on NaN and infinity and where a motion runs away, Gymnasium's `ResetNeeded` before
-        the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is over."""
+        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], rewards
+        (no unit), `terminated` and `truncated`, (N,) each, and `info` after one control period of all N arms under
+        actions (N, r) in [-1, 1], shares of the torque limits; around a `TuningVectorEnv`, its actions (N, a).
+        `final_obs` in `info` is scaled likewise. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and
+        infinity and where a motion runs away, Gymnasium's `ResetNeeded` before the first reset, and with
+        `autoreset_mode` "Disabled" where an arm's episode is over."""
         shares = finite_actions(actions, self.action_space)
         observations, rewards, terminated, truncated, info = self.env.step(shares * self._scale)
         if "final_obs" in info:

@@ -2,45 +2,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.errors import InputError
 from adaptctl.recording.live import Live
 
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
-    """A wrapper of a single-arm environment that shows each of its control periods in a live view, `live`, and changes
-    nothing else.
+    """A wrapper of a single-arm environment that shows each of its control periods in `live`, a `Live` view, and
+    changes nothing else.
 
     `env` is one of ours, or one whose `env.unwrapped` has a `control_period` (s) and `observation_slices`, a mapping
-    from `p` and `reference_p` to their slices (r,) of the observation; one without raises `AttributeError`. Wrappers
-    within it that scale observations are not noticed, and their numbers are shown as rad (m): put them around this one.
+    from `p` and `reference_p`, positions and the reference's, to their slices (r,) of the observation, r joints. Raises
+    `InputError` for another one, and for one in wrappers that change its observations: put these around this one.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:
         super().__init__(env)
         self.live = live
-        self._slices = env.unwrapped.observation_slices  # type: ignore[attr-defined]
+        self._slices, self._period = _shown_of(env)
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The environment's first observation (n,) and `info` of an episode, which begins; nothing is shown yet. `seed`
-        and `options`, None for none, are passed to the environment, and what it raises passes."""
+        """The environment's first observation (n,) in its units and `info` of an episode, which begins; nothing is
+        shown yet. `seed` and `options`, None for none, are passed to the environment, and what it raises passes."""
         self._steps = 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """The environment's observation (n,), reward, `terminated`, `truncated` and `info` after one control period
-        under the `action` (a,). What is shown is the time, `time` of `info` or else the periods counted, s, the
-        positions and the reference's (r,), rad (m), and the torque that `info` has as `applied_torque` (r,), N m (N),
-        or else the action. Raises what the environment raises; a failure of the view is a `LiveViewWarning`."""
+        """The environment's observation (n,) in its units, reward, `terminated`, `truncated` and `info` after one
+        control period under the `action` (a,). What is shown is the time, `time` of `info` or else the periods counted,
+        s, the positions of the r joints and the reference's (r,), rad (m), and the torque that `info` has as
+        `applied_torque` (r,), N m (N), or else the action. Raises what the environment raises; a failure of the view is
+        a `LiveViewWarning`."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))
-        period: float = self.env.unwrapped.control_period  # type: ignore[attr-defined]
-        time = float(info.get("time", self._steps * period))
+        time = float(info.get("time", self._steps * self._period))
         self.live.show(time, p, desired, info.get("applied_torque", action))
         return observation, reward, terminated, truncated, info
+
+
+def _shown_of(env: gymnasium.Env[Any, Any]) -> tuple[Mapping[str, slice], float]:
+    """Slices of the parts of an observation, and the control period (s). Raises `InputError` for an environment that
+    cannot be shown."""
+    inner = env.unwrapped
+    slices, period = getattr(inner, "observation_slices", None), getattr(inner, "control_period", None)
+    if (
+        not isinstance(slices, Mapping)
+        or not {"p", "reference_p"} <= set(slices)
+        or not isinstance(period, int | float)
+    ):
+        raise InputError(
+            f"{env}: cannot be shown live: its unwrapped environment needs a control_period in s and "
+            "observation_slices, a mapping from p and reference_p to slices of the observation"
+        )
+    if getattr(env, "observation_space", None) != getattr(inner, "observation_space", None):
+        raise InputError(f"{env}: expected observations in their own units: put such wrappers around this one")
+    return slices, period

@@ -13,7 +13,8 @@ from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import Trajectory
 from adaptctl.envs.reward import RewardWeights
-from adaptctl.envs.tracking import TrackingEnv, control_period_of
+from adaptctl.envs.settings import control_period_of, require_reference
+from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.mujoco_contacts import warn_of_contacts
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco
 
@@ -28,8 +29,8 @@ class MuJoCoTrackingEnv(TrackingEnv):
     A tracking environment, the task of `TrackingEnv`, with MuJoCo as the plant: it moves the arm in its scene, with
     contacts, joint stops, equalities of other bodies and whatever else the model has. What the controller knows of the
     arm is the mechanism that `Mechanism.from_mujoco` reads of it; contacts, stops and springs are not among that.
-    Actions, observations, reward, episode end, information and options at reset are those of `TrackingEnv`, whose card
-    holds here.
+    Actions (r,), torques of r joints in N m (N), observations (5r + r L,), in rad and s (m), for L look-ahead times,
+    reward, episode end, information and options at reset are those of `TrackingEnv`, whose card holds here.
 
     ```python
     import gymnasium
@@ -83,6 +84,7 @@ class MuJoCoTrackingEnv(TrackingEnv):
         own = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
         limits = per_joint(own, mechanism.dof, "torque_limits")
         plant = MuJoCoPlant(mechanism, period, torque_limits=limits, model=model, body=body, servos_off=servos_off)
+        require_reference(reference, mechanism.dof)
         if callable(reference):
             warn_of_contacts(plant, reference)
         self._set_task(plant, reference, duration, look_ahead, error_bound, reward_weights, initial_error, render_mode)

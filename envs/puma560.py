@@ -85,12 +85,12 @@ class Puma560TrackingEnv(TrackingEnv):
     they give is positive definite (eigenvalues above 0.06 kg m^2 in 2,000 random configurations), so the motion is well
     defined. Because this is stated here, loading them for this environment does not warn. `robot="puma560_measured"`
     has consistent values measured by Armstrong, Khatib and Burdick (1986), without motor inertias: choose it when the
-    physics matter. Another number of joints than six needs a `reference` of its own, else `reset` raises `InputError`.
+    physics matter. Another number of joints than six needs a `reference` of its own, else `InputError` is raised.
 
     ## Options at reset
 
-    `payload` (kg), `trajectory`, `initial_error` (rad), `parameters` (P,): see `TrackingEnv`. The last link's frame is
-    the flange.
+    Those of `TrackingEnv`: `payload` (kg), held in the origin of the last link's frame, the flange, `trajectory`,
+    `initial_error` (rad) and `parameters` (P,), the true inertial parameters in SI units.
 
     ## Version history
 

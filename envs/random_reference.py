@@ -44,28 +44,35 @@ def all_drawn(
     sources: dict[Hashable, np.random.Generator] = {}
     keys: list[Hashable] = []
     for k, given in enumerate(trajectories):
+        require_trajectory(given)
         if given is None or (isinstance(given, str) and given == "random"):
             keys.append(("new", k))
             sources["new", k] = generator(k)
-        elif isinstance(given, int | np.integer) and given >= 0:
+        elif isinstance(given, int | np.integer):
             keys.append(int(given))
             sources[int(given)] = np.random.default_rng(int(given))
-        elif callable(given):
-            keys.append(None)
         else:
-            raise InputError(f"trajectory: expected a Reference, a seed of at least 0, or 'random', got {given!r}")
+            keys.append(None)
     random = dict(zip(sources, many_random_sinusoids(mechanism, sources.values()), strict=True))
     return [given if callable(given) else random[key] for given, key in zip(trajectories, keys, strict=True)]
+
+
+def require_trajectory(given: object, what: str = "trajectory") -> None:
+    """Raise `InputError` for what stands for no reference."""
+    is_seed = isinstance(given, int | np.integer) and given >= 0
+    is_word = given is None or (isinstance(given, str) and given == "random")
+    if not (is_seed or is_word or callable(given)):
+        raise InputError(f"{what}: expected a Reference, a seed of at least 0, or 'random', got {given!r:.80}")
 
 
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
     """A random reference for a mechanism of r joints, drawn from `rng`: one sinusoid a joint about a random centre, of
     0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within 80 % of the position ranges and of the velocity
-    limits. Its `center` is (r,), `amplitude` and `frequency` are (1, r).
+    limits. Its `center` is (r,), `amplitude` and `frequency` are (1, r), in rad (m) and Hz.
 
     An unlimited joint moves within 1 rad (m) of zero, one with a single bound within 2 rad (m) of that. A mechanism
-    with loops stays where they can be followed and within its conditions; raises `InputError` where no such reference
-    is found.
+    with loops stays where its loops can be closed along the way and within its conditions; raises `InputError` where no
+    such reference is found.
     """
     return many_random_sinusoids(mechanism, [rng])[0]
 

@@ -28,14 +28,15 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`: shares of `share` (0.2) times the torque limits, N m (N). What is out of bounds is not
-    clipped; the sum of both torques is, to the torque limits. A wrong shape raises `InputError`, NaN and infinity
-    `NonFiniteError`.
+    `Box(-1, 1, (r,), float32)`, r joints: shares of `share` (0.2) times the torque limits, N m (N). What is out of
+    bounds is not clipped; the sum of both torques is, to the torque limits. A wrong shape raises `InputError`, NaN and
+    infinity `NonFiniteError`.
 
     ## Observation space
 
-    That of the environment, (n,), n = 5r + r L, in its units. `info` has, besides the environment's, `base_torque`
-    (r,), N m (N): the controller's torque in the control period that is over, after a reset in the first one to come.
+    That of the environment, (n,), in its units; n = 5r + r L of ours, for L look-ahead times. `info` has, besides the
+    environment's, `base_torque` (r,), N m (N): the controller's torque in the control period that is over, after a
+    reset in the first one to come.
 
     ## Errors
 
@@ -55,10 +56,11 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         self._base = np.zeros(limits.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (n,), as in the class's card, and `info` of an episode, which begins; the controller
-        begins with an empty memory. `seed` is that of the random numbers, None to go on with them; `options` are those
-        of `TrackingEnv`, None for none. Raises what `TrackingEnv.reset` raises: `InputError` for bad options,
-        `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        """The first observation (n,), the environment's in its units, and `info` of an episode, which begins; the
+        controller begins with an empty memory, and `info` has its first torque as `base_torque` (r,), N m (N), r
+        joints. `seed` is that of the random numbers, None to go on with them; `options` are those of
+        `TrackingEnv.reset` (`payload`, `trajectory`, `initial_error`, `parameters`), None for none. Raises `InputError`
+        for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)
@@ -66,10 +68,13 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         return observation, info | {"base_torque": self._base.copy()}
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,) as in the class's card, reward (no unit), `terminated`, `truncated` and `info` after one
-        control period under the controller's torque plus `share` times the torque limits, N m (N), times the action
-        (r,), in [-1, 1]. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the
-        motion runs away, Gymnasium's `ResetNeeded` before the environment's first reset and after the episode's end."""
+        """Observation (n,), the environment's in its units, reward (no unit), `terminated`, `truncated` and `info`
+        after one control period under the controller's torque plus `share` times the torque limits, N m (N), times the
+        action (r,), in [-1, 1] but not clipped, r joints; `info` has the controller's torque as `base_torque` (r,).
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away,
+        Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
+        if self._memory is None:
+            raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         torque = self._base + self._scale * finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(torque)
         info = info | {"base_torque": self._base.copy()}
@@ -88,16 +93,17 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
 
 class ResidualVectorEnv(ControlledVectorEnv):
-    """Vector environment of N arms, each as in `ResidualEnv`, around a `VectorTrackingEnv`: actions (N, r) in [-1, 1],
-    not clipped, are shares of `share` (0.2) times the torque limits, added to the torques of each arm's own controller,
-    which `info` has as `base_torque` (N, r), N m (N), after a step. Observations (N, n) are the environment's, in its
-    units.
+    """Vector environment of N arms of r joints around a `VectorTrackingEnv`, each driven by a `controller` to whose
+    torques the actions add others, as in `ResidualEnv`: actions (N, r) in [-1, 1], not clipped, are shares of `share`
+    (0.2) times the torque limits. After a step `info` has the controller's torques as `base_torque` (N, r), N m (N).
+    Observations (N, n) are the environment's, in its units.
 
-    Raises `InputError` for another environment or one in wrappers, a `controller` that is not for its joints, and a
-    `share` that is not above 0 and at most 1.
+    Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
+    and a `share` that is not above 0 and at most 1.
     """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], share: float = 0.2) -> None:
+        require_controller(controller)
         super().__init__(env, controller, controller.dof)
         self._scale = _share(share) * np.asarray(env.single.plant.torque_limits)
 

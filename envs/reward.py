@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, real_number
 from adaptctl.errors import InputError
 
 
@@ -21,7 +20,7 @@ class RewardWeights:
     `position`, per rad^2 (m^2) of tracking error; `velocity`, per (rad/s)^2 ((m/s)^2) of velocity error; `torque`, no
     unit, per square of torque over its limit; `termination`, no unit, is subtracted once when an error passes its
     bound. Without it a learner whose every reward is negative would do best by ending the episode at once. Raises
-    `InputError` for a weight that is negative or not finite, `TypeError` for one that is no number.
+    `InputError` for a weight that is no number, negative or not finite.
     """
 
     position: float = 1.0
@@ -36,21 +35,22 @@ class RewardWeights:
     def __post_init__(self) -> None:
         for name in (field.name for field in fields(self)):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
+            if not 0.0 <= real_number(value, f"reward weight of {name}") < np.inf:
                 raise InputError(f"reward weight of {name}: expected a number of at least 0, got {value}")
 
     def cost(self, position: Any, velocity: Any, torque: Any) -> Any:
-        """The cost, no unit, without `termination`: the weighted sum of three sums of squares over the joints, scalars
-        or arrays that broadcast, of any kind of number: `position`, that of squared position errors, rad^2 (m^2),
-        `velocity`, of squared velocity errors, (rad/s)^2 ((m/s)^2), and `torque`, of squared torques over their limits,
-        no unit. Nothing is checked."""
+        """The tracking cost, no unit, without `termination`: the sums of squares `position`, `velocity` and `torque`,
+        each times the weight of that name. The sums are over the joints, of squared position errors, rad^2 (m^2), of
+        squared velocity errors, (rad/s)^2 ((m/s)^2), and of squared torques over their limits, no unit: scalars or
+        arrays that broadcast, of any kind of number. Nothing is checked."""
         return self.position * position + self.velocity * velocity + self.torque * torque
 
     def reward(
         self, error: Array, velocity_error: Array, relative_torque: Array, terminated: NDArray[np.bool_]
     ) -> Array:
-        """The reward (...), no unit: minus the weighted squares, summed over the joints, of errors (..., r), rad (m),
-        velocity errors (..., r), rad/s (m/s), and torques over their limits (..., r), no unit; and minus `termination`
-        where `terminated`, bools (...), the episode having ended there. Nothing is checked: NaN gives NaN."""
+        """The reward (...), no unit, of r joints: minus the weighted squares, summed over the joints, of position
+        errors (..., r), rad (m), velocity errors (..., r), rad/s (m/s), and torques over their limits (..., r), no
+        unit. Where `terminated`, bools (...), is True, as the episode has ended there, `termination` is subtracted too.
+        Nothing is checked: NaN gives NaN."""
         squares = (np.vecdot(x, x) for x in (error, velocity_error, relative_torque))
         return np.asarray(-self.cost(*squares) - self.termination * terminated)

@@ -62,8 +62,8 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Reward
 
-    *r = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, no unit, with the errors e of positions
-    (rad) and e' of velocities (rad/s), and 1000 less when terminated.
+    *reward = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, no unit, with the errors e of
+    positions (rad) and e' of velocities (rad/s), and 1000 less when terminated.
 
     ## Starting state
 
@@ -71,18 +71,22 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Episode end
 
-    Terminated when a joint's error passes 1 rad, when p2 - p3 leaves 0.5236 to 2.618 rad (Sheu and Walker 1991, Table
-    9), or near a singularity of the loop. Truncated at 20 s, which is 20,000 steps.
+    Terminated when a joint's error passes 1 rad, when the upper arm's position less the crank's leaves 0.5236 to 2.618
+    rad (Sheu and Walker 1991, Table 9), or near a singularity of the loop. Truncated at 20 s, which is 20,000 steps.
 
     ## Arguments
 
-    Those of `TrackingEnv`, and its errors. Lengths and inertias are assigned (the papers print none):
-    `robot="semi_direct_drive"` has generic lengths, `"semi_direct_drive_parallelogram"` equal opposite sides. Another
-    number of joints than three needs a `reference` of its own, else `reset` raises `InputError`.
+    Those of `TrackingEnv`: `robot`, `reference` (the sinusoids above), `duration` (20 s), `control_period` (0.001 s),
+    `substeps`, `integrator`, `look_ahead` (0.05 and 0.2 s), `error_bound` (1 rad), `reward_weights`, `initial_error`
+    (0.1 rad), `torque_limits` (N m), `effects`, `render_mode`. Lengths and inertias are assigned (the papers print
+    none): `robot="semi_direct_drive"` has generic lengths, `"semi_direct_drive_parallelogram"` equal opposite sides.
+    A robot of another number of joints than three needs a `reference` of its own. Raises `InputError` for bad values,
+    `NotFoundError` for an unknown built-in or mode, `FileError` for a bad file.
 
     ## Options at reset
 
-    `payload` (kg), `trajectory`, `initial_error` (rad), `parameters` (P,): see `TrackingEnv`.
+    Those of `TrackingEnv`: `payload` (kg, held by the last link), `trajectory` (a reference, a seed or `"random"`),
+    `initial_error` (rad), `parameters` (P,), the true inertial ones in SI units.
 
     ## Version history
 

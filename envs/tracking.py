@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array, per_joint, positive_number
+from adaptctl.arrays import Array, frozen_array, numbers, per_joint
 from adaptctl.caching import sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.gains.torque_limits import finite_torque_limits
@@ -21,9 +21,20 @@ from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
+from adaptctl.envs.settings import (
+    control_period_of,
+    finite_numbers,
+    initial_error_of,
+    require_integrator,
+    require_reference,
+    steps_of,
+    times_ahead_of,
+    weights_of,
+)
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
+from adaptctl.simulation.effects.plant_effects import listed
 from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.plant import require_ten_a_link
 from adaptctl.simulation.sampled_references import Preview
@@ -63,7 +74,6 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     real plants have besides, such as delay, encoders or a payload that is dropped, is switched on by `effects`.
 
     ```python
-    import gymnasium
     env = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot="my_arm.urdf")
     ```
 
@@ -71,13 +81,13 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     `Box(-limit, limit, (r,), float64)`: the torque of every joint in N m (the force in N of a prismatic one). The
     limits are the mechanism's own. A joint without one gets four times the largest torque that inverse dynamics asks of
-    it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1: see
-    `adaptctl.control.gains.torque_limits`. What is out of bounds is clipped and counted; NaN and infinity raise
-    `NonFiniteError`, a wrong shape `InputError`. For learners: `gymnasium.wrappers.RescaleAction(env, -1.0, 1.0)`.
+    it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1. What is out of bounds is
+    clipped and counted; NaN and infinity raise `NonFiniteError`, a wrong shape `InputError`.
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times. `observation_slices` has the places.
+    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times. `observation_slices` has the places, as a mapping
+    from the names below to slices. Here and below, units in brackets are those of prismatic joints.
 
     | Slice         | Size | Observation                                                | Unit               |
     |---------------|------|------------------------------------------------------------|--------------------|
@@ -90,12 +100,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     ## Reward
 
-    At each step, with the true errors e = p - reference p and e' = v - reference v after it:
-
-    *r = -(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))*
-
-    with `RewardWeights(position=1, velocity=0.1, torque=0.001, termination=1000)`. `termination` is subtracted
-    once when an episode is terminated: without it giving up at once would pay. Rewards have no unit.
+    *reward = -(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))*, no unit, with the
+    true errors e = p - reference p and e' = v - reference v after the step, and with `RewardWeights(position=1,
+    velocity=0.1, torque=0.001, termination=1000)`. `termination` is subtracted once when an episode is terminated.
 
     ## Starting state
 
@@ -104,7 +111,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     ## Episode end
 
     Terminated when a joint's |e| passes `error_bound` (1 rad or m; infinity for never), when a mechanism with loops
-    nears a singularity, or when it leaves the conditions it states. Truncated at `duration`.
+    nears a singularity, or when positions break a condition that its file states. Truncated at `duration`.
 
     ## Information
 
@@ -123,20 +130,22 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | Argument         | Default              | Meaning                                                        |
     |------------------|----------------------|----------------------------------------------------------------|
     | `robot`          | `"puma560_measured"` | a built-in's name, a file (`.urdf`, `.xml`, `.toml`), or a `Mechanism` |
-    | `reference`      | `None`               | a `Reference`, the seed of a random one (at least 0; others are refused at the reset), or `None` or `"random"` for a new one at each reset: one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the position and velocity limits. Warns (`ReferenceWarning`) where velocities or accelerations of a `Reference` are no derivatives |
-    | `duration`       | 20.0                 | s                                                              |
-    | `control_period` | 0.001                | s a torque is held                                             |
+    | `reference`      | `None`               | a `Reference`, the seed of a random one (at least 0), or `None` or `"random"` for a new one at each reset: one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the position and velocity limits. Warns (`ReferenceWarning`) where velocities or accelerations of a `Reference` are no derivatives |
+    | `duration`       | 20.0                 | length of an episode, s                                        |
+    | `control_period` | 0.001                | time for which a torque is held, s                             |
     | `substeps`       | `None`               | integration steps a control period; `None` for as many as friction needs, else 1 |
     | `integrator`     | `None`               | `None` for `RungeKutta4()`, or `LinearlyImplicitEuler()` where friction is stiff |
-    | `look_ahead`     | (0.05, 0.2)          | (L,), s; may be empty                                          |
-    | `error_bound`    | 1.0                  | rad (m), one positive number or one a joint; NaN raises `NonFiniteError`, here and below |
+    | `look_ahead`     | (0.05, 0.2)          | (L,), times ahead, s, at least 0 each; may be empty             |
+    | `error_bound`    | 1.0                  | error beyond which an episode ends, rad (m), one positive number or one a joint; NaN raises `NonFiniteError`, here and below |
     | `reward_weights` | `RewardWeights()`    | the weights of the reward above                                |
-    | `initial_error`  | 0.0                  | rad (m), one number or one a joint                             |
+    | `initial_error`  | 0.0                  | of the positions at the start, rad (m), one number or one a joint |
     | `torque_limits`  | `None`               | N m (N), one number or one a joint; `None` for those of the action space above |
-    | `effects`        | ()                   | of `adaptctl.simulation.effects`, in any order; none           |
+    | `effects`        | ()                   | those of real plants, from `adaptctl.simulation.effects`, in any order; () for none |
     | `render_mode`    | `None`               | or `"rgb_array"`; `None` for no images                         |
 
-    Raises `InputError` for bad values, `NotFoundError` for an unknown built-in or mode, `FileError` for a bad file.
+    Raises `InputError` for bad values, a `Reference` of another number of joints among them, of these `NonFiniteError`
+    for an `initial_error` that is not finite, `NotFoundError` for an unknown built-in or mode, `FileError` for a bad
+    file.
 
     ## Options at reset
 
@@ -174,9 +183,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         render_mode: str | None = None,
     ) -> None:
         mechanism = robot if isinstance(robot, Mechanism) else load(robot)
+        require_integrator(integrator)
         own = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
         limits, period = per_joint(own, mechanism.dof, "torque_limits"), control_period_of(control_period)
-        placed = PlantEffects.of(effects := tuple(effects))
+        placed = PlantEffects.of(effects := listed(effects))
         placed.require(mechanism.dof, mechanism.description.body_names, period)
         springs = None if placed.elastic is None else Transmission.of(mechanism, placed.elastic)
         if substeps is None:
@@ -197,13 +207,14 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     ) -> None:
         """Set the plant, the reference and the rules of an episode."""
         self.plant, self.mechanism, self.control_period = plant, plant.mechanism, plant.control_period
-        self.steps = _steps(duration, self.control_period)
-        self.look_ahead = _times_ahead(look_ahead)
+        self.steps = steps_of(duration, self.control_period)
+        self.look_ahead = times_ahead_of(look_ahead)
         self.error_bound = per_joint(error_bound, self.mechanism.dof, "error_bound")
         if not np.all(self.error_bound > 0.0):
             raise InputError(f"error_bound: expected positive numbers, got {self.error_bound.tolist()}")
-        self.reward_weights = reward_weights or RewardWeights()
-        self.initial_error = per_joint(initial_error, self.mechanism.dof, "initial_error")
+        self.reward_weights = weights_of(reward_weights)
+        self.initial_error = initial_error_of(initial_error, self.mechanism.dof)
+        require_reference(reference, self.mechanism.dof)
         self.trajectory = reference
         if callable(reference):
             warn_of_derivatives(reference, [joint.name for joint in self.mechanism.primary_joints], duration, 4)
@@ -214,14 +225,18 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The running episode's reference, a function of times (s). Raises `ResetNeeded` before the first reset."""
+        """The running episode's reference: times (s) to a `ReferencePoint`. Raises `ResetNeeded` before the first
+        reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (5r + r L,), in units as in the class's card, and `info` of an episode, which begins.
-        `seed` is that of the random numbers, None to go on with them; `options` are those of the class, None for none.
-        Raises `InputError` for a bad option, `NotFoundError` for an unknown one, `SingularityError` where loops cannot
-        be followed to the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
+        """The first observation (5r + r L,) of an episode, which begins, and its `info` (true `parameters` (P,),
+        `energy` and more). For r joints it has positions, velocities and the reference's positions, velocities and
+        accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2 (m, m/s, m/s^2). `seed` is that of the
+        random numbers, None to go on with them; `options`, None for none, are `payload` (kg), `trajectory`,
+        `initial_error` and `parameters`. Raises `InputError` for a bad option, of these `NotFoundError` for an unknown
+        one and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, `SingularityError` where
+        loops cannot be followed to the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -229,7 +244,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if unknown := [name for name in given if name not in OPTIONS]:
             raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(OPTIONS)}")
         r = self.plant.dof
-        error = per_joint(given.get("initial_error", self.initial_error), r, "initial_error")
+        error = initial_error_of(given.get("initial_error", self.initial_error), r)
         parameters = self.true_parameters(given)
         reference = drawn(given.get("trajectory", self.trajectory), self.mechanism, self.np_random)
         preview = Preview(reference, r, self.control_period, self.look_ahead)
@@ -240,8 +255,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Observation (5r + r L,), units as in the class's card, reward (no unit), `terminated`, `truncated` and `info`
-        after one control period under a torque (r,), N m (N), held. Raises `InputError` on a wrong shape,
+        """The observation (5r + r L,) of r joints with L look-ahead times, rad, rad/s, rad/s^2 (m, m/s, m/s^2), reward
+        (no unit), `terminated`, `truncated` and `info` (`time`, `energy` and more) after one control period under the
+        torque `action` (r,), N m (N), held and clipped to its limits. Raises `InputError` on a wrong shape,
         `NonFiniteError` on NaN, infinity and a motion that runs away, Gymnasium's `ResetNeeded` without a running
         episode."""
         episode = self._running("step")
@@ -272,8 +288,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
-        """The running episode as an `Episode`: its plant, state, reference and the rest that `simulate` takes to
-        compute it in native code, with 0 steps left where it is over. Raises `ResetNeeded` before the first reset."""
+        """The running episode as an `Episode` for `simulate`: plant, state, parameters, reference, random numbers,
+        control periods left (0 where it is over), judge of rewards and ends. Raises `ResetNeeded` before the first
+        reset."""
         episode = self._running("hand_over")
         return Episode(
             self.plant,
@@ -286,9 +303,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """The `info` at the `state` from which an episode that was handed over goes on: `steps` control periods,
-        `clipped` of them with a clipped torque, brought it there; `terminated` is True if it ended. Nothing of these is
-        checked. Raises `ResetNeeded` before the first reset."""
+        """The `info` (true parameters, energy and more) of an episode that was handed over and goes on from `state`. It
+        took `steps` control periods to get there, `clipped` of them with a clipped torque; `terminated` is True if it
+        ended. Nothing of these is checked. Raises `ResetNeeded` before the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps
@@ -340,19 +357,16 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self.np_random.standard_normal(size) if size else None
 
     def _torque(self, action: ArrayLike) -> Array:
-        try:
-            torque = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"action: expected {self.plant.dof} torques, got {action!r}") from error
+        torque = numbers(action, "action")
         if torque.shape != (self.plant.dof,):
             raise InputError(f"action: expected shape ({self.plant.dof},), got {torque.shape}")
         return torque
 
     def true_parameters(self, options: Mapping[str, Any]) -> Array:
-        """The true inertial parameters (P,), SI units, of an episode with these options of `reset`, payload included.
-        Raises `InputError` for bad ones: another shape, numbers not finite, a payload that no body has or the links
-        cannot add."""
-        own = options.get("parameters", self.mechanism.inertial_parameters)
+        """The P true inertial parameters (P,), SI units, of an episode with the `options` of its reset, `parameters`
+        and `payload` included. Raises `InputError` for bad ones: another shape, a payload that no body has, or one on a
+        mechanism with fewer than ten parameters a link; `NonFiniteError` for parameters that are not finite."""
+        own = finite_numbers(options.get("parameters", self.mechanism.inertial_parameters), "parameters")
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:
             require_ten_a_link(self.mechanism)
@@ -382,19 +396,3 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             raise NotFoundError(f"unknown render mode {render_mode!r}; modes: {', '.join(modes)}")
         self.render_mode = render_mode
         self.metadata = self.metadata | {"render_fps": 1.0 / self.control_period}
-
-
-def control_period_of(given: object) -> float:
-    """A control period in s. Raises `InputError` for what is none."""
-    return positive_number(given, "control_period: expected a positive time in s")
-
-
-def _steps(duration: object, control_period: float) -> int:
-    what = f"duration: expected at least one control period of {control_period:g} s"
-    if (length := positive_number(duration, what)) < control_period:
-        raise InputError(f"{what}, got {length}")
-    return round(length / control_period)
-
-
-def _times_ahead(times: Sequence[float]) -> Array:
-    return frozen_array(times, (np.size(times),), "look_ahead")

@@ -323,7 +323,7 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
         (lambda: Composite(ONES, -1.0), "composite: weight"),
         (lambda: on("puma560_arm3", Composite(ONES, cutoff=2000.0)), "use at most 1000 1/s"),
         (lambda: on("puma560_arm3", Composite(ONES, cutoff=np.inf)), "cutoff: expected a positive number"),
-        (lambda: BoundedGainForgetting(np.diag(ONES)), "gain: expected shape"),
+        (lambda: BoundedGainForgetting(np.diag(ONES)), "gain: expected Gamma's diagonal"),
         (lambda: BoundedGainForgetting(ONES, bound=0.5), "bound: expected at least 1"),
         (lambda: BoundedGainForgetting(ONES, forgetting=-1.0), "forgetting: expected at least 0"),
         (lambda: on("puma560_arm3", BoundedGainForgetting(ONES, forgetting=1e3)), "use at most 100 1/s"),

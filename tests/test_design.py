@@ -282,7 +282,7 @@ def _wrong() -> dict[str, tuple[object, str]]:
     return {
         "link": (lambda: added_mass(T, "link9", 1.0), "there is no link 'link9' with inertia; links: link1, link2"),
         "mass": (lambda: added_mass(T, "link2", -1.0), "expected a mass of at least 0 kg, got -1"),
-        "sphere": (lambda: sphere(-1.0), "mass: expected a number of at least 0 kg, got -1"),
+        "sphere": (lambda: sphere(-1.0), "mass: expected a number of at least 0 kg and at most 1e+20, got -1"),
         "box": (lambda: box(1.0, (0.1, -0.2, 0.1)), "y: expected a number above 0"),
         "axis": (lambda: cylinder(1.0, 0.1, 0.1, axis=(0.0, 0.0, 0.0)), "axis: expected a number above 0"),
         "nan": (lambda: added_mass(T, "link2", 1.0, (0.0, np.nan, 0.0)), "place: expected finite numbers"),

@@ -302,7 +302,9 @@ def test_what_is_returned_is_the_callers(env: TrackingEnv) -> None:
         ({"trajectory": -1}, InputError, "trajectory"),
         ({"initial_error": np.zeros(5)}, InputError, "initial_error: expected a number or 6 of them, got shape"),
         ({"initial_error": float("nan")}, NonFiniteError, "initial_error: expected numbers, got"),
+        ({"initial_error": np.inf}, NonFiniteError, r"initial_error: expected finite numbers, got inf at index \(0,\)"),
         ({"parameters": np.zeros(59)}, InputError, r"parameters: expected shape \(60,\), got \(59,\)"),
+        ({"parameters": np.full(60, np.nan)}, NonFiniteError, "parameters: expected finite numbers, got nan at index"),
     ],
 )
 def test_bad_options_are_refused(
@@ -318,7 +320,8 @@ def test_bad_options_are_refused(
         (np.zeros(5), InputError, r"action: expected shape \(6,\), got \(5,\)"),
         (np.zeros((1, 6)), InputError, r"action: expected shape \(6,\), got \(1, 6\)"),
         (3.0, InputError, r"action: expected shape \(6,\), got \(\)"),
-        ("left", InputError, "action: expected 6 torques, got 'left'"),
+        ("left", InputError, "action: expected numbers, got 'left'"),
+        (np.zeros(6) + 1j, InputError, "action: expected numbers, got array"),
         ([0.0, 0.0, float("nan"), 0.0, 0.0, 0.0], NonFiniteError, r"torque: expected finite numbers, got nan at"),
         (np.full(6, np.inf), NonFiniteError, "torque: expected finite numbers, got inf"),
     ],
@@ -345,6 +348,19 @@ def test_bad_actions_are_refused_and_change_nothing(
         ({"error_bound": -1.0}, InputError, "error_bound: expected positive numbers"),
         ({"torque_limits": np.inf}, InputError, "torque_limits: an action needs finite ones"),
         ({"look_ahead": (0.1, float("inf"))}, InputError, "look_ahead"),
+        ({"look_ahead": (-0.1,)}, InputError, r"look_ahead: expected times of at least 0 s, got \[-0\.1\]"),
+        ({"initial_error": np.inf}, NonFiniteError, "initial_error: expected finite numbers, got inf"),
+        ({"reward_weights": 3}, InputError, r"reward_weights: expected RewardWeights\(\.\.\.\), got 3"),
+        ({"reward_weights": 0}, InputError, r"reward_weights: expected RewardWeights\(\.\.\.\), got 0"),
+        (
+            {"reference": "zz"},
+            InputError,
+            "reference: expected a Reference, a seed of at least 0, or 'random', got 'zz'",
+        ),
+        ({"reference": -1}, InputError, "reference: expected a Reference, a seed of at least 0, or 'random', got -1"),
+        ({"integrator": 3, "substeps": 1}, InputError, "integrator: expected an Integrator, such as RungeKutta4"),
+        ({"integrator": SemiImplicitEuler}, InputError, "integrator: expected an Integrator, such as RungeKutta4"),
+        ({"effects": 3}, InputError, r"effects: expected several, such as \[ControlDelay\(2\)\], got 3"),
         ({"render_mode": "human"}, NotFoundError, "unknown render mode 'human'; modes: rgb_array"),
     ],
 )
@@ -356,14 +372,23 @@ def test_bad_settings_are_refused(settings: dict[str, Any], error: type[Exceptio
 def test_bad_weights_are_refused() -> None:
     with pytest.raises(InputError, match="reward weight of torque: expected a number of at least 0, got -1"):
         RewardWeights(torque=-1.0)
+    wrong: Any = "a"
+    with pytest.raises(InputError, match="reward weight of position: expected a number, got 'a'"):
+        RewardWeights(position=wrong)
 
 
 def test_a_reference_must_fit(measured: Mechanism) -> None:
     short = MinimumJerk(np.zeros((2, 5)), np.array([0.0, 1.0]))
+    with pytest.raises(
+        InputError, match=r"expected 6 joints, p, v and a \(n, 6\) at times \(n,\), got \(1, 5\) for n = 1"
+    ):
+        TrackingEnv(measured, short)
+    with pytest.raises(InputError, match="at times"):
+        TrackingEnv(measured, lambda t: ReferencePoint(*np.zeros((3, 6))))
+    with pytest.raises(InputError, match="reference: expected 3 joints"):
+        Puma560TrackingEnv("semi_direct_drive")
     with pytest.raises(InputError, match=r"reference: p: expected shape \(\.\.\., 6\), got \(1024, 5\)"):
-        TrackingEnv(measured, short).reset()
-    with pytest.raises(InputError, match="expected times of shape"):
-        TrackingEnv(measured, lambda t: ReferencePoint(*np.zeros((3, 6)))).reset()
+        TrackingEnv(measured).reset(options={"trajectory": short})
 
 
 def test_calls_in_the_wrong_order_are_refused(measured: Mechanism) -> None:

@@ -41,6 +41,11 @@ def test_estimates_of_other_parameters_are_refused(model: ReducedModel, tmp_path
 def test_bad_files_and_shapes_are_refused(model: ReducedModel, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"estimate: expected shape \(26,\), got \(25,\)"):
         save_estimate(tmp_path / "short.json", model, np.zeros(25))
+    for path in (3, None, [tmp_path], b"a.json", "a\0.json"):
+        with pytest.raises(FileError, match="path: expected the path of a file, got "):
+            save_estimate(path, model, np.zeros(26))  # type: ignore[arg-type]
+        with pytest.raises(FileError, match="path: expected the path of a file, got "):
+            load_estimate(path, model)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="estimate: expected finite"):
         save_estimate(tmp_path / "nan.json", model, np.full(26, np.nan))
     assert not list(tmp_path.iterdir())

@@ -124,9 +124,10 @@ def test_rows_go_in_and_out_of_called_functions() -> None:
     np.testing.assert_array_equal(kernel([1.0, 2.0], [3.0, 4.0]), [[1.0, 3.0, 1.0], [2.0, 4.0, 2.0]])
 
 
-@pytest.mark.parametrize("length", [-1, 1.5])
+@pytest.mark.parametrize("length", [-1, 1.5, 2.0, np.nan, np.inf, "2", None, True])
 def test_lengths_are_counts(length: Any) -> None:
-    with pytest.raises(InputError, match=rf"<lambda>: expected whole numbers as lengths, got .'x': {length}"):
+    says = f"<lambda>: length of 'x': expected a whole number of at least 0, got {length!r}"
+    with pytest.raises(InputError, match=says):
         compile_function(lambda x: x, {"x": length})
 
 

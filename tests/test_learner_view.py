@@ -63,6 +63,26 @@ def test_options_are_each_arms() -> None:
         ours.reset([None] * 3, [{"payload": 1.0}, {}, {}])
 
 
+@pytest.mark.parametrize("options", [[], [{}], [{}] * 4, 3, [3, 3, 3]])
+def test_every_arm_needs_options(options: Any) -> None:
+    with pytest.raises(InputError, match="options: expected a mapping for each of 3 arms, got"):
+        view().reset([None] * 3, options)
+
+
+@pytest.mark.parametrize(
+    ("off", "error", "message"),
+    [
+        ([1.0, 2.0], InputError, "of arm 1: expected a number or 6 of them, got shape"),
+        ("far", InputError, "of arm 1: expected numbers, got 'far'"),
+        (np.nan, NonFiniteError, "of arm 1: expected numbers, got nan"),
+        (np.inf, NonFiniteError, ": expected finite numbers, got inf for arm 1"),
+    ],
+)
+def test_bad_initial_errors_are_refused(off: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=f"initial_error{message}" if message[0] == ":" else f"initial_error {message}"):
+        view().reset([None] * 3, [{"initial_error": own} for own in (0.1, off, 0.1)])
+
+
 def test_bad_actions_are_refused() -> None:
     ours = view()
     ours.reset([None] * 3, NOTHING)

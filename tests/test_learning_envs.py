@@ -181,7 +181,12 @@ def test_what_is_refused(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
     for again in (lambda: LearningEnv(learning), lambda: LearningVectorEnv(LearningVectorEnv(many(arm)))):
         with pytest.raises(InputError, match="changed by a wrapper already"):
             again()
-    for none in (lambda: ResidualEnv(inner, "law"), lambda: TuningVectorEnv(many(arm), None, MOVED)):  # type: ignore[arg-type]
+    wrong: Any = 3
+    for none in (
+        lambda: ResidualEnv(inner, wrong),
+        lambda: ResidualVectorEnv(many(arm), wrong),
+        lambda: TuningVectorEnv(many(arm), wrong, MOVED),
+    ):
         with pytest.raises((InputError), match="expected a Controller, got"):
             none()
     with pytest.raises(InputError, match="x: expected a tracking environment of adaptctl"):
@@ -194,8 +199,27 @@ def test_what_is_refused(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
         env.step(np.zeros(5))
     with pytest.raises(NonFiniteError, match="got nan for number 2 of arm 1"):
         env.step(np.where(np.arange(15).reshape(3, 5) == 7, np.nan, 0.0))
-    with pytest.raises(InputError, match="episodes: expected a whole number"):
-        baselines(inner, episodes=0)
+    for gains in (3, [3], [["damping"]]):
+        for tuned in (lambda: TuningEnv(inner, law, gains), lambda: TuningVectorEnv(many(arm), law, gains)):  # type: ignore[arg-type]  # noqa: B023
+            with pytest.raises(InputError, match="gains: expected a name, or several"):
+                tuned()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"episodes": 0}, "episodes: expected a whole number of at least 1, got 0"),
+        ({"episodes": True}, "episodes: expected a whole number of at least 1, got True"),
+        ({"seed": 1.5}, "seed: expected a whole number of at least 0, got 1.5"),
+        ({"seed": -1}, "seed: expected a whole number of at least 0, got -1"),
+        ({"seed": None}, "seed: expected a whole number of at least 0, got None"),
+    ],
+)
+def test_bad_seeds_and_counts_of_baselines_are_refused(
+    arm: adaptctl.Mechanism, settings: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        baselines(single(arm), **settings)
 
 
 def test_baselines_are_returns_of_the_environment(arm: adaptctl.Mechanism) -> None:

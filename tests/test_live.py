@@ -18,7 +18,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 import adaptctl
-from adaptctl.envs import LiveView
+from adaptctl.envs import LearningEnv, LiveView, ResidualEnv, TrackingEnv
 from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.recording.live import reachable, streaming
@@ -93,6 +93,16 @@ def test_a_viewer_that_is_not_reachable_is_told_once_and_the_run_goes_on(arm: ad
         run = adaptctl.rollout(env, adaptctl.ComputedTorque(arm, 8.0))
     assert len(run.time) == 50
     assert len(told) == 1
+
+
+def test_environments_that_cannot_be_shown_are_refused(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
+    env = TrackingEnv(arm, 1)
+    with adaptctl.Live(arm, str(tmp_path / "live.rrd")) as live:
+        with pytest.raises(InputError, match="expected observations in their own units"):
+            LiveView(LearningEnv(env), live)
+        with pytest.raises(InputError, match="needs a control_period in s and observation_slices"):
+            LiveView(gymnasium.make("CartPole-v1"), live)
+        LiveView(ResidualEnv(env, adaptctl.ComputedTorque(arm, 8.0)), live)
 
 
 @pytest.mark.parametrize("address", ["10.0.0.3:9876", "0.0.0.0:9876", "9876", "127.0.0.1:x", "127.0.0.1:0"])

@@ -7,6 +7,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 import adaptctl
@@ -62,6 +63,9 @@ def test_what_is_refused(arm: adaptctl.Mechanism) -> None:
     with pytest.raises(InputError, match="observes 2 joints, the controller is for 6"):
         ResidualEnv(residual(arm).env, adaptctl.ComputedTorque(adaptctl.load("puma560_measured"), 8.0))
     env = residual(arm)
+    env.env.reset(seed=0)
+    with pytest.raises(ResetNeeded, match=r"call env\.reset\(\) first"):
+        env.step(np.zeros(2))
     env.reset(seed=0)
     with pytest.raises(NonFiniteError):
         env.step(np.array([np.nan, 0.0], dtype=np.float32))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import control
 import numpy as np
 import pytest
 from random_trees import random_chain
 
-from adaptctl.control import ComputedTorque, Controller, SlotineLi, adaptation_gain, typical_inertia
+from adaptctl.control import ComputedTorque, Controller, Guarded, SlotineLi, adaptation_gain, typical_inertia
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Plant, rollout
 from adaptctl.simulation.effects import ControlDelay, Friction
@@ -106,6 +108,33 @@ def test_a_loop_of_two_arms_is_refused(puma: Mechanism) -> None:
     other = random_chain(0, 2)
     with pytest.raises(InputError, match="the plant has 2 joints, the controller is for 6"):
         closed_loop_system(Plant(other, PERIOD), ComputedTorque(puma, 8.0))
+
+
+@pytest.mark.parametrize("period", [0, 0.0, -1e-3, np.nan, np.inf, None, "1e-3"])
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_period_is_a_positive_time(puma: Mechanism, which: int, period: Any) -> None:
+    with pytest.raises(InputError, match="period: expected a positive time in s, got"):
+        controller_system(laws(puma)[which], period)
+
+
+def test_a_law_ticks_at_its_own_period(puma: Mechanism) -> None:
+    """What it learns in a tick goes with the period; a law without learning has none."""
+    without, law = laws(puma)
+    for refused in (law, Guarded(law), Guarded(without, rate_limits=1e4, stop_damping=10.0, period=PERIOD)):
+        with pytest.raises(InputError, match=r"period: \w+ is for 0\.001 s, its own period, got 0\.005 s"):
+            closed_loop_system(Plant(puma, 5e-3), refused)
+        assert closed_loop_system(Plant(puma, PERIOD), refused).dt == PERIOD
+    assert closed_loop_system(Plant(puma, 5e-3), without).dt == 5e-3
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_first_state_is_that_of_one_arm(puma: Mechanism, which: int) -> None:
+    law, many = laws(puma)[which], np.zeros((5, 6))
+    for p, v, name in ((many, many, "p"), (POSE, many, "v"), (many[0, :3], POSE, "p"), (0.0, POSE, "p")):
+        with pytest.raises(InputError, match=rf"{name}: expected shape \(6,\), of one arm, got \("):
+            controller_start(law, p, v)  # type: ignore[arg-type]
+    with pytest.raises(NonFiniteError):
+        controller_start(law, np.full(6, np.nan), POSE)
 
 
 def test_a_plant_that_remembers_is_refused(puma: Mechanism) -> None:

@@ -36,7 +36,8 @@ def three() -> VectorTrackingEnv:
     [
         (np.zeros((3, 5)), InputError, r"action: expected shape \(3, 6\), got \(3, 5\)"),
         (np.zeros(6), InputError, r"action: expected shape \(3, 6\), got \(6,\)"),
-        ("left", InputError, r"action: expected torques of shape \(3, 6\), got 'left'"),
+        ("left", InputError, r"action: expected numbers of shape \(3, 6\), got 'left'"),
+        (np.zeros((3, 6)) + 1j, InputError, r"action: expected numbers of shape \(3, 6\), got array"),
         (np.diag([1.0, np.nan, 1.0, 1.0, 1.0, 1.0])[:3], NonFiniteError, "got nan for joint 1 of arm 1"),
         (np.full((3, 6), -np.inf), NonFiniteError, "got -inf for joint 0 of arm 0"),
     ],
@@ -66,7 +67,9 @@ def test_actions_of_arms_that_begin_again_do_not_matter() -> None:
     [
         ({"paylod": 1.0}, NotFoundError, "'paylod'; options: payload, trajectory, initial_error, parameters"),
         ({"payload": [1.0, 2.0]}, InputError, "payload: expected one, or one for each of 3 arms, got 2"),
-        ({"payload": [1.0, -2.0, 1.0]}, InputError, "expected a mass of at least 0 kg, got -2.0"),
+        ({"payload": [1.0, -2.0, 1.0]}, InputError, "arm 1: payload: expected a mass of at least 0 kg, got -2.0"),
+        ({"payload": [1.0, 1.0, np.nan]}, InputError, "arm 2: payload: expected a mass of at least 0 kg, got nan"),
+        ({"payload": [1.0, {"mas": 1.0}, 1.0]}, NotFoundError, "arm 1: payload: unknown entry 'mas'"),
         ({"trajectory": ["random"] * 4}, InputError, "trajectory: expected one, or one for each of 3 arms, got 4"),
         ({"trajectory": "fast"}, InputError, "expected a Reference, a seed of at least 0, or 'random', got 'fast'"),
         ({"trajectory": Sinusoids([0.0], [1.0], [1.0])}, InputError, "reference: expected 6 joints, got 1 for arm 0"),
@@ -74,6 +77,7 @@ def test_actions_of_arms_that_begin_again_do_not_matter() -> None:
         ({"initial_error": [[0.0] * 6, [np.nan] * 6, [0.0] * 6]}, NonFiniteError, "got nan for arm 1"),
         ({"parameters": np.zeros(59)}, InputError, r"expected a number or shape \(60,\), or \(3, 60\)"),
         ({"parameters": "heavy"}, InputError, "parameters: expected numbers, got 'heavy'"),
+        ({"parameters": np.zeros(60) + 1j}, InputError, "parameters: expected numbers, got array"),
         ({"reset_mask": np.ones(3, dtype=bool)}, InputError, "for autoreset_mode=AutoresetMode.DISABLED"),
     ],
 )

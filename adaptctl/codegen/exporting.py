@@ -18,8 +18,9 @@ from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.control import Controller, Reference
 from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.errors import FileError, InputError, printable
-from adaptctl.files import hashed, write_json
+from adaptctl.files import hashed, reason, write_json
 from adaptctl.folders import replacing_folder
+from adaptctl.simulation.sampled_references import sampled
 from adaptctl.version import __version__
 
 Language: TypeAlias = Literal["c", "wasm"]
@@ -132,10 +133,10 @@ def export(
     of stack a tick in C.
 
     Raises `InputError` for what is no controller or has a step of its own, one without guards, another name, scalar or
-    language than these, float in WebAssembly, too large a stack, loops that single precision leaves open, and a check
-    that becomes not finite, is stopped by guards or has no mechanism to run on; `NonFiniteError` for a reference that
-    is not finite; `TraceError` for a law that cannot be traced; `FileError` for a folder that exists or cannot be
-    written.
+    language than these, float in WebAssembly, too large a stack, loops that single precision leaves open, a reference
+    that is no function or not for as many coordinates as the controller's, and a check that becomes not finite, is
+    stopped by guards or has no mechanism to run on; `NonFiniteError` for a reference that is not finite; `TraceError`
+    for a law that cannot be traced; `FileError` for what is no path, and for a folder that exists or cannot be written.
     """
     require_controller(controller)
     _require_choice("scalar", scalar, get_args(Kind))
@@ -147,12 +148,10 @@ def export(
             "positions that the arm may have, or say that it may go unguarded"
         )
     chosen = _name(interface, name)
-    target = Path(os.path.realpath(directory))
-    if target.exists():
-        raise FileError(f"{directory}: exists already; choose a folder that does not")
+    target = _absent(directory)
     if scalar == "float" and interface.mechanism is not None:
         require_single_precision(interface.mechanism, "scalar")
-    followed = default_reference(interface) if reference is None else reference
+    followed = default_reference(interface) if reference is None else _required(reference, interface)
     outcome = None
     if check:
         from adaptctl.codegen.vouching import vouched
@@ -246,8 +245,29 @@ def _bytes(content: str | bytes) -> bytes:
     return content.encode() if isinstance(content, str) else content
 
 
+def _absent(directory: str | Path) -> Path:
+    """The absolute path. Raises `FileError` for what is no path, and where something is."""
+    try:
+        target = Path(os.path.realpath(directory))
+        occupied = target.exists()
+    except (OSError, TypeError, ValueError) as error:
+        given = printable(repr(directory))
+        raise FileError(f"directory: expected the path of a folder, got {given} ({reason(error)})") from error
+    if occupied:
+        raise FileError(f"{directory}: exists already; choose a folder that does not")
+    return target
+
+
+def _required(reference: Reference, interface: Interface) -> Reference:
+    """The reference. Raises `InputError` where it is no function of times, or of another number of coordinates."""
+    if not callable(reference):
+        raise InputError(f"reference: expected a function of time, got {printable(repr(reference))}")
+    sampled(reference, np.array([0.0, interface.period]), interface.controller.reference_size)
+    return reference
+
+
 def _require_choice(what: str, value: object, known: tuple[str, ...]) -> None:
-    if value not in known:
+    if not isinstance(value, str) or value not in known:
         raise InputError(f"{what}: expected {' or '.join(known)}, got {printable(repr(value))}")
 
 

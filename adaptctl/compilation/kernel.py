@@ -40,8 +40,8 @@ def compile_function(
     messages, the function's own where empty. `finite` is True for a kernel that refuses NaN and infinity in what it is
     given and in what it computes, "results" for one that does so only in the latter, False for one that never does.
     `form`, a `Form`, says which argument of the function that `Kernel.otherwise` makes each column comes from; None
-    where each is an argument. Raises `InputError` for no arguments at all and for lengths below 0 or with a fraction,
-    `TraceError` for a function that cannot be traced; what the function itself raises goes through.
+    where each is an argument. Raises `InputError` for no arguments at all and for lengths that are no whole numbers of
+    at least 0, `TraceError` for a function that cannot be traced; what the function itself raises goes through.
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")

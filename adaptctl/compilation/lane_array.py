@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from adaptctl.compilation.counts import require_count
 from adaptctl.errors import InputError
 
 Array = NDArray[np.float64]
@@ -26,8 +27,8 @@ class LaneArray:
     `array[name]` is a copy (..., members, n) of a column, in float64; assigning to it takes real numbers that broadcast
     to that, NaN and infinity too. `steps` is the shape of the leading axes, of steps in time, () unless given; `lanes`,
     1 unless given, is how many members are side by side; the memory is of numbers of a `dtype`, float64 unless given.
-    Raises `InputError` for an unknown name, and on assigning what is no real numbers or does not broadcast; sizes are
-    not checked.
+    Raises `InputError` for lengths, members and steps that are no whole numbers of at least 0 and lanes that are none
+    of at least 1, for an unknown name, and on assigning what is no real numbers or does not broadcast.
 
     `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory itself, at the address `address`: member m is in
     lane m % lanes of block m // lanes, and lanes left over in the last block repeat the last member. Steps are `stride`
@@ -43,7 +44,13 @@ class LaneArray:
         dtype: np.dtype[Any] = _DOUBLE,
     ) -> None:
         self.columns, self.members, self.lanes = MappingProxyType(dict(columns)), members, lanes
-        self.blocks = _aligned((*steps, -(-members // lanes), sum(columns.values()), lanes), dtype)
+        try:
+            if min(members, lanes - 1, *steps, *columns.values()) < 0:
+                raise ValueError("sizes below 0")
+            self.blocks = _aligned((*steps, -(-members // lanes), sum(columns.values()), lanes), dtype)
+        except (TypeError, ValueError):
+            _require_sizes(columns, members, lanes, steps)
+            raise
         self.address, self.stride = self.blocks.ctypes.data, math.prod(self.blocks.shape[1:])
         ends = accumulate(columns.values())
         self._places = {name: slice(end - n, end) for (name, n), end in zip(columns.items(), ends, strict=True)}
@@ -72,8 +79,10 @@ class LaneArray:
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
         """Assign to the column `name` of some members, by their indices `members` (k,) from 0, values that broadcast to
         (k, n), NaN and infinity too. Raises `InputError` for indices that are no whole numbers, of another shape or of
-        no member, an unknown name, and values that are no real numbers or do not broadcast. It is for arrays without
-        axes of steps."""
+        no member, an unknown name, values that are no real numbers or do not broadcast, and where the array has axes of
+        steps."""
+        if self.blocks.ndim > 3:
+            raise InputError(f"put: expected an array without axes of steps, got steps {self.blocks.shape[:-3]}")
         chosen = np.asarray(members)
         if chosen.dtype.kind not in "iu" or chosen.ndim != 1 or np.any((chosen < 0) | (chosen >= self.members)):
             raise InputError(f"members: expected numbers from 0 to {self.members - 1}, got {chosen.tolist()}")
@@ -95,6 +104,16 @@ class LaneArray:
             return numbers if numbers.shape == shape else np.broadcast_to(numbers, shape)
         except (TypeError, ValueError) as error:
             raise InputError(f"{name!r}: expected real numbers that broadcast to shape {shape} ({error})") from error
+
+
+def _require_sizes(columns: Mapping[str, int], members: int, lanes: int, steps: tuple[int, ...]) -> None:
+    """Raise `InputError` that names the size which is no count."""
+    require_count(members, "members")
+    require_count(lanes, "lanes", 1)
+    for size in steps:
+        require_count(size, "steps")
+    for name, length in columns.items():
+        require_count(length, f"length of {name!r}")
 
 
 def _aligned(shape: tuple[int, ...], dtype: np.dtype[Any]) -> Array:

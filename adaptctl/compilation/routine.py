@@ -11,10 +11,11 @@ from typing import Any, TypeVar, cast
 
 from adaptctl.caching import cached_property
 from adaptctl.compilation import folding
+from adaptctl.compilation.counts import require_count
 from adaptctl.compilation.graph import Expression, Graph, Op, reachable
 from adaptctl.compilation.layout import Layout, flatten, numbered
 from adaptctl.compilation.node import Node, Value, lift
-from adaptctl.errors import InputError, TraceError
+from adaptctl.errors import TraceError
 from adaptctl.scalars import Column
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -78,13 +79,13 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
     these. `name` is the routine's, the function's own where empty. Raises `TraceError` for any other result, where the
     function needs a number that is not known yet (an `if` on a symbolic scalar, `float` of it), and for a scalar of
-    another trace; `InputError` for lengths below 0 or with a fraction; what the function itself raises goes through.
+    another trace; `InputError` for lengths that are no whole numbers of at least 0; what the function itself raises
+    goes through.
     """
-    graph, sizes = Graph(), tuple(arguments.values())
-    if any(size < 0 or size != int(size) for size in sizes):
-        raise InputError(f"{name or _name(function)}: expected whole numbers as lengths, got {dict(arguments)}")
+    called = name or _name(function)
+    graph, sizes = Graph(), tuple(require_count(n, f"{called}: length of {x!r}") for x, n in arguments.items())
     columns = dict(zip(arguments, map(Column, _inputs(graph, sizes)), strict=True))
-    return _routine(name or _name(function), graph, sizes, function(**columns))
+    return _routine(called, graph, sizes, function(**columns))
 
 
 def outlined(function: F) -> F:

@@ -10,6 +10,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from adaptctl.compilation.counts import require_count
 from adaptctl.compilation.invariants import Invariants
 from adaptctl.compilation.lane_array import Array, LaneArray
 from adaptctl.compilation.lanes import Lanes, Precision
@@ -45,16 +46,16 @@ def compile_step(
     members; `driven`, other in each step and for each member; the last three none unless given. It returns a tuple: the
     new state, in the order of `state`, and after it any outputs, Columns, lists of Columns or scalars. `precision` is
     that of the numbers, "double" or "single"; `name` the step's in messages, the function's own where empty. Raises
-    `InputError` for columns of the same name, lengths below 0 or with a fraction, a result that does not begin with the
-    new state, another precision and another number of lanes; `TraceError` for a step that cannot be traced; what the
-    step itself raises goes through.
+    `InputError` for columns of the same name, lengths that are no whole numbers of at least 0, a result that does not
+    begin with the new state, another precision and another number of lanes; `TraceError` for a step that cannot be
+    traced; what the step itself raises goes through.
     """
     columns = {Source.STATE: state, Source.HELD: held, Source.SHARED: shared, Source.DRIVEN: driven}
     arguments = {name: length for part in columns.values() for name, length in part.items()}
     if len(arguments) < sum(map(len, columns.values())):
         raise InputError("state, held, shared and driven: expected different names")
     target = processor or Processor.host()
-    several = Lanes(lanes or target.lanes_of(precision), precision)
+    several = Lanes(target.lanes_of(precision) if lanes is None else require_count(lanes, "lanes", 1), precision)
     return Stepper(trace(step, arguments, name=name), columns, several, target)
 
 
@@ -89,7 +90,7 @@ class Stepper:
 
     def ensemble(self, members: int) -> Ensemble:
         """An `Ensemble` of `members` copies of the step's state, all zero, as are their held columns. Raises
-        `InputError` for a number of members below 1 or with a fraction."""
+        `InputError` for a number of members that is no whole number of at least 1."""
         return Ensemble(self, members)
 
 
@@ -99,13 +100,12 @@ class Ensemble:
 
     `state` and `held` are these columns, a `LaneArray` each, to be read and assigned between runs by name, (members,
     n), zero at first; `members` is their number, and `stepper` the step. Units are the step's own. Members never see
-    each other: a NaN stays with its own. Raises `InputError` for a number of members below 1 or with a fraction.
+    each other: a NaN stays with its own. Raises `InputError` for a number of members that is no whole number of at
+    least 1.
     """
 
     def __init__(self, stepper: Stepper, members: int) -> None:
-        if members < 1 or members != int(members):
-            raise InputError(f"members: expected a whole number of at least 1, got {members}")
-        self.stepper, self.members = stepper, int(members)
+        self.stepper, self.members = stepper, require_count(members, "members", 1)
         self.state = self._array(stepper.columns[Source.STATE])
         self.held = self._array(stepper.columns[Source.HELD])
         self._outputs = {str(k): math.prod(shape) for k, shape in enumerate(stepper.outputs)}
@@ -126,35 +126,38 @@ class Ensemble:
         none.
 
         `signals` are, by name, all shared columns (steps, n) and driven ones (steps, members, n), or what broadcasts to
-        that; they are not checked for NaN or infinity. `threads` share the members, 1 where it is less: more than one
-        pays from milliseconds on, for to start one takes some 50 us. Other Python threads run meanwhile. Raises
-        `InputError` for steps below 0 or with a fraction, and for signals of other names, of the wrong shape or that
-        are no real numbers.
+        that; they are not checked for NaN or infinity. `threads` share the members: more than one pays from
+        milliseconds on, for to start one takes some 50 us. Other Python threads run meanwhile. Raises `InputError` for
+        steps that are no whole number of at least 0, threads that are none of at least 1, and for signals of other
+        names, of the wrong shape or that are no real numbers.
         """
-        if steps < 0 or steps != int(steps):
-            raise InputError(f"steps: expected a whole number of at least 0, got {steps}")
-        shared, driven = self._signals(int(steps), signals)
-        outputs = self._record(int(steps)) if record else self._latest
+        if type(steps) is not int or steps < 0:
+            steps = require_count(steps, "steps")
+        if type(threads) is not int or threads < 1:
+            threads = require_count(threads, "threads", 1)
+        shared, driven = self._signals(steps, signals)
+        outputs = self._record(steps) if record else self._latest
         strides = shared.stride, driven.stride, outputs.stride if record else 0
-        self._run(threads, int(steps), strides, (self.state, self.held, shared, driven, outputs), outputs.address)
+        self._run(threads, steps, strides, (self.state, self.held, shared, driven, outputs), outputs.address)
         axes = (steps, self.members) if record else (self.members,)
         parts = zip(outputs.columns, self.stepper.outputs, strict=True)
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
     def room(self, steps: int) -> LaneArray:
         """Memory (a `LaneArray`, zero) for the outputs of `steps` steps, as `record_into` fills it: the columns "0",
-        "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. `steps`, a whole
-        number of at least 0, is not checked."""
+        "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. Raises
+        `InputError` for steps that are no whole number of at least 0."""
         return self._array(self._outputs, steps)
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:
         """Take `steps` steps as `run` does, under its `signals`, and put their outputs into `room`, made by `room()`,
-        from its step of index `first` on. Raises `InputError` where they do not fit into it, for steps below 0 or with
-        a fraction, for a room whose columns, number of blocks, lanes or type of number are not this ensemble's, and for
-        signals of other names, of the wrong shape or that are no real numbers."""
-        if _form(room) != _form(self._array(self._outputs, 0)):
+        from its step of index `first` on. Raises `InputError` where they do not fit into it, where `first` or `steps`
+        is no whole number of at least 0, for a room whose columns, number of blocks, lanes or type of number are not
+        this ensemble's, and for signals of other names, of the wrong shape or that are no real numbers."""
+        if not isinstance(room, LaneArray) or _form(room) != _form(self._array(self._outputs, 0)):
             raise InputError("record: expected a `room` that this ensemble made")
-        if not 0 <= first <= first + steps <= len(room.blocks) or steps != int(steps):
+        first, steps = require_count(first, "record: first"), require_count(steps, "record: steps")
+        if first + steps > len(room.blocks):
             raise InputError(f"record: expected steps from 0 to {len(room.blocks)}, got {first} to {first + steps}")
         shared, driven = self._signals(steps, signals)
         strides, arrays = (shared.stride, driven.stride, room.stride), (self.state, self.held, shared, driven, room)
@@ -168,7 +171,8 @@ class Ensemble:
 
     def _run(self, threads: int, *work: Any) -> None:
         """Run all blocks, the first share of them in this thread."""
-        blocks, count = len(self.state.blocks), max(1, threads)
+        blocks = len(self.state.blocks)
+        count = min(threads, blocks)
         shares = [(blocks * k // count, blocks * (k + 1) // count, *work) for k in range(count)]
         others = [Thread(target=self._take, args=share) for share in shares[1:]]
         try:

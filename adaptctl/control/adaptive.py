@@ -23,14 +23,15 @@ from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
 class AdaptiveState(NamedTuple):
     """Memory of an adaptive control law: its estimate, and the last tick, from which it learns at the next.
 
-    Columns, each with leading axes where there are many arms: `estimate` (k,) of the parameters, SI units; `q` (n,),
-    the tree's joints at the last tick, rad (m), from which loops, if any, are followed; `motion` (w,), w numbers in SI
-    units of that tick's motion, as many as the control law needs to make the gradient Y_r' s with the torque regressor
-    Y_r (r, k) of that tick; `s` (r,), the sliding variable there, velocity less reference velocity, rad/s (m/s);
-    `torque` (r,), N m (N for a prismatic joint), held since; `elapsed` (1,), the time since in s, 0 before the first
-    tick. `learning` is the adaptation law's memory, `more` the control law's own besides, named tuples of columns.
+    Columns, each with leading axes where there are many arms: `estimate` (k,) of the k parameters, SI units; `q` (n,),
+    positions of the spanning tree's n joints at the last tick, rad (m for a prismatic joint), from which loops, if any,
+    are followed; `motion` (w,), w numbers in SI units of that tick's motion, as many as the control law needs to make
+    the gradient Y_r' s with the torque regressor Y_r (r, k) of that tick; `s` (r,), the sliding variable of r joints
+    there, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held since; `elapsed` (1,), the time
+    since in s, 0 before the first tick. `learning` is the adaptation law's memory, `more` the control law's own
+    besides, named tuples of columns. Nothing is checked.
 
-    Whatever limits the torque behind the controller should put what was applied into `torque`, and zero into `elapsed`
+    If the torque is limited after the controller, put the one that was applied into `torque`, and zero into `elapsed`
     for a period that is not to be learned from.
     """
 
@@ -53,21 +54,24 @@ class AdaptiveState(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's memory that a run keeps: (..., 1), 1 where something was learned and 0 where
-        not, for `ConcurrentLearning` and `CompositeLearning`; the lift (..., P), SI units, for `ConsistentLift`. Raises
-        `AttributeError` for a law that keeps none, or with adaptation off."""
+        """Part of the adaptation law's memory that a recorded run holds. For `ConcurrentLearning`, (..., 1): 1 where a
+        sample was put on its stack, else 0. For `CompositeLearning`, (..., 1): the number of joints' equations learned
+        from. For `ConsistentLift`: the lift (..., P) of all P parameters, SI units. Raises `AttributeError` for other
+        laws, or with adaptation off."""
         return self.learning.recorded
 
 
 class AdaptiveController(Controller[AdaptiveState]):
-    """Base class of adaptive controllers: a control law on a model's k parameters, and an adaptation law of choice.
+    """Base class of adaptive controllers: a control law for r joints on a model's k parameters, and an adaptation law
+    of choice.
 
-    `model` has the parameters; `adaptation` is the law, or a gain Gamma for `Gradient`, its diagonal (k,) or whole (k,
-    k), in units of the parameters squared per J, or None to switch adaptation off; `initial` (k,) is the first estimate
-    in SI units, None for zero; `period` is the control period T_c in s. Nothing is learned from a period whose torque
-    is beyond `torque_limits`, one number or (r,), N m (N for a prismatic joint), None for the mechanism's own. Raises
-    `InputError` for a period or torque limits that are not positive, a first estimate that is not finite, another shape
-    of either, a gain that is not positive definite, and a gain or law that does not fit the model.
+    `model` is the mechanism's model in these parameters; `adaptation` is an adaptation law, or a gain Gamma for
+    `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch
+    adaptation off; `initial` (k,) is the first estimate in SI units, None for zero; `period` is the control period T_c
+    in s. Nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N for a
+    prismatic joint), None for the mechanism's own. Raises `InputError` for a period or torque limits that are not
+    positive, a first estimate that is not finite, another shape of either, a gain that is not positive definite, and a
+    gain or law that does not fit the model.
     """
 
     model: ReducedModel
@@ -91,20 +95,21 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:
-        """The adaptation law, `Gradient` where only a gain was given; None with adaptation off."""
+        """The adaptation law: that given as `adaptation`, or `Gradient` with its defaults where only a gain was given;
+        None with adaptation off."""
         if self.adaptation is None or isinstance(self.adaptation, AdaptationLaw):
             return self.adaptation
         return Gradient(self.adaptation)
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The parts whose numbers can be tuned, by attribute: the adaptation law as "adaptation", also where only a
-        gain was given; empty with adaptation off."""
+        """The parts of the controller that have tunable numbers, by attribute: the adaptation law as "adaptation", also
+        where only a gain was given; empty with adaptation off."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number r of the mechanism's primary joints; loops move the others."""
         return self.model.mechanism.dof
 
     @property
@@ -113,9 +118,10 @@ class AdaptiveController(Controller[AdaptiveState]):
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The memory before the first tick, of arms at positions p in rad (m) and velocities v in rad/s (m/s),
-        (..., r): the first estimate, zero torque, and a period of no length to learn from. Raises `InputError` on a
-        wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near locked loops."""
+        """The memory before the first tick, of arms at positions p in rad (m for a prismatic joint) and velocities v in
+        rad/s (m/s), (..., r) for r joints: the first estimate, zero torque, and a period of no length to learn from.
+        Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` where
+        kinematic loops are near a configuration that locks them."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law

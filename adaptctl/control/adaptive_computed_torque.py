@@ -22,14 +22,15 @@ from adaptctl.scalars import Column, column
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveComputedTorque(AdaptiveController):
-    """Adaptive computed-torque control law on a model's k parameters (Craig, Hsu and Sastry 1987).
+    """Adaptive computed-torque control law for r joints on a model's k parameters (Craig, Hsu and Sastry 1987).
 
         e = p - p_d,  s = e' + Lambda e
-        torque = M^(p) (a_d - 2 Lambda e' - Lambda^2 e) + C^(p, v) v + g^(p), all of the estimate
+        torque = M^(p) (a_d - 2 Lambda e' - Lambda^2 e) + C^(p, v) v + g^(p)
         estimate' = -Gamma Y(p, v, a)' M^^-1 W s
 
-    p_d and a_d are the reference's, e is the tracking error and s, in rad/s (m/s), the sliding variable; Y (r, k) is
-    the torque regressor, `error` (k,) the estimate's; M^, C^, g^ are mass matrix, Coriolis matrix and gravity.
+    p, v and a (r,) are positions, velocities and accelerations, p_d and a_d the reference's, e is the tracking error
+    and s, in rad/s (m/s for a prismatic joint), the sliding variable; M^, C^ and g^ are the estimate's mass matrix,
+    Coriolis matrix and gravity torque, Y (r, k) is the torque regressor, `error` (k,) the estimate less the truth.
 
     With both poles of the error loop at -Lambda, s' + Lambda s = M^^-1 Y error, the strictly positive real filter of
     the paper. Guarantees, without disturbance and while M^ is positive definite: V = s'Ws/2 + error' Gamma^-1 error/2
@@ -38,20 +39,20 @@ class AdaptiveComputedTorque(AdaptiveController):
     Gives up: it needs the acceleration a, which is taken from the difference of velocities over the period and so
     carries the noise of velocities over T_c: noise of deviation sigma moves an inertia by about Gamma sigma^2 a period,
     where `SlotineLi`'s regressor moves it by T_c Lambda of that, so Gamma must be as much smaller (a filtered a, which
-    is late, did worse); and M^^-1, so the estimate must keep M^ positive definite. The first one must; then `Natural`
-    guarantees it, `Projection` on narrow bounds makes it likely, and nothing else does. The paper resets parameters at
-    their bounds, which is `Projection`.
+    is late, did worse). It also needs M^^-1, so the estimate must keep M^ positive definite. The first one must; then
+    `Natural` guarantees it, `Projection` on narrow bounds makes it likely, and nothing else does. The paper resets
+    parameters at their bounds, which is `Projection`.
 
-    `model` has the k parameters; `bandwidth` is Lambda (1/s), one number or (r,); `initial` (k,) is the first estimate
-    in SI units, None for zero, which has no such mass matrix and is refused; `adaptation` is an adaptation law, or
-    Gamma for `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch
-    adaptation off; `weight` is W, one number or (r,), in kg m^2 (kg for a prismatic joint), None for the joints'
-    typical inertias, the medians of the mass matrix's diagonal, which makes gains comparable to `SlotineLi`'s; `period`
-    is the control period T_c in s; nothing is learned from a period whose torque is beyond `torque_limits`, one number
-    or (r,), N m (N), None for the mechanism's own. Raises `GainError` where 2 Lambda T_c is above 1.5, and `InputError`
-    on wrong shapes, on a period, bandwidths, weights or limits that are not positive, on an adaptation law that does
-    not fit the model, and for a first estimate whose mass matrix is not positive definite everywhere, as far as a local
-    search from the worst of 200 configurations finds.
+    `model` has the k parameters; `bandwidth` is Lambda, the decay rate of errors in 1/s, one number or (r,); `initial`
+    (k,) is the first estimate in SI units, None for zero, which has no such mass matrix and is refused; `adaptation` is
+    an adaptation law, or Gamma for `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared
+    per J, or None, the default, for no adaptation; `weight` is W, one number or (r,), in kg m^2 (kg), None for the
+    joints' typical inertias, the medians of the mass matrix's diagonal, which makes gains comparable to `SlotineLi`'s;
+    `period` is the control period T_c in s; nothing is learned from a period whose torque is beyond `torque_limits`,
+    one number or (r,), N m (N), None for the mechanism's own. Raises `GainError` where 2 Lambda T_c is above 1.5, and
+    `InputError` on wrong shapes, on a period, bandwidths, weights or limits that are not positive, on an adaptation law
+    that does not fit the model, and for a first estimate whose mass matrix is not positive definite everywhere, as far
+    as a local search from the worst of 200 configurations finds.
     """
 
     tunable = ("bandwidth", "weight", "initial")
@@ -75,9 +76,9 @@ class AdaptiveComputedTorque(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after learning from the period
-        that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`,
-        with the last tick's `memory`."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), of one tick, and the memory after learning from
+        the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
+        `reference`, with the last tick's `memory`."""
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v

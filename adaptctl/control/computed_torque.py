@@ -19,13 +19,15 @@ from adaptctl.scalars import Column, column
 
 @dataclass(frozen=True, eq=False)
 class ComputedTorque(ModelBased):
-    """Computed torque, or inverse dynamics control, with a linear error loop (Luh, Walker and Paul 1980).
+    """Computed torque, or inverse dynamics control, of r joints with a linear error loop (Luh, Walker and Paul 1980).
 
         torque = M(p) (a_d - 2 zeta omega e' - omega^2 e) + C(p, v) v + g(p)
 
-    With the true parameters every joint's error e = p - p_d decays at `bandwidth` omega (1/s, one number or (r,)) and
-    damping ratio zeta (`damping_ratio`, no unit; 1 is critical); with wrong ones it does not, and nothing learns.
-    `parameters` (P,) are in SI units, None for the `mechanism`'s own. Raises `InputError` on wrong shapes, for numbers
+    M is the mass matrix, C the Coriolis matrix, g the gravity torque, all of `parameters`, at positions p and
+    velocities v (r,); p_d and a_d are the reference's positions and accelerations. With the true parameters every
+    joint's error e = p - p_d decays at `bandwidth` omega (rad/s, one number or (r,)) and damping ratio zeta
+    (`damping_ratio`, no unit; 1 is critical); with wrong ones it does not, and nothing learns. `parameters` (P,), all P
+    of the mechanism, are in SI units, None for the `mechanism`'s own. Raises `InputError` on wrong shapes, for numbers
     that are not finite, and for a bandwidth or damping ratio that is not positive.
     """
 
@@ -46,15 +48,17 @@ class ComputedTorque(ModelBased):
     def on(
         cls, model: ReducedModel, bandwidth: ArrayLike, damping_ratio: float = 1.0, parameters: ArrayLike | None = None
     ) -> ComputedTorque:
-        """The computed-torque law on a model, with parameters (k,) in SI units, None for the true ones. `bandwidth` is
-        in 1/s, one number or (r,); `damping_ratio` has no unit, 1 is critical. Raises `InputError` for numbers of the
-        wrong shape or not finite, and for gains that are not positive."""
+        """The computed-torque law on a model of k fundamental (base) parameters. `bandwidth` is the error loop's
+        natural frequency in rad/s, one number or one a joint (r,); `damping_ratio` has no unit, 1 is critical;
+        `parameters` (k,) are in SI units, None for the model's own, the true ones. Raises `InputError` for numbers of
+        the wrong shape or not finite, and for a bandwidth or damping ratio that is not positive."""
         return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, that of the acceleration which brings the error
-        back, and the memory after it, the configuration; at measured positions p in rad (m) and velocities v in rad/s
-        (m/s), (r,), towards `reference`, with the last tick's `memory`."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), of one tick, that of the acceleration which
+        brings the tracking error back to zero, and the memory after it, the positions of all joints of the spanning
+        tree; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`, with the
+        last tick's `memory`."""
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)

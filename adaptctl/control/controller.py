@@ -48,11 +48,11 @@ GAINS, MEMORY = "gains", "memory"
 
 
 class Controller(Tunable, ABC, Generic[Memory]):
-    """A control law for a mechanism of r joints, called once a control period, for one arm or for many.
+    """Base class of control laws for a mechanism of r joints, called once a control period, for one arm or for many.
 
     A subclass is a frozen dataclass of configuration. It writes `start` and `law`; `law` is an equation over scalars of
-    any kind, so it is compiled to native code here, differentiated there, and run on floats when a mechanism is too
-    long to compile. What changes over time is the memory, passed in and out.
+    any kind, so that it can be compiled to native code, differentiated, and run on floats when a mechanism is too long
+    to compile. What changes over time is the memory, passed in and out.
 
     Numbers that the class names in `tunable`, its gains, are arguments of the native code: controllers that differ in
     them alone share it, and `tuned` makes one of another. Without such names all numbers are compiled in. A tick
@@ -66,7 +66,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @property
     @abstractmethod
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number r of joints that the control law moves."""
 
     @property
     def home(self) -> Array:
@@ -75,7 +75,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point: r, or the number m of task-space coordinates."""
+        """Length of each part of a reference point: the number r of joints, or m of task-space coordinates."""
         return self.dof
 
     @abstractmethod
@@ -91,10 +91,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The state before the first tick, from measured positions in rad (m) and velocities in rad/s (m/s), (..., r).
 
-        Leading axes are arms, and each has its own state, a named tuple of arrays (..., length of each). `gains` by
-        their names in `numbers`, with the same leading axes, are those of arms that have their own, None for the
-        controller's; their values are not checked. Raises `InputError` on a wrong shape, `NotFoundError` for a name
-        that is not there, `NonFiniteError` where p, v or the state are not finite.
+        Leading axes are arms, and each has its own state, a named tuple of arrays (..., length of each). `gains` are
+        tunable numbers, by their names in the property `numbers` and with the same leading axes, of arms that have
+        their own; None for the controller's. Their values are not checked. Raises `InputError` on a wrong shape,
+        `NotFoundError` for a name that is not there, `NonFiniteError` where p, v or the state are not finite.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -104,12 +104,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return self._remembering(self._array_of(started, positions.shape[:-1]))
 
     def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
-        """The state of many arms after some of them, those where the mask `arms` (...) of bools is True, are set to
-        before their first tick.
+        """The state of many arms, with those where the mask `arms` (...) of bools is True set back to before their
+        first tick.
 
-        These are arms whose episode has begun anew, at p in rad (m) and v in rad/s (m/s), (..., r): nothing of the last
-        one is to be remembered. Raises `InputError` for a mask that is not of bools and for shapes that do not fit
-        together, `NonFiniteError` for p or v not finite where it is True.
+        These are arms whose episode has begun anew, at positions p in rad (m) and velocities v in rad/s (m/s), (...,
+        r). Raises `InputError` for a mask that is not of bools and for shapes that do not fit together,
+        `NonFiniteError` for p or v not finite where it is True.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not (*chosen.shape, self.dof) == p.shape == v.shape:
@@ -125,22 +125,23 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """The torque (..., r), N m (N for a prismatic joint), of one tick on arrays, and the next state; p in rad (m),
-        v in rad/s (m/s).
+        """The torque (..., r), N m (N for a prismatic joint), of one tick, and the next state, from measured positions
+        p in rad (m) and velocities v in rad/s (m/s).
 
         Leading axes of p (..., r) are arms, worked on in SIMD lanes; v and the reference may be (r,), the same for all.
-        Raises `InputError` on a wrong shape and `NonFiniteError` when a measurement, a reference or the outcome is not
-        finite, of any arm: nothing non-finite leaves a controller. The state given is as it was, so the arm that is
-        named can be dealt with, or all arms wrapped in `Guarded`, which brakes that one alone.
+        Raises `InputError` on a wrong shape and `NonFiniteError` when the torque or the next state of any arm is not
+        finite, as by NaN in p, v or the reference; the message names the arm. `state` is never changed, so the tick can
+        be repeated without that arm, or all arms wrapped in `Guarded`, which brakes that one alone.
         """
         return self._step_one(state, p, v, reference)
 
     def step_tuned(
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
-        """The torques (N, r), N m (N for a prismatic joint), of one tick of N arms that have gains (N, g) of their own,
-        and the next state. A row has the g tunable numbers in the order of `numbers`, not checked. p, v (N, r) and
-        `reference` are in rad (m) and s. Raises `InputError` on a wrong shape, `NonFiniteError` as `step` does."""
+        """The torques (N, r), N m (N for a prismatic joint), of one tick of N arms, each with tunable gains of its own,
+        and the next state. A row of `gains` (N, g) has an arm's g numbers in the order of `numbers`, not checked; p (N,
+        r) is in rad (m), v in rad/s (m/s). Raises `InputError` on a wrong shape, `NonFiniteError` for results that are
+        not finite."""
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
@@ -214,16 +215,16 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def kernel(self) -> Kernel | None:
         """The law as native code, which can count its operations; None above LARGEST_COMPILED (100) joints.
 
-        It takes p, v (r,) in rad (m) and s, the reference's p, v and a, the memory in one array and, where there are
-        any, the tunable numbers (g,), `packed`; it returns the torque (r,), N m (N), and the memory after it.
+        It takes p (r,) in rad (m), v (r,) in rad/s (m/s), the reference's p, v and a, the memory in one array and any
+        tunable numbers (g,), `packed`; it returns the torque (r,), N m (N), and the memory after it.
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
     @property
     def on_floats(self) -> OnFloats:
-        """The law as a function in Python with its own gains: it takes p, v (r,), rad (m) and s, the reference's p, v
-        and a, and the memory's arrays, one after the other, and returns the torque (r,), N m (N), and those after
-        it."""
+        """The law as a Python function on arrays, with the controller's own gains: it takes p (r,) in rad (m), v (r,)
+        in rad/s (m/s), the reference's p, v and a, and each array of the memory, and returns the torque (r,), N m (N),
+        and the memory's arrays after the tick."""
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
 
@@ -260,7 +261,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def gain_sizes(self) -> dict[str, int]:
-        """Length g of the column of tunable gains by its name; an empty mapping where all gains are compiled in."""
+        """Number g of tunable gains, by the name "gains" of their column in native code; empty where there are none."""
         return {GAINS: self.packed.size} if self.packed.size else {}
 
     @cached_property

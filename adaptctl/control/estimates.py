@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.errors import FileError
+from adaptctl.errors import FileError, printable
 from adaptctl.files import read_json, write_json
 from adaptctl.identifiability import ReducedModel
 
@@ -27,8 +28,10 @@ def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) ->
     """Write an estimate (k,) of the model's k parameters, SI units, as a JSON file at `path`, each number by its
     parameter's name; a file that is there is replaced.
 
-    Raises `InputError` on a wrong shape or numbers that are not finite, `FileError` where the file cannot be written.
+    Raises `InputError` on a wrong shape or numbers that are not finite, `FileError` for what is no path and where the
+    file cannot be written.
     """
+    _require_path(path)
     values = frozen_array(estimate, (len(model.names),), "estimate")
     parameters = dict(zip(model.names, values.tolist(), strict=True))
     write_json(path, {"schema": SCHEMA, "mechanism": model.mechanism.name, "parameters": parameters})
@@ -38,9 +41,10 @@ def load_estimate(path: str | Path, model: ReducedModel) -> Array:
     """The estimate (k,), SI units, that `save_estimate` wrote at `path`, in the order of the model's k parameters,
     whatever their order in the file.
 
-    Raises `FileError` for a file that cannot be read or is no estimate, with a number that is not finite, or whose
-    parameters' names are not the model's; the mechanism's name in it is not compared.
+    Raises `FileError` for what is no path, a file that cannot be read or is no estimate, with a number that is not
+    finite, or whose parameters' names are not the model's; the mechanism's name in it is not compared.
     """
+    _require_path(path)
     saved = read_json(path, _Saved).parameters
     missing = [name for name in model.names if name not in saved]
     foreign = [name for name in saved if name not in model.names]
@@ -48,3 +52,8 @@ def load_estimate(path: str | Path, model: ReducedModel) -> Array:
         wrong = f"{missing[0]!r} is missing" if missing else f"{foreign[0]!r} is not among them"
         raise FileError(f"{path}: the parameters are not the {len(model.names)} of {model.mechanism.name}: {wrong}")
     return np.array([saved[name] for name in model.names])
+
+
+def _require_path(path: object) -> None:
+    if not isinstance(path, str | os.PathLike) or "\0" in str(path):
+        raise FileError(f"path: expected the path of a file, got {printable(repr(path))}")

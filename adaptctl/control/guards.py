@@ -26,11 +26,12 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 
 class Marks(NamedTuple):
-    """Marks of the guards in a tick, each (1,), 1 where a guard acted and 0 where not.
+    """Marks of what the guards of a controller did in a tick, each (1,): 1 where one acted and 0 where not.
 
-    `torque_limited`: a torque was beyond its limit; `rate_limited`: a torque would have changed too fast; `frozen`:
-    nothing is learned from the period that begins; `bounded`: an estimate was brought back to its bounds; `ringing`: a
-    joint's sliding variable changes its sign from tick to tick; `stopped`: the arm is braked, now and until `init`.
+    `torque_limited`: a torque was beyond its limit; `rate_limited`: a torque would have changed faster than its limit;
+    `frozen`: nothing is learned from the period that begins; `bounded`: an estimate was brought back to its bounds;
+    `ringing`: a joint's sliding variable changes its sign from tick to tick; `stopped`: the arm is braked, now and
+    until `init`. Nothing is checked.
     """
 
     torque_limited: Any
@@ -48,9 +49,10 @@ class Marks(NamedTuple):
 
 
 class GuardedState(NamedTuple):
-    """The memory of a guarded law: the law's own `of`, the last `torque` (r,) N m (N), `begun` (1,), 1 after the first
-    tick and 0 before, the detector of ringing `heard`, moving averages of the sliding variable, rad/s (m/s), and the
-    `marks` of what the guards did, (1,) each."""
+    """The memory of a guarded control law of r joints: `of`, the wrapped law's own memory; `torque` (r,), the last
+    torque given out, N m (N); `begun` (1,), 1 after the first tick and 0 before; `heard`, the detector of ringing,
+    moving averages over the sliding variable, rad/s (m/s); and `marks`, what the guards did in the last tick, (1,)
+    each. Nothing is checked."""
 
     of: Any
     torque: Any
@@ -62,39 +64,42 @@ class GuardedState(NamedTuple):
 
     @property
     def estimate(self) -> Any:
-        """The wrapped law's estimate (k,), SI units. Raises `AttributeError` where it has none."""
+        """The wrapped law's estimate (k,) of its k parameters, SI units. Raises `AttributeError` where it has none."""
         return self.of.estimate
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's memory that a run keeps: (..., 1), 1 where something was learned and 0 where
-        not, for `ConcurrentLearning` and `CompositeLearning`; the lift (..., P), SI units, for `ConsistentLift`. Raises
-        `AttributeError` where there is none."""
+        """Part of the adaptation law's memory that a run records: for `ConcurrentLearning` (..., 1), 1 where the last
+        period's sample was kept and 0 where not; for `CompositeLearning` (..., 1), the number of joints' equations
+        learned; for `ConsistentLift` its lift (..., P), all P inertial parameters in SI units. Raises `AttributeError`
+        where there is none."""
         return self.of.recorded
 
 
 @dataclass(frozen=True, eq=False)
 class Guarded(Controller[GuardedState]):
-    """A controller behind guards: limits of torque, its rate and the estimate, and a brake where numbers are not
-    finite.
+    """A controller behind guards: limits of its torque, of the torque's rate and of its estimate, and a brake where
+    numbers are not finite.
 
     The controller is `of`. Torques stay within `torque_limits` (N m, N for a prismatic joint) and change by at most
-    `rate_limits` (N m/s) times `period` (s; None is the law's own) from one tick to the next, but for the first; limits
-    are infinite, that is off, unless given. While either holds the torque back, the error is not the estimate's fault,
-    and nothing is learned from that period (unless `freeze` is False): an integrator's anti-windup by conditional
-    integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates stay within `estimate_bounds`,
-    lower and upper, one number or (k,) each, none where None. When a measurement, a reference, or anything that the law
-    makes of them is not finite, when a joint is outside `position_limits`, lower and upper (r,) in rad (m), none where
-    None, or faster than `velocity_limits` (rad/s or m/s), or when it rings, the correlation of a joint's sliding
-    variable (its velocity error where the law has none) with itself a tick ago below -0.9 for 25 ticks in a row, the
-    arm is braked by `stop_damping` (N m s/rad or N s/m; None is the law's own damping) from then on, until `init`:
-    gravity is not held, so a brake must. Numbers are scalars or (r,), one a joint.
+    `rate_limits` (N m/s, N/s) times `period` (s; None is the law's own) from one tick to the next, but for the first;
+    limits are infinite, that is off, unless given. While either holds the torque back, the error is not the estimate's
+    fault, and nothing is learned from that period (unless `freeze` is False): an integrator's anti-windup by
+    conditional integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates of the law's k
+    parameters stay within `estimate_bounds`, lower and upper, one number or (k,) each, SI units, none where None.
+
+    The arm is braked by `stop_damping` (N m s/rad or N s/m; None is the law's own damping) from the first of these on,
+    until `init`: a measurement, a reference, or anything that the law makes of them is not finite; a joint is outside
+    `position_limits`, lower and upper (r,) in rad (m), none where None, or faster than `velocity_limits` (rad/s or
+    m/s); or a joint rings, which is a correlation of its sliding variable (its velocity error where the law has none)
+    with itself a tick ago below -0.9 for 25 ticks in a row. Gravity is not held then: a mechanical brake must hold the
+    arm. Numbers are scalars or (r,), one a joint.
 
     What the guards do is in the state's `marks`, tick by tick. Raises `InputError` for limits that are not positive,
     limits and bounds of another shape, ranges that are no pair or whose lower end is not below the upper, a first
     estimate out of bounds, bounds for a law that estimates nothing, a damping below 0, a period that is not positive,
-    and where the law has no damping, or no period for finite `rate_limits`, and none is given; `NonFiniteError` for
-    NaN in any of these numbers but the period.
+    and where the law has no damping, or no period for finite `rate_limits`, and none is given; `NonFiniteError` for NaN
+    in any of these numbers but the period.
     """
 
     of: Controller[Any]
@@ -127,8 +132,8 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the attributes with tunable numbers: `torque_limits`, `stop_damping`, `estimate_bounds`, and
-        `rate_limits` where any is finite."""
+        """Names of the attributes whose numbers can be changed without compiling the law again: `torque_limits`,
+        `stop_damping`, `estimate_bounds`, and `rate_limits` where any is finite."""
         rates = ("rate_limits",) if self._limits_rates else ()
         return ("torque_limits", "stop_damping", "estimate_bounds", *rates)
 
@@ -144,25 +149,25 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad or m, where the law can start."""
+        """Positions (r,), rad or m, at which the wrapped law can start: its own `home`."""
         return self.of.home
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of the wrapped law's reference points: r, or m where they are in a task space of m
-        coordinates."""
+        """Length of each part of the wrapped law's reference points, positions, velocities or accelerations: r joints,
+        or m coordinates where they are in a task space."""
         return self.of.reference_size
 
     def start(self, p: Array, v: Array) -> GuardedState:
-        """The memory before the first tick, at positions `p` (..., r), rad or m, and velocities `v` (..., r), rad/s or
-        m/s: the wrapped law's own, and marks of zero."""
+        """The memory before the first tick, of arms at positions `p` (..., r), rad or m, and velocities `v` (..., r),
+        rad/s or m/s: the wrapped law's own, zero torque, and zero for all marks of what the guards did."""
         marks = Marks(*(np.zeros(1) for _ in Marks._fields))
         return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), Ringing.silent(self.dof), marks)
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
-        """The torque (r,), N m (N), of one tick within the limits, and the memory after it, from positions `p` (r,),
-        rad or m, and velocities `v` (r,), rad/s or m/s, towards `reference`, with the last tick's `memory`; the wrapped
-        law is given finite numbers only, 0 for others."""
+        """The torque (r,), N m (N for a prismatic joint), of one tick, within the limits of torque and rate, and the
+        memory after it; at measured positions `p` (r,), rad or m, and velocities `v` (r,), rad/s or m/s, towards
+        `reference`, with the last tick's `memory`. The wrapped law is given 0 for numbers that are not finite."""
         given = (p, v, *reference)
         clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)

@@ -34,12 +34,13 @@ class LinearState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearController(Controller[LinearState]):
-    """Linear controller in discrete time: torque = C x + D z, then x = A x + B z, where z (5 r,) holds p, v and the
-    reference's p, v and a, in rad (m) and s, and torques are in N m (N for a prismatic joint).
+    """Linear controller in discrete time: torque = C x + D z, then x = A x + B z, with the state x (n,) and the signals
+    z (5 r,): measured positions and velocities, then the reference's positions, velocities and accelerations, of r
+    joints, in rad (m), rad/s (m/s) and rad/s^2 (m/s^2). Torques are in N m (N for a prismatic joint).
 
-    `A` is (n, n), `B` (n, 5 r), `C` (r, n), `D` (r, 5 r). The torque that the inverse dynamics of `feedforward` asks
-    for on the reference is added, none for None. Raises `InputError` on wrong shapes, for numbers that are not finite,
-    and for a `feedforward` that is no tree of r joints.
+    `A` is (n, n), `B` (n, 5 r), `C` (r, n), `D` (r, 5 r). The torque that the inverse dynamics of the mechanism
+    `feedforward` asks for on the reference is added, none for None. Raises `InputError` on wrong shapes, for numbers
+    that are not finite, and for a `feedforward` that is no tree of r joints.
 
     Guarantees what the linear design does, near the motion that it was made for.
 
@@ -62,10 +63,11 @@ class LinearController(Controller[LinearState]):
 
     @classmethod
     def state_feedback(cls, gain: ArrayLike, feedforward: Mechanism | None = None) -> LinearController:
-        """The state feedback torque = -K (p - p_d, v - v_d), with the gain K (r, 2 r) in N m/rad and N m s/rad (N/m and
-        N s/m for a prismatic joint), as `control.lqr` and `control.dlqr` return it. The torque of the mechanism
-        `feedforward` on the reference is added, none for None. Raises `InputError` for another shape, for a gain that
-        is not finite, and for a `feedforward` that is no tree of r joints."""
+        """The state feedback torque = -K (p - p_d, v - v_d) of r joints: p and v are measured positions and velocities,
+        p_d and v_d desired ones. `gain` is K (r, 2 r) in N m/rad and N m s/rad (N/m and N s/m for a prismatic joint),
+        as `control.lqr` and `control.dlqr` return it. The torque that the inverse dynamics of the mechanism
+        `feedforward` asks for on the reference is added, none for None. Raises `InputError` for another shape, for a
+        gain that is not finite, and for a `feedforward` that is no tree of r joints."""
         K = np.atleast_2d(numbers(gain, "state feedback: gain"))
         r = len(K)
         if K.shape != (r, 2 * r):
@@ -77,14 +79,15 @@ class LinearController(Controller[LinearState]):
     def of_system(
         cls, system: control.StateSpace, period: float, feedforward: Mechanism | None = None
     ) -> LinearController:
-        """The controller that a linear system of python-control in discrete time is, its r outputs the torques in N m
-        (N for a prismatic joint), at the control `period` in s.
+        """Linear controller made of a linear system of python-control in discrete time, `system`, whose r outputs are
+        the torques in N m (N for a prismatic joint), at the control `period` in s.
 
-        Its inputs are named p[0], v[0], reference_p[0], reference_v[0], reference_a[0], error[0] (reference_p - p) or
-        error_rate[0] (reference_v - v) and so on, in any order. The torque of the mechanism `feedforward` on the
-        reference is added, none for None. Raises `InputError` for a period that is not positive, for what is no linear
-        system, for a system in continuous time, at another period, or of inputs of other names, and for a `feedforward`
-        that is no tree of r joints.
+        The system's inputs are named p[0], v[0], reference_p[0], reference_v[0], reference_a[0], error[0] (reference_p
+        - p) or error_rate[0] (reference_v - v) and so on for each joint, in any order: p and v are measured positions
+        and velocities, the others the reference's, a accelerations. The torque that the inverse dynamics of the
+        mechanism `feedforward` asks for on the reference is added, none for None. Raises `InputError` for a period that
+        is not positive, for what is no linear system, for a system in continuous time, at another period, or of inputs
+        of other names, and for a `feedforward` that is no tree of r joints.
         """
         import control
 
@@ -106,13 +109,14 @@ class LinearController(Controller[LinearState]):
         return len(self.D)
 
     def start(self, p: Array, v: Array) -> LinearState:
-        """The memory before the first tick: the system's state x (n,), zero at all p and v (..., r)."""
+        """The memory before the first tick: the controller's state x (n,), zero for all positions p and velocities v
+        (..., r)."""
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, and the system's state (n,) after it; at
-        measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`, from the state in
-        `memory`."""
+        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after it, the controller's state
+        x (n,); at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`,
+        positions, velocities and accelerations (r,), from the state in `memory`."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward

@@ -18,10 +18,11 @@ def has_sliding_variable(controller: object) -> bool:
 
 
 def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
-    """The sliding variable s = e' + Lambda e (T, r), rad/s or m/s, at the T samples of a `run` of Slotine and Li's law.
+    """The sliding variable s = e' + Lambda e (T, r), rad/s or m/s, at the T samples of a `run` of r joints under
+    Slotine and Li's law.
 
-    e = p - p_d is the tracking error, Lambda the `controller`'s bandwidth. Raises `InputError` for another law, such as
-    `PassivityIntegral` or `TaskSpaceSlotineLi`, whose s is another one.
+    e is the tracking error, measured less desired positions, e' its rate, and Lambda the `controller`'s bandwidth.
+    Raises `InputError` for another law, such as `PassivityIntegral` or `TaskSpaceSlotineLi`, whose s is another one.
     """
     if not has_sliding_variable(controller):
         law = type(controller).__name__
@@ -30,11 +31,12 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
 
 
 def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> Array:
-    """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 in J, at the T samples of a run, with the mass
-    matrix M and the parameters of the true `mechanism`.
+    """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 of Slotine and Li's law, in J, at the T samples
+    of a run, with the mass matrix M and the parameters of the true `mechanism`.
 
-    s = e' + Lambda e is the sliding variable, e = p - p_d, `error` (k,) the estimate less the true parameters and Gamma
-    the adaptation gain. The second term is the adaptation law's own distance; with adaptation off only the first is
+    s = e' + Lambda e is the sliding variable, e the tracking error (measured less desired positions), Lambda the
+    `controller`'s bandwidth, `error` (k,) the estimate of k parameters less the true ones and Gamma the adaptation
+    gain. An adaptation law may have its own distance for the second term; with adaptation off only the first is
     left. Where the parameters are no physical set, M need not be positive definite, and V is then no distance; it is
     reported as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate, and
     for a control law with another s, such as `PassivityIntegral` or `TaskSpaceSlotineLi`.

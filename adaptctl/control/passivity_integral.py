@@ -34,23 +34,24 @@ class PassivityIntegral(SlotineLi):
     p_d and v_d are the reference's, e is the tracking error and s, in rad/s (m/s), the sliding variable; a_r = v_r',
     and Y_r (r, k) is the torque regressor. The integral is taken by the trapezium, exact to T_c^2.
 
-    Guarantees: what `SlotineLi` does, V = s'Ms/2 + error' Gamma^-1 error/2 falling as -s'Ks, with this s; on s = 0 the
-    error has both poles at -Lambda. A constant disturbance leaves a constant s and, at rest and without adaptation, no
-    position error: friction and an unknown payload at rest are such.
+    Guarantees: what `SlotineLi` does, V = s'Ms/2 + error' Gamma^-1 error/2 falling as -s'Ks, with this s, M the mass
+    matrix and error the estimate less the true parameters; on s = 0 the tracking error has both poles at -Lambda. A
+    constant disturbance leaves a constant s and, at rest and without adaptation, no position error: friction and an
+    unknown payload at rest are such.
 
     Gives up: more than that under disturbance. In motion, and while adapting, a constant load leaves an error: s that
     is not zero is integrated by the estimate, which drifts (a leak or `Projection` bounds it). The integral overshoots,
     and winds up while torques are limited. It stands still in a period whose `elapsed` is set to zero, as adaptation
     does.
 
-    Arguments and defaults are those of `SlotineLi`: `model`, `bandwidth` Lambda in 1/s and `damping` K in N m s/rad (N
-    s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or Gamma (k,) or (k, k) in units of the
-    parameters squared per J, or None for none; `initial` (k,), SI units, None for zero; `period` T_c, 1e-3 s;
-    `workspace` where the period must carry the gains, None for all that the joints' limits allow; `torque_limits`, one
-    number or (r,), N m (N), beyond which nothing is learned, None for the mechanism's; `prior` (k,), SI units, the
-    greatest errors of `initial`, for a `StabilityWarning` where estimates could ring, None for none. Raises `GainError`
-    where T_c max lambda(M^-1 (K + 2 M Lambda)) is above 1.5, and `InputError` on wrong shapes, for gains, limits or a
-    period that are not positive, and for a law that does not fit the model.
+    Arguments and defaults are those of `SlotineLi`: `model`, with its k parameters, `bandwidth` Lambda in 1/s and
+    `damping` K in N m s/rad (N s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or Gamma (k,) or
+    (k, k) in units of the parameters squared per J, or None for none; `initial` (k,), SI units, None for zero; `period`
+    T_c, 1e-3 s; `workspace` where the period must carry the gains, None for all that the joints' limits allow;
+    `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for the mechanism's; `prior`
+    (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates could ring, None for
+    none. Raises `GainError` where T_c max lambda(M^-1 (K + 2 M Lambda)) is above 1.5, and `InputError` on wrong shapes,
+    for gains, limits or a period that are not positive, and for a law that does not fit the model.
     """
 
     tunable = SlotineLi.tunable
@@ -58,10 +59,13 @@ class PassivityIntegral(SlotineLi):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) in rad/s (m/s), its
-        derivative a_r (r,) in rad/s^2 (m/s^2), and the memory, the integral (r,) in rad s (m s) and the last e (r,),
-        e = p - p_d being the tracking error; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,),
-        with the last tick's `memory`. The configuration q (n,) is not used."""
+        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) in rad/s (m/s), its derivative
+        a_r (r,) in rad/s^2 (m/s^2), and the memory: the integral (r,) in rad s (m s) and the last e (r,).
+
+        e = p - p_d is the tracking error and Lambda the bandwidth (1/s); `reference` has the desired p_d, v_d and a_d
+        (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is the last tick's. The configuration q
+        (n,) of the tree's joints is not used.
+        """
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth
         before: Integral = memory.more

@@ -37,9 +37,9 @@ def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class SinusoidNumbers(NamedTuple):
-    """Numbers of `Sinusoids` of r joints and h harmonics, as arrays or columns: `center` (r,) and `amplitude` (h r,) in
-    rad or m, `frequency` (h r,) in Hz, `phase` (h r,) in rad, `start_time` (1,), the length of the fade, in s. One
-    harmonic's terms (r,) come after the other's."""
+    """Numbers of the sums of sinusoids `Sinusoids`, of r joints and h harmonics, as arrays or columns: `center` (r,)
+    and `amplitude` (h r,) in rad or m, `frequency` (h r,) in Hz, `phase` (h r,) in rad, and `start_time` (1,) in s, the
+    length of the fade-in. The r terms of one harmonic come after those of the one before. Nothing is checked."""
 
     center: Any
     """(r,)"""
@@ -54,10 +54,14 @@ class SinusoidNumbers(NamedTuple):
 
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
-    """The reference point of `Sinusoids` at a time (s): columns (r,) of positions (rad or m), velocities and
-    accelerations (per s and s^2). `numbers` are theirs, r joints' and h harmonics': center (r,), amplitude, frequency
-    (Hz) and phase (rad), each (h r,), and start_time (1,), s. Time and numbers are scalars of any kind: floats,
-    symbols, or arrays with an entry for each of many arms."""
+    """The reference point at a `time` t (s) of sums of sinusoids, center + fade(t) sum_h amplitude_h sin(2 pi
+    frequency_h t + phase_h): columns (r,) of positions in rad (m), velocities in rad/s (m/s) and accelerations in
+    rad/s^2 (m/s^2).
+
+    `numbers`, for r joints and h harmonics, are center (r,), amplitude, frequency (Hz) and phase (rad), each (h r,),
+    and start_time (1,), s, in which the fade rises from 0 to 1. Time and numbers are scalars of any kind: floats,
+    symbols, or arrays with an entry for each of many arms.
+    """
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
     points = []
@@ -86,10 +90,13 @@ def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
 
 @lru_cache(maxsize=32)
 def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
-    """Native code of `sinusoids_at` for r joints and h harmonics: a function of a time (1,), s, and the five parts of
-    `SinusoidNumbers`, center, amplitude, frequency, phase, start_time, whose lengths `sizes` are: r, h r, h r, h r, 1.
-    It returns the reference point: positions (r,) in rad or m, velocities and accelerations (r,) per s and s^2. It
-    raises `InputError` on a wrong shape."""
+    """Native code of sums of sinusoids, `sinusoids_at`, for r joints and h harmonics: a function that returns the
+    reference point, positions (r,) in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2).
+
+    Its arguments are a time (1,) in s and the five arrays of `SinusoidNumbers`: center and amplitude (rad or m),
+    frequency (Hz), phase (rad) and start_time (s). `sizes` are their lengths: r, h r, h r, h r, 1. It raises
+    `InputError` on a wrong shape.
+    """
 
     def equation(time: Column, **numbers: Column) -> ReferencePoint:
         return sinusoids_at(time[0], SinusoidNumbers(**numbers))
@@ -100,10 +107,14 @@ def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def power_kernel(size: int) -> Callable[..., ReferencePoint]:
-    """Native code of polynomials c_5 u^5 + ... + c_0 in time for r joints: a function of (2,), the time u since their
-    start (s) and 1 where they move or 0 at rest, and of their coefficients (`size`,), `size` = 6 r, c_5 of all joints
-    first, c_0 last, c_k in rad/s^k (m/s^k). It returns the reference point: positions (r,) in rad or m, velocities and
-    accelerations (r,) per s and s^2, zero at rest. It raises `InputError` on a wrong shape."""
+    """Native code of polynomials c_5 u^5 + ... + c_0 in time u for r joints: a function that returns the reference
+    point, positions (r,) in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2), the last two zero
+    at rest.
+
+    Its arguments are an array (2,), the time u since the polynomials' start (s) and 1 where they move or 0 at rest, and
+    the coefficients (`size`,), `size` = 6 r: c_5 of all joints first, c_0 last, c_k in rad/s^k (m/s^k). It raises
+    `InputError` on a wrong shape.
+    """
     joints = size // (DEGREE + 1)
 
     def equation(given: Column, powers: Column) -> ReferencePoint:
@@ -120,9 +131,12 @@ def power_kernel(size: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
-    """Native code of a minimum-jerk stretch of r `joints`: a function of (2,), the time since its start and its length
-    (s), and of its first and last positions (r,), rad or m. It returns the reference point: positions (r,) in rad or m,
-    velocities and accelerations (r,) per s and s^2. It raises `InputError` on a wrong shape."""
+    """Native code of a minimum-jerk stretch of r `joints`: a function that returns the reference point, positions (r,)
+    in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2).
+
+    Its arguments are an array (2,), the time since the stretch's start and its length (s), and the first and the last
+    positions (r,), rad or m. It raises `InputError` on a wrong shape.
+    """
 
     def equation(given: Column, start: Column, end: Column) -> ReferencePoint:
         passed, length = given
@@ -135,7 +149,7 @@ def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
 
 @dataclass(frozen=True, eq=False)
 class Sinusoids:
-    """Sums of sinusoids about a centre, faded in from rest.
+    """Reference trajectory: for each of r joints a sum of sinusoids about a centre, faded in from rest.
 
     p(t) = center + fade(t) sum_h amplitude_h sin(2 pi frequency_h t + phase_h)
 
@@ -169,8 +183,8 @@ class Sinusoids:
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point at one time `t` (s): positions (r,) in rad or m, velocities and accelerations (r,) per s
-        and s^2; computed in a microsecond, for loops that ask each period."""
+        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
+        accelerations in rad/s^2 (m/s^2); computed in a microsecond, for loops that ask each period."""
         return self._kernel(np.array((t,)), *self._flat)
 
     @cached_property
@@ -183,9 +197,9 @@ class Sinusoids:
 
     @property
     def numbers(self) -> SinusoidNumbers:
-        """The sinusoids' numbers as flat arrays, for `sinusoids_at`: center (r,) and amplitudes (h r,) in rad or m,
-        frequencies (h r,) in Hz, phases (h r,) in rad, zeros for None, and the start time (1,) in s; one harmonic's r
-        terms after the other's."""
+        """The numbers of these sums of sinusoids as flat arrays, for r joints and h harmonics: `center` (r,) and
+        `amplitude` (h r,) in rad or m, `frequency` (h r,) in Hz, `phase` (h r,) in rad, and `start_time` (1,), the
+        length of the fade-in in s. The r terms of one harmonic come after those of the one before."""
         phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
         amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
         return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))
@@ -193,12 +207,13 @@ class Sinusoids:
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """Reference through given positions at given times: the spline of degree 5, whose acceleration has two derivatives.
+    """Reference trajectory through given positions at given times: the spline of degree 5, whose acceleration has two
+    derivatives.
 
-    `positions` (w, r) are w >= 6 of them in rad or m, `times` (w,) in s, increasing: samples of a path that has no
-    formula in joints, such as what inverse kinematics makes of one in space. Velocities and accelerations are the
-    spline's own derivatives. Before the first time and after the last the arm rests, with a jump unless the samples
-    rest there.
+    `positions` (w, r) are w >= 6 positions of r joints in rad or m, `times` (w,) in s, increasing: samples of a path
+    that has no formula in joints, such as what inverse kinematics makes of one in space. Velocities and accelerations
+    are the spline's own derivatives. Before the first time and after the last the arm rests, with a jump unless the
+    samples rest there.
 
     Raises `InputError` for fewer positions, another number of times, numbers that are not finite and times that do not
     increase; `MissingExtraError` at the first use without SciPy.
@@ -223,8 +238,9 @@ class Spline:
         return ReferencePoint(p, np.where(resting, 0.0, v), np.where(resting, 0.0, a))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point at one time `t` (s): positions (r,) in rad or m, velocities and accelerations (r,) per s
-        and s^2; computed in microseconds, for loops that ask each period."""
+        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
+        accelerations in rad/s^2 (m/s^2); computed in microseconds, for loops that ask each period. Raises
+        `MissingExtraError` without SciPy."""
         inside = min(max(t, self._starts[0]), float(self.times[-1]))
         k = max(bisect_right(self._starts, inside) - 1, 0)
         return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])
@@ -261,12 +277,12 @@ class Spline:
 
 @dataclass(frozen=True, eq=False)
 class MinimumJerk:
-    """Reference through waypoints, at rest in each of them; each stretch between two is a quintic of least jerk (Flash
-    and Hogan 1985).
+    """Reference trajectory through waypoints, at rest in each of them; each stretch between two is a quintic of least
+    jerk (Flash and Hogan 1985).
 
-    `waypoints` (w, r) are w >= 2 positions in rad or m, `times` (w,) when they are reached, in s, increasing. Before
-    the first time and after the last the arm rests. Raises `InputError` for fewer waypoints, another number of times,
-    numbers that are not finite and times that do not increase.
+    `waypoints` (w, r) are w >= 2 positions of r joints in rad or m, `times` (w,) when they are reached, in s,
+    increasing. Before the first time and after the last the arm rests. Raises `InputError` for fewer waypoints, another
+    number of times, numbers that are not finite and times that do not increase.
     """
 
     waypoints: Array
@@ -289,8 +305,8 @@ class MinimumJerk:
         return ReferencePoint(self.waypoints[stretch] + fade * way, slope * way / length, bend * way / length**2)
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point at one time `t` (s): positions (r,) in rad or m, velocities and accelerations (r,) per s
-        and s^2; computed in microseconds, for loops that ask each period."""
+        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
+        accelerations in rad/s^2 (m/s^2); computed in microseconds, for loops that ask each period."""
         starts = self._starts
         k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
         given = np.array((t - starts[k], starts[k + 1] - starts[k]))
@@ -307,8 +323,8 @@ class MinimumJerk:
 
 @dataclass(frozen=True, eq=False)
 class Halted:
-    """A reference that follows another one, `of`, up to a time `stop` (s), then along its path to rest within `over`
-    (s; 1 by default), and stays there.
+    """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then along its path to rest within
+    `over` (s; 1 by default), and stays there.
 
     After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
     1 to 0, so that positions, velocities and accelerations stay continuous: motion that excites for an interval, and no

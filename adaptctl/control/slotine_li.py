@@ -45,10 +45,10 @@ class SlotineLi(AdaptiveController):
 
     Theorem: M s' + C s + K s = Y_r error, so that in continuous time V = s'Ms/2 + error' Gamma^-1 error/2 falls as
     -s'Ks, and the tracking error goes to zero. Drives' friction f is modelled at v_r: with it V falls by s'(f(v) -
-    f(v_r)) >= 0 besides, for any friction that rises with velocity. At v an estimate above the truth would be positive
-    feedback. The estimates converge too only under persistent excitation, and nothing keeps them physically consistent,
-    unless the adaptation law does. The proof asks of v_r only that a_r be its derivative (Ortega and Spong 1989):
-    `PassivityIntegral` and `TaskSpaceSlotineLi` are this law with another.
+    f(v_r)) >= 0 besides, for any friction that rises with velocity. Modelled at v, an estimate above the truth would be
+    positive feedback. The estimates converge too only under persistent excitation, and nothing keeps them physically
+    consistent, unless the adaptation law does. The proof asks of v_r only that a_r be its derivative (Ortega and Spong
+    1989): `PassivityIntegral` and `TaskSpaceSlotineLi` are this law with another v_r.
 
     `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K in N m s/rad (N s/m for a prismatic
     joint), each one number or one a joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its

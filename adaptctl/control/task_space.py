@@ -50,12 +50,13 @@ class TaskSpaceSlotineLi(SlotineLi):
     J (m, r) is x's Jacobian, x_d the desired x, p and v the measured joints (r,), Y_r (r, k) the torque regressor, K
     the damping.
 
-    x has m of the world's coordinates (`axes`, 0 to 2 for x to z, rising, by default all) in m of the `tool` (3,), a
-    point in the frame of `link` in m, None for its origin; `link` is a name, None for the last one. With m < r the rest
-    of the motion is drawn to `posture` (r,) in rad (m), None for the mechanism's home, at `posture_rate` in 1/s, by
-    default 1. `singularity` is mu in m: zero, the default, inverts J itself (m = r) or takes the least motion (m < r).
-    Where J J' is nearly singular, det(J J')/(tr(J J')/m)^m = w below w_0 = 1e-3, the square of mu grows by a share (1 -
-    w/w_0)^2 of 1e-2 of tr(J J')/m, smoothly from 0 (Nakamura and Hanafusa 1986), so that v_r and a_r stay finite.
+    x (m,) are m of the three world coordinates of the point, in metres: `axes`, rising, 0 to 2 for x to z, by default
+    all. `tool` (3,) is the point in the frame of `link`, in metres, None for its origin; `link` is a name, None for the
+    last one. With m < r the rest of the motion is drawn to `posture` (r,) in rad (m), None for the mechanism's home, at
+    `posture_rate` in 1/s, by default 1. `singularity` is mu in m: zero, the default, inverts J itself (m = r) or takes
+    the least motion (m < r). Where J J' is nearly singular, det(J J')/(tr(J J')/m)^m = w below w_0 = 1e-3, the square
+    of mu grows by a share (1 - w/w_0)^2 of 1e-2 of tr(J J')/m, smoothly from 0 (Nakamura and Hanafusa 1986), so that
+    v_r and a_r stay finite.
 
     Guarantees: s goes to zero with V = s'Ms/2 + error' Gamma^-1 error/2, as for `SlotineLi`, whatever J; M is the mass
     matrix, Gamma the adaptation gain, error the estimate's. Where J has full rank and mu is zero, x' - x_d' + Lambda (x
@@ -100,25 +101,30 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point: m, the number of `axes`, or r where the reference is given in
-        joints."""
+        """Length of each part of a reference point, position, velocity or acceleration: m, the number of `axes`, or the
+        number r of joints where the reference is given in joints."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r (r,) in rad/s (m/s), its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion,
-        by dual numbers, and the memory of a reference in joints: its configuration (n,), from which loops are followed,
-        else empty. q (n,) is the tree's configuration, p (r,) in rad (m) and v (r,) in rad/s (m/s) are measured,
-        `reference` is the point's (m,) in m and s, or in joints (r,), and `memory` the last tick's."""
+        """The joints' reference velocity v_r (r,) in rad/s (m/s), at which the tool is led to its path, its derivative
+        a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the memory.
+
+        The memory of a reference in joints is its configuration (n,) of the tree's n joints, from which loops are
+        followed; otherwise it is empty. q (n,) is the measured configuration, p (r,) in rad (m) and v (r,) in rad/s
+        (m/s) are measured, `memory` is the last tick's. `reference` is the tool's position, velocity and acceleration
+        (m,), in m, m/s and m/s^2 along the m axes, or those of the joints (r,).
+        """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
         v_r = self._velocity(_moving(q, rates), _moving(p, v), goal, rate)
         return ReferenceVelocity(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
-        """The tool's coordinates x (m,) in m, along the m `axes`, and the m rows (r,) of their Jacobian J (m, r) in
-        m/rad (no unit for a prismatic joint), at configuration q (n,) of the tree's joints in rad (m)."""
+        """The tool's coordinates x (m,), in metres, along the m world `axes`, and the m rows (r,) of their Jacobian J
+        (m, r) in m/rad (no unit for a prismatic joint), at the configuration q (n,) of the tree's n joints in rad
+        (m)."""
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]

@@ -26,7 +26,7 @@ class Watch(NamedTuple):
     Lambda e with itself a tick ago, averaged over about 100 ticks: -0.5 is an alarm, -0.9 a loop about to be lost.
 
     T_c is the control period, K the damping, Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor, M
-    the true mass matrix, M^ the estimate's, e = p - p_d the tracking error.
+    the true mass matrix, M^ the estimate's, e = p - p_d the tracking error. Nothing is checked.
     """
 
     adaptation: Array
@@ -42,13 +42,14 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 
 def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> Watch:
-    """The stability numbers at every `every`-th sample of a run, by default at all, with the true mechanism; the run
-    must have all of the controller's ticks.
+    """The stability numbers, without units, of a run of Slotine and Li's law at T of its samples, every `every`-th, by
+    default all.
 
-    The record's fields, without units, are `adaptation` (T,), of the adaptation gain over the period, `hold` (T,), of
-    the torque held over it, and `ringing` (T, r), the sliding variable's correlation with itself a tick ago (`Watch`).
-    The first two cost a regressor and a mass matrix a sample. Raises `InputError` for relatives of Slotine and Li's
-    law, whose sliding variable is another one, and for an adaptation law without a constant gain.
+    The record's fields are `adaptation` (T,), of the adaptation gain over the period, `hold` (T,), of the torque held
+    over it, with the true `mechanism`, and `ringing` (T, r), the correlation of each joint's sliding variable with
+    itself a tick ago (`Watch`). The `run` must have all of the controller's ticks. The first two numbers cost a
+    regressor and a mass matrix a sample. Raises `InputError` for relatives of Slotine and Li's law, whose sliding
+    variable is another one, and for an adaptation law without a constant gain.
     """
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]

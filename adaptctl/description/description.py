@@ -42,17 +42,17 @@ class JointKind(Enum):
 
     @property
     def turns(self) -> bool:
-        """True where the coordinate is an angle (rad), False where a length (m)."""
+        """True where the joint's coordinate is an angle (rad), False where a length (m)."""
         return self is not JointKind.PRISMATIC
 
     @property
     def position_unit(self) -> str:
-        """Unit of the coordinate: "rad" for an angle, "m" for a length."""
+        """Unit of the joint's coordinate: "rad" for an angle, "m" for a length."""
         return "rad" if self.turns else "m"
 
     @property
     def effort_unit(self) -> str:
-        """Unit of a motor's effort: "N m" for a torque, "N" for a force."""
+        """Unit of the joint's effort: "N m" for a torque, "N" for a force."""
         return "N m" if self.turns else "N"
 
 
@@ -104,11 +104,11 @@ class Link:
     """A link: a rigid body, and the joint that connects it to its parent, the link of index `parent`, -1 for the
     ground.
 
-    `near` is the joint's frame in the parent link's frame at zero, `far` the link's frame in the joint's moved frame:
-    the identity for URDF, a Denavit-Hartenberg step for frames at the far end. `inertia` (10,) holds m, mc_x, mc_y,
-    mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2) about the link frame's origin, zero by default. A
-    `massless` link only joins two joints, as in a floating base: its ten are zero for good and no parameters of the
-    mechanism. Raises `InputError` for an inertia of another shape, not finite, above 1e20, or of a massless link.
+    `near` is the pose of the joint's frame, at zero, in the parent link's frame, `far` that of the link's frame in the
+    joint's moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end. `inertia` (10,)
+    holds m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2) about the link frame's origin, zero
+    by default. A `massless` link only joins two joints, as in a floating base: its ten stay zero and are no parameters.
+    Raises `InputError` for an inertia of another shape, not finite, above 1e20, or of a massless link.
     """
 
     name: str
@@ -129,13 +129,13 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """A mechanism as immutable data, its links in depth-first order; `depth_first` puts them so.
+    """Description of a mechanism as immutable data: its `links` in depth-first order, in which `depth_first` puts them.
 
-    The order matters to others: Pinocchio gives wrong mass and Coriolis matrices, silently, on models that were not
-    built depth first. `gravity` (3,) is in the ground's frame, m/s^2, by default (0, 0, -9.81); `source` says where the
-    numbers come from; `loops` is None for a tree, whose joints are all primary. `visuals` are shapes to draw it by,
-    `frames` named frames besides joints' and links'; no hash counts them. Raises `InputError` for another order, no
-    links, repeated names, or a gravity not (3,), not finite or above 1e9, `NotFoundError` for unknown names in `loops`.
+    Pinocchio gives wrong mass and Coriolis matrices, silently, on other orders. `gravity` (3,) is in the ground's
+    frame, m/s^2, by default (0, 0, -9.81); `source` says where the numbers come from; `loops` is None for a tree, whose
+    joints are all primary. `visuals` are shapes to draw, `frames` named frames besides joints' and links'; no hash
+    counts them. Raises `InputError` for another order, no links, empty or repeated names, gravity not (3,), not finite
+    or above 1e9, visuals or drives of unknown links or joints, `NotFoundError` for unknown names in `loops`.
     """
 
     name: str
@@ -179,30 +179,30 @@ class Description:
 
     @property
     def shafts(self) -> list[list[object]]:
-        """Pairs of the index of each joint whose drive turns with others and the list of their [name, ratio as text],
-        in JSON's types, for hashing."""
+        """Lists [index of a joint, [[name of another joint, ratio as text], ...]] of all joints whose drive's shaft
+        turns with other joints, in JSON's types, for hashing."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the tree's joints, one a link."""
+        """Names of the tree's joints, one for each link, in the links' order."""
         return tuple(link.joint.name for link in self.links)
 
     @cached_property
     def primary(self) -> tuple[int, ...]:
-        """Indices of the primary joints among the tree's, in the order of the primary coordinates p."""
+        """Indices of the primary (independent) joints among the tree's, in the order of their coordinates p."""
         names = self.joint_names if self.loops is None else self.loops.primary
         return tuple(self.joint_names.index(name) for name in names)
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """The parent's index of every link, -1 for the ground."""
+        """Index of every link's parent link, -1 for the ground."""
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
-        """True (...) for the primary positions p (..., r), rad (m), that keep the loops' conditions, bounds on weighted
-        sums of p: all, if there are none."""
+        """Mask (...) of primary joint positions p (..., r), rad (m): True where they keep the loops' conditions, bounds
+        on weighted sums of p, and everywhere if there are none."""
         p = np.asarray(p, dtype=np.float64)
         inside = np.ones(p.shape[:-1], dtype=np.bool_)
         for condition in self.loops.conditions if self.loops is not None else ():
@@ -212,38 +212,38 @@ class Description:
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """Indices of the links that own ten parameters each: all but the massless ones."""
+        """Indices of the links that own ten inertial parameters each: all but the massless ones."""
         return tuple(i for i, link in enumerate(self.links) if not link.massless)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
-        """Names of the links that own ten parameters each."""
+        """Names of the links that own ten inertial parameters each: all but the massless ones."""
         return tuple(self.links[i].name for i in self.bodies)
 
     @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
-        """Pairs (index of a link, parameter of its joint's drive) of all that are modelled, in the order of the
-        parameters: kind by kind, rotors first, then friction."""
+        """Pairs (index of a link, parameter of its joint's drive) of all drive parameters that are modelled, in their
+        order among the inertial parameters: kind by kind, rotors first, then friction."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
     def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
-        """Pairs (index of a joint, ratio) whose velocities times ratios add up to the shaft's speed, rad/s (m/s), of
-        joint number `joint`, from 0, itself first, at 1. Raises `IndexError` past the last joint."""
+        """Pairs (index of a joint, unitless ratio), joint number `joint` from 0 first, with ratio 1: velocities times
+        ratios add up to the speed of that joint's shaft, rad/s (m/s). Raises `IndexError` past the last joint."""
         others = self.links[joint].joint.drive.turns_with
         return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in others)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as in
-        ``link3.I_xx``, then the drives', ``joint2.viscous``."""
+        """Names of the P inertial parameters: of each link that is not massless m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+        I_xz, I_yz, I_zz, as in ``link3.I_xx``, then the drives', as in ``joint2.viscous``."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
 
     @property
     def energetic(self) -> int:
-        """Number of parameters that enter the energy: all but friction, which comes last."""
+        """Number of inertial parameters that enter the energy: all but friction's, which come last."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 
@@ -259,7 +259,7 @@ class Description:
 
     @cached_property
     def weightless(self) -> tuple[str, ...]:
-        """Names of the links of a tree that have neither mass nor rotor and carry none that has, so that their joints'
+        """Names of a tree's links without mass or rotor that carry no link with either, so that their joints'
         accelerations are not determined; always empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)
 
@@ -270,9 +270,9 @@ class Description:
         return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
-        """The same mechanism with other parameters (P,) in SI units, in the order of `parameter_names`. Raises
-        `InputError` for another number of them, values not finite or above 1e20 in size, and rotors, viscous or Coulomb
-        friction below 0."""
+        """Description of the same mechanism with other inertial parameters (P,), SI units, in the order of
+        `parameter_names`. Raises `InputError` for another number of them, values not finite or above 1e20 in size, and
+        rotors, viscous or Coulomb friction below 0."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
         for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
@@ -283,7 +283,7 @@ class Description:
         return replace(self, links=tuple(links))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
-        """The same mechanism with other rotors and friction in its tree's joints, one drive for all or one each in
+        """Description of the same mechanism with other rotors and friction, one drive for all joints or one each in
         order. Raises `InputError` for another number of drives, and for a drive that turns with unknown joints."""
         each = [drives] * len(self.links) if isinstance(drives, Drive) else list(drives)
         if len(each) != len(self.links):
@@ -311,9 +311,9 @@ class Description:
 
     @cached_property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of what decides which parameters matter: gravity, tree, joints, frames, link
-        names, loops and which drive terms are modelled. Inertial values, limits and the mechanism's name do not count.
-        Numbers of tree and loops count to 1e-12, so that another machine's sine gives the same hash."""
+        """SHA-256 hash (hexadecimal) of what decides which inertial parameters are identifiable: gravity, tree, joints,
+        frames, link names, loops and modelled drive terms. Inertial values, limits and the mechanism's name do not
+        count, numbers of tree and loops do to 1e-12, so that another machine's sine gives the same hash."""
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])

@@ -14,8 +14,8 @@ from adaptctl.errors import InputError, NotFoundError
 
 
 class ClosureKind(Enum):
-    """The kind of a loop closure, by what coincides of two frames: POINT, their origins, AXIS, origins and z axes (a
-    hinge), or WELD, the whole poses."""
+    """The kind of a loop closure, by what coincides of two frames: their origins (POINT), their origins and z axes
+    (AXIS, a hinge) or their whole poses (WELD)."""
 
     POINT = "point"
     AXIS = "axis"
@@ -23,7 +23,8 @@ class ClosureKind(Enum):
 
     @property
     def rows(self) -> int:
-        """Number of scalar constraints, dependent ones included: 3 for a point, 5 for an axis, 6 for a weld."""
+        """Number of scalar constraints that a closure of this kind makes, dependent ones included: 3 for a point, 5 for
+        an axis, 6 for a weld."""
         return {"point": 3, "axis": 5, "weld": 6}[self.value]
 
 
@@ -31,9 +32,10 @@ class ClosureKind(Enum):
 class Closure:
     """A loop closure, the joint that was cut to make a tree: a frame on one link coincides with a frame on another.
 
-    `first` and `second` name the links, None being the ground; the frames are poses in their links, by default the
-    links' own frames. `kind` says what coincides: POINT, the default, the origins, AXIS, origins and z axes, WELD, the
-    whole poses. Raises `InputError` for a link closed onto itself.
+    `first` and `second` name the two links, None being the ground; `first_frame` and `second_frame` are the frames'
+    poses in these links (m), by default the links' own frames. `kind` says what coincides: the frames' origins (POINT,
+    the default), their origins and z axes (AXIS) or their whole poses (WELD). `name` is the closure's own. Raises
+    `InputError` for a link, or the ground, closed onto itself.
     """
 
     name: str
@@ -50,10 +52,10 @@ class Closure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A coupling of two joints through gears or a mimic: follower = ratio leader + offset (rad or m).
+    """A coupling of two joints' positions through gears or a mimic joint: follower = ratio leader + offset (rad or m).
 
-    `follower` and `leader` are joint names; by default the ratio is 1 and the offset 0. Raises `InputError` for a joint
-    that follows itself, a ratio that is zero, and numbers that are not finite.
+    `follower` and `leader` are joint names; by default `ratio` is 1 (no unit, or m/rad) and `offset` 0. Raises
+    `InputError` for a joint that follows itself, a ratio that is zero, and numbers that are not finite.
     """
 
     name: str
@@ -74,11 +76,13 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """A bound on where a mechanism may work: lower < sum of weight times primary coordinate < upper (rad or m).
+    """A linear bound on the primary joints' positions, within which a mechanism may work: lower < sum of weight times
+    position < upper (rad or m).
 
-    `weights`, without a unit, go by joint name, joints not named having zero; an infinite bound, the default, bounds
-    nothing. Sampling and environments keep to it; the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 is one. Raises
-    `InputError` for no weights, weights that are not finite, and unless lower < upper.
+    `weights`, without a unit, go by joint name, joints not named having zero; an infinite `lower` or `upper`, the
+    default, bounds nothing. Sampled configurations and environments keep within it; the semi-direct-drive arm's 0.5236
+    < p2 - p3 < 2.618 rad, of joints 2 and 3, is one. Raises `InputError` for no weights, weights that are not finite,
+    and unless lower < upper.
     """
 
     name: str
@@ -96,13 +100,16 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loops of a mechanism: closures, couplings and primary joints that make a tree a mechanism with loops.
+    """The loops of a mechanism: the closures, couplings and primary joints that make a mechanism with loops of a tree
+    of links.
 
-    `primary` names the joints that are driven and whose coordinates describe the motion; the others follow. `reference`
-    gives the configuration (rad or m by joint name, zero where not given) from which the motion is followed, so that
-    the assembly branch is its; its dependent joints need only be near enough to close. `conditions` say where the
-    mechanism may work; there are none by default. Raises `InputError` for no primary joint, a name given twice, a
-    follower that is primary or leads another, and a condition on a joint that is not primary.
+    `primary` names the driven joints, whose positions describe the motion; the others follow. `closures` and
+    `couplings` are the constraints between links and between joints, by default none. `reference` gives the
+    configuration (rad or m by joint name, zero where not given) from which the motion is followed, and so the assembly
+    branch; in it, joints that are not primary need only be near enough for the loops to close. `conditions`, by default
+    none, bound where the mechanism may work. Raises `InputError` for no primary joint, a closure's, coupling's,
+    follower's or primary joint's name given twice, a follower that is primary or leads another, and a condition on a
+    joint that is not primary.
     """
 
     primary: tuple[str, ...]
@@ -140,7 +147,7 @@ class Loops:
 
     def require_known(self, links: Collection[str], joints: Collection[str]) -> None:
         """Raise `NotFoundError` where the loops name a link or a joint that is not among `links` and `joints`, the
-        tree's names."""
+        names of the tree's links and joints."""
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
         named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}
         named_joints |= dict.fromkeys(self.primary, "primary") | dict.fromkeys(self.reference, "reference")
@@ -150,8 +157,9 @@ class Loops:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
     def plain(self, digits: int | None = None) -> list[object]:
-        """The loops' contents that bear on motion, primary joints, closures, couplings, conditions and reference, as
-        lists of JSON's types, for hashing; numbers to so many `digits` after the point, None for all."""
+        """The loops' contents that bear on motion, for hashing, as lists of JSON's types: primary joints, closures,
+        couplings, conditions and reference. Numbers (rad, m) are rounded to `digits` digits after the point, with None
+        not at all."""
 
         def text(x: float) -> str:
             return repr(_rounded(x, digits))

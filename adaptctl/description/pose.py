@@ -64,7 +64,7 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
-        """The identity: the pose of a frame in itself."""
+        """The identity pose: that of a frame in itself."""
         return cls(np.eye(3), np.zeros(3))
 
     def __matmul__(self, inner: Pose) -> Pose:
@@ -74,7 +74,7 @@ class Pose:
 
     @property
     def inverse(self) -> Pose:
-        """The inverse: the pose of the parent frame in the child."""
+        """The inverse pose: that of the parent frame in the child frame."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation + 0.0)
 
     def __eq__(self, other: object) -> bool:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen, frozen_array
 from adaptctl.caching import cached_property
 from adaptctl.description.inertia import from_center_of_mass
+from adaptctl.design.bodies import point
 from adaptctl.design.task import DesignTask
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
@@ -27,7 +29,7 @@ class AddedMass:
     total energy, kinetic and potential, at which components are counted. Energies are root mean squares about their
     mean over the states. P counts ten parameters a link, about its frame's origin (kg, kg m, kg m^2), and rotor
     inertias (kg m^2, kg for a prismatic joint); friction is left out. Made by `added_mass`; nothing is refused at
-    construction, and an unknown link or a negative percentage raises `InputError` where it is first used. `essential`,
+    construction, and an unknown link or a wrong percentage raises `InputError` where it is first used. `essential`,
     `components`, `changed` and `becomes_essential` raise `RankError` where the mechanism's rank cannot be certified.
     """
 
@@ -41,22 +43,22 @@ class AddedMass:
     def change(self) -> Array:
         """The change of the inertial parameters (P,) by the body: of its link's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
         I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the origin of the link's frame), zero elsewhere. Raises `InputError`
-        for an unknown link and where a number overflows."""
-        return change_of(self.task, self.link, self.body)
+        for an unknown link and where a number overflows. Read-only."""
+        return frozen(change_of(self.task, self.link, self.body))
 
     @cached_property
     def parameters(self) -> Array:
         """The inertial parameters (P,) with the body: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of each
         link (kg, kg m, kg m^2, about the origin of its frame), then rotor inertias (kg m^2, or kg for a prismatic
-        joint). Raises `InputError` as `change` does."""
-        return self.task.parameters + self.change
+        joint). Raises `InputError` as `change` does. Read-only."""
+        return frozen(self.task.parameters + self.change)
 
     @cached_property
     def essential(self) -> Array:
         """The projection V1 V1' change (P,), in SI units, of the inertial parameters' change on the essential space,
         which V1 (P, k) spans: all of it that changes any torque. Raises `RankError` where the mechanism's rank cannot
-        be certified."""
-        return self.task.space.project(self.change)
+        be certified. Read-only."""
+        return frozen(self.task.space.project(self.change))
 
     @property
     def own_energy(self) -> float:
@@ -87,8 +89,8 @@ class AddedMass:
     @property
     def components(self) -> int:
         """Number of essential components that keep the energy, with the body, to an error of `percent` (%; Sheu and
-        Walker 1991, equation 23). Raises `InputError` for a negative percentage, `RankError` where the mechanism's rank
-        cannot be certified."""
+        Walker 1991, equation 23). Raises `InputError` for a percentage that is no finite number of at least 0,
+        `RankError` where the mechanism's rank cannot be certified."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
@@ -123,10 +125,11 @@ def added_mass(
     `place` (3,) is the body's centre of mass in the link's frame, m, in place of the payload's own; by default (None)
     that `center`, the frame's origin for a point. `percent` is the error (%) of the energy, kinetic and potential, root
     mean square over the states, at which components are counted, by default 1. Raises `InputError` for links that do
-    not exist, masses out of range, percentages below zero or not finite, places that are not three finite numbers and
-    tasks with constant energy, `RankError` where the mechanism's rank cannot be certified.
+    not exist, masses out of range, percentages that are no finite number of at least 0, places that are not three
+    finite numbers, bodies with inertial parameters above 1e20 and tasks with constant energy, `RankError` where the
+    mechanism's rank cannot be certified.
     """
-    loaded = Payload.of(body)
+    loaded = Payload.of(body) if isinstance(body, Payload | Mapping) else point(body)
     if place is not None:
         loaded = Payload(loaded.mass, frozen_array(place, (3,), "place"), loaded.inertia)
     task.link(link)

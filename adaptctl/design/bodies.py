@@ -2,38 +2,46 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, numbers
+from adaptctl.arrays import Array, frozen_array, real_number
+from adaptctl.description.description import LARGEST_INERTIA
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
 
 STEEL = 7850.0
 """kg/m^3"""
+LEAST, MOST = 1e-100, 1e100
+"""Lengths (m) and densities (kg/m^3) with which every solid's numbers are finite."""
 
 
 def point(mass: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
     """A point mass (kg), as a `Payload`, at a place (3,), m in its link's frame, by default the origin. Raises
     `InputError` for a mass below zero, above 1e20 kg or not finite and for a place that is not three finite numbers."""
-    return Payload(mass, frozen_array(place, (3,), "place"))
+    given: Any = mass
+    number: Any = given[()] if isinstance(given, np.ndarray) and given.ndim == 0 else given
+    return Payload(number, frozen_array(place, (3,), "place"))
 
 
 def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = STEEL) -> Payload:
     """A solid ball, as a `Payload`, of a mass (kg) and a density (kg/m^3; steel's 7850 by default) with its centre at a
     place (3,), m in its link's frame, by default the origin. Raises `InputError` for a mass below zero, above 1e20 kg
-    or not finite, for a density that is not positive and finite, and for a place that is not three finite numbers."""
-    _require(density=density, mass=mass)
+    or not finite, for a density not from 1e-100 to 1e100, and for a place that is not three finite numbers."""
+    density, mass = _size("density", density), _mass(mass)
     return Payload(mass, frozen_array(place, (3,), "place"), ball_moment(mass, density) * np.eye(3))
 
 
 def box(mass: float, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
     """A solid box of even density, as a `Payload`, of a mass (kg), whose edges, of lengths `size` (3,) in m, lie along
     the axes of its link's frame. `place` (3,) is its centre in the link's frame, m, by default the origin. Raises
-    `InputError` for a mass below zero, above 1e20 kg or not finite, for lengths that are not three positive finite
-    numbers, and for a place that is not three finite numbers."""
-    x, y, z = frozen_array(size, (3,), "size").tolist()
-    _require(x=x, y=y, z=z, mass=mass)
+    `InputError` for a mass below zero, above 1e20 kg or not finite, for lengths that are not three numbers from 1e-100
+    to 1e100, and for a place that is not three finite numbers."""
+    edges = frozen_array(size, (3,), "size").tolist()
+    x, y, z = (_size(f"size: {axis}", edge) for axis, edge in zip("xyz", edges, strict=True))
+    mass = _mass(mass)
     tensor = mass / 12.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
     return Payload(mass, frozen_array(place, (3,), "place"), tensor)
 
@@ -49,11 +57,10 @@ def cylinder(
     """A solid cylinder of even density, as a `Payload`, of a mass (kg), a radius and a length (m). `place` (3,) is its
     centre in the link's frame, m, by default the origin. `axis` (3,), of any length, is its direction in that frame, by
     default z. Raises `InputError` for a mass below zero, above 1e20 kg or not finite, for a radius, a length or an axis
-    that is zero, negative or not finite, and for a place or an axis that is not three finite numbers."""
-    _require(radius=radius, length=length, mass=mass)
+    shorter than 1e-100 or longer than 1e100, and for a place or an axis that is not three finite numbers."""
+    radius, length, mass = _size("radius", radius), _size("length", length), _mass(mass)
     along = frozen_array(axis, (3,), "axis")
-    size = float(np.linalg.norm(along))
-    _require(axis=size)
+    size = _size("axis", float(np.linalg.norm(along)))
     outer = np.outer(along, along) / size**2
     about, across = mass * radius**2 / 2.0, mass * (3.0 * radius**2 + length**2) / 12.0
     return Payload(mass, frozen_array(place, (3,), "place"), about * outer + across * (np.eye(3) - outer))
@@ -126,9 +133,15 @@ def _per_mass(places: Array) -> Array:
     return np.stack([np.ones_like(x), x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y], -1)
 
 
-def _require(**sizes: float) -> None:
-    for name, value in sizes.items():
-        least = 0.0 if name == "mass" else np.nextafter(0.0, 1.0)
-        if not least <= float(numbers(value, name)) < np.inf:
-            wanted = "of at least 0 kg" if name == "mass" else "above 0"
-            raise InputError(f"{name}: expected a number {wanted}, got {value!r}")
+def _mass(value: float) -> float:
+    mass = real_number(value, "mass")
+    if not 0.0 <= mass <= LARGEST_INERTIA:
+        raise InputError(f"mass: expected a number of at least 0 kg and at most {LARGEST_INERTIA:g}, got {value!r}")
+    return mass
+
+
+def _size(name: str, value: float) -> float:
+    size = real_number(value, name)
+    if not LEAST <= size <= MOST:
+        raise InputError(f"{name}: expected a number above 0, from {LEAST:g} to {MOST:g}, got {value!r}")
+    return size

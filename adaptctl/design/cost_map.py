@@ -11,6 +11,7 @@ from adaptctl.arrays import Array, checked, positive_number
 from adaptctl.design.bodies import ball_tens
 from adaptctl.design.places import PlaceBounds
 from adaptctl.design.task import DesignTask
+from adaptctl.errors import InputError, NonFiniteError
 
 EACH = 9
 """PlaceBounds along each edge of a link's box that are looked at."""
@@ -37,23 +38,36 @@ class CostMap:
     """Map of the effect of a point `mass` (kg) on an objective's cost over a `task`: relative changes (unitless) of the
     cost, over places on links. `objective` is "energy", "torque", "coupling" or "components": the root mean square over
     the task's states of the energy about its mean (J), the torques (shares of their limits, unitless) or the mass
-    matrix's entries off the diagonal (kg m^2), or the energy of the essential components (J). Made by `cost_map`;
-    nothing is refused at construction."""
+    matrix's entries off the diagonal (kg m^2), or the energy of the essential components (J). Made by `cost_map`.
+
+    At construction raises `InputError` for a mass that is not positive and finite, an unknown objective, and one whose
+    cost is zero, `RankError` for "components" where the rank cannot be certified."""
 
     task: DesignTask
     mass: float
     objective: str
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", positive_number(self.mass, "mass: expected a positive number of kg"))
+        if not self.task.cost(self.objective) > 0.0:
+            raise InputError(
+                f"objective: expected one that costs something, got {self.objective!r}: zero in all states"
+            )
+
     def at(self, link: str, places: ArrayLike) -> Array:
         """Relative changes (...) of the objective's cost, unitless, 0.1 for 10 % more, by the point mass at places
-        (..., 3), m in the frame of the link of that name; NaN or infinite where the cost without it is zero. Raises
-        `InputError` for unknown links or objectives and wrong shapes, `NonFiniteError` for places that are not finite,
-        `RankError` for "components" where the rank cannot be certified."""
+        (..., 3), m in the frame of the link of that name. Raises `InputError` for unknown links and wrong shapes,
+        `NonFiniteError` for places that are not finite, or so far that the cost is too large for numbers."""
         x = checked(places, 3, f"{link}: places")
         M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
         before = M @ self.task.parameters
-        tens = ball_tens(np.full(x.shape[:-1], self.mass), x)
-        after = np.linalg.norm(before + tens @ M[:, first : first + 10].T, axis=-1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            tens = ball_tens(np.full(x.shape[:-1], self.mass), x)
+            after = np.linalg.norm(before + tens @ M[:, first : first + 10].T, axis=-1)
+        if not np.isfinite(after).all():
+            raise NonFiniteError(
+                f"{link}: places: expected nearer ones, got up to {np.abs(x).max():g} m: cost overflows"
+            )
         size = float(np.linalg.norm(before))
         return np.asarray((after - size) / size)
 
@@ -64,8 +78,8 @@ class CostMap:
         The grid has `each` places, 9 by default, along each edge of the box of `places`, which names the link. The
         `LinkCost` has the link's name, the changes `least` and `most`, their places `cheapest` and `dearest` (3,) in m
         in the link's frame, and the change `at_center`, at the link's centre of mass. Raises `InputError` for unknown
-        links and `each` other than a whole number from 1 to 100, `RankError` for "components" where the rank cannot be
-        certified.
+        links and `each` other than a whole number from 1 to 100, `NonFiniteError` for bounds so far that the cost is
+        too large for numbers.
         """
         grid = places.grid(each)
         changes = self.at(places.link, grid)
@@ -81,10 +95,8 @@ def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> 
     The cost is a root mean square over the task's states: "energy", the default, of the arm's kinetic and potential
     energy about its mean (J), "torque" of the joints' torques as shares of their limits (unitless), "coupling" of the
     mass matrix's entries off the diagonal (kg m^2); "components" is the energy of the essential components (J). Raises
-    `InputError` for a mass that is not positive and finite, for an unknown objective, and for a task with constant
-    energy, and `RankError` for "components" where the rank cannot be certified. A torque or coupling that is zero in
-    all states is not refused: its changes are NaN or infinite.
+    `InputError` for a mass that is not positive and finite, for an unknown objective or one that is zero in all states,
+    and for a task with constant energy, and `RankError` for "components" where the rank cannot be certified.
     """
-    task.matrix(objective)
     task.require_energy()
-    return CostMap(task, positive_number(mass, "mass"), objective)
+    return CostMap(task, mass, objective)

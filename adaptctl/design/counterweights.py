@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.arrays import Array, positive_number
-from adaptctl.caching import cached_property
+from adaptctl.arrays import Array, frozen, positive_number, whole_number
+from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.design.added_mass import PERCENT
 from adaptctl.design.bodies import STEEL, ball_tens, ball_tens_slopes, sphere
@@ -24,10 +24,14 @@ NO_MASS = 1e-6
 """Share of the mass allowed below which there is no counterweight."""
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Counterweight:
     """A counterweight: a solid ball of a `mass` (kg) and a `density` (kg/m^3) on the link named `link`, its centre at a
-    `place` (3,), m in the link's frame. Nothing is refused at construction, only by `body`."""
+    `place` (3,), m in the link's frame.
+
+    Raises `InputError` for a mass below zero or above 1e20 kg, a density not from 1e-100 to 1e100, a place that is not
+    of shape (3,), and numbers that are not finite. The link's name is checked only where it is used."""
 
     link: str
     mass: float
@@ -35,11 +39,15 @@ class Counterweight:
     density: float
     """kg/m^3"""
 
+    def __post_init__(self) -> None:
+        body = self.body
+        object.__setattr__(self, "mass", body.mass)
+        object.__setattr__(self, "place", body.center)
+
     @property
     def body(self) -> Payload:
         """The counterweight as a rigid body, a `Payload`, in the link's frame: mass (kg), centre (3,), m, and inertia
-        (3, 3), kg m^2, about it. Raises `InputError` for a mass below zero or above 1e20 kg, a density not positive, a
-        place that is not of shape (3,), and numbers that are not finite."""
+        (3, 3), kg m^2, about it."""
         return sphere(self.mass, self.place, density=self.density)
 
 
@@ -66,12 +74,12 @@ class Counterweights:
     def parameters(self) -> Array:
         """The inertial parameters (P,) with the counterweights: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz
         of each link (kg, kg m, kg m^2, about the origin of its frame), then rotor inertias (kg m^2, or kg for a
-        prismatic joint). Raises `InputError` for a counterweight on an unknown link."""
+        prismatic joint). Raises `InputError` for a counterweight on an unknown link. Read-only."""
         D = np.array(self.task.parameters)
         for weight in self.weights:
             first = 10 * self.task.link(weight.link)
             D[first : first + 10] += ball_tens(weight.mass, weight.place, weight.density)
-        return D
+        return frozen(D)
 
     @cached_property
     def balanced(self) -> DesignTask:
@@ -127,15 +135,16 @@ def optimal_counterweights(
     kg/m^3 (steel's 7850 by default), have a positive definite pseudo-inertia, so that links which rigid bodies can be
     stay so. From the best of an even sample, drawn by `seed`, by trust regions within bounds (SciPy's `least_squares`):
     global as far as the sample is dense. Raises `InputError` for an unknown objective or link, for no links or one
-    given twice, for a `percent` that is negative or not finite, a density not positive and finite and a task with
-    constant energy, `RankError` where the mechanism's rank cannot be certified. `seed` is NumPy's: below 0 it raises
-    plain `ValueError`, not whole `TypeError`, and None draws anew each time.
+    given twice, for a `percent` that is no finite number of at least 0, a density not positive and finite, a `seed`
+    other than a whole number from 0 to 2^32 - 1 and a task with constant energy, `RankError` where the mechanism's rank
+    cannot be certified.
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     links = [places.link for places in within]
     if not links or len(set(links)) < len(links):
         raise InputError(f"counterweights: expected places on at least one link, each once, got {', '.join(links)}")
+    seed = whole_number(seed, "counterweights: seed", 0, 2**32 - 1)
     task.components(percent)
     task.require_energy()
     search = _Search(task, tuple(within), objective, positive_number(density, "density: expected a positive number"))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, whole_number
+from adaptctl.arrays import Array, frozen_array, real_number, whole_number
 from adaptctl.caching import sent_as_made
 from adaptctl.description.reach import attachments, joint_line
 from adaptctl.dynamics import Mechanism
@@ -28,9 +28,9 @@ class PlaceBounds:
     """Bounds of a counterweight on the link of a name: the box of its places from `lower` (3,) to `upper` (3,), m in
     the link's frame, and its greatest `mass` (kg).
 
-    Raises `InputError` for masses below zero, for boxes whose ends are the wrong way around (ends that coincide are
-    allowed), for other shapes and for what is not finite; `TypeError` for a mass that is no number. The name is checked
-    only where the bounds are used.
+    Raises `InputError` for masses that are no numbers or below zero, for boxes whose ends are the wrong way around
+    (ends that coincide are allowed), for other shapes and for what is not finite. The name is checked only where the
+    bounds are used.
     """
 
     link: str
@@ -43,8 +43,10 @@ class PlaceBounds:
         upper = frozen_array(self.upper, (3,), f"{self.link}: upper")
         if np.any(lower > upper):
             raise InputError(f"{self.link}: places: expected lower <= upper, got {lower.tolist()}, {upper.tolist()}")
-        if not (np.isfinite(self.mass) and self.mass >= 0.0):
-            raise InputError(f"{self.link}: expected a mass of at least 0 kg, got {self.mass}")
+        mass = real_number(self.mass, f"{self.link}: mass")
+        if not 0.0 <= mass < np.inf:
+            raise InputError(f"{self.link}: expected a mass of at least 0 kg, got {mass}")
+        object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "lower", lower)
         object.__setattr__(self, "upper", upper)
 
@@ -55,9 +57,9 @@ class PlaceBounds:
         by a share `beyond` (unitless, by default 0.5) of the box's diagonal, and by 0.1 m at least.
 
         The greatest mass (kg) is a `share` (unitless, by default 0.2) of the link's own. Raises `InputError` for links
-        that are unknown or own no inertia and for shares below zero or not finite, `TypeError` for shares that are no
-        numbers.
+        that are unknown or own no inertia and for shares that are no numbers, below zero or not finite.
         """
+        share, beyond = real_number(share, "places: share"), real_number(beyond, "places: beyond")
         if not 0.0 <= share < np.inf or not 0.0 <= beyond < np.inf:
             raise InputError(f"places: expected shares of at least 0, got {share} of mass and {beyond} of length")
         i = _index(mechanism, link)

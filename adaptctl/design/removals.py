@@ -124,10 +124,14 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
     By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
     (steel's 7850 by default), added to a link `within` its bounds, makes one fundamental parameter zero that is not. By
     relocation: a part of the link's own mass, taken from its centre of mass, does so. Each is meant alone, but for one
-    of all symmetries that links have already. Raises `InputError` for unknown links and a density that is not positive
-    and finite, `RankError` where the mechanism's rank cannot be certified; a link given twice is not refused.
+    of all symmetries that links have already. Raises `InputError` for an unknown link or one given twice and a density
+    that is not positive and finite, `RankError` where the mechanism's rank cannot be certified.
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
+    within = tuple(within)
+    links = [places.link for places in within]
+    if len({task.link(link) for link in links}) < len(links):
+        raise InputError(f"removals: expected places on links, each once, got {', '.join(links)}")
     found = [removal for places in within for removal in _of_link(task, places, density)]
     so_already = dict.fromkeys(name for removal in found if removal.holds for name in removal.known)
     together = by_symmetry(task, tuple(so_already)) if so_already else None

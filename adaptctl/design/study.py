@@ -102,9 +102,9 @@ def design_study(
     that may carry the heaviest, but for those that turn about the vertical on the ground. `share` (0.2 by default) and
     `beyond` (0.5), both unitless, bound the counterweights' masses and places as in `PlaceBounds.of`; `objective`,
     `percent` (1 %) and `seed` are those of `optimal_counterweights`. Raises `InputError` for unknown links or one given
-    twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a body whose
-    mass is not above zero, and a task with constant energy, `NotFoundError` for an unknown body, `RankError` where the
-    mechanism's rank cannot be certified.
+    twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a `seed` other
+    than a whole number from 0 to 2^32 - 1, a body whose mass is not above zero, and a task with constant energy,
+    `NotFoundError` for an unknown body, `RankError` where the mechanism's rank cannot be certified.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)

@@ -17,7 +17,7 @@ from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
 from adaptctl.identifiability.energy_matrix import energies
 from adaptctl.identifiability.factorisation import triangle
@@ -36,8 +36,8 @@ STILL = 1e-9
 SAMPLES, MOST = 1000, 100_000
 NO_ENERGY = 1e-12
 """Share of the energy by which it must vary."""
-SPEED = 0.25
-"""Of sqrt(g/L): about 1 rad/s for an arm of half a metre."""
+SPEED, FASTEST = 0.25, 1e100
+"""Of sqrt(g/L): about 1 rad/s for an arm of half a metre; and the largest, whose square is a number still."""
 CARRIED = 1e-6
 """Share of the energy below which a parameter counts as zero."""
 
@@ -50,9 +50,10 @@ class DesignTask:
 
     Costs of a design are linear in the parameters D (P,), ten a link (kg, kg m, kg m^2) and rotor inertias (kg m^2 or
     kg), without friction: each is |M D| with a matrix M (n, P), n <= P. At construction raises `InputError` for arrays
-    of other shapes, for a mechanism whose parameters are not ten a link, and for positions and velocities that are all
-    alike: a task without motion has no energy to carry; `NonFiniteError` for NaN or infinity. With loops, anything
-    computed from states near locked loops raises `SingularityError`; states too large for numbers, `NonFiniteError`.
+    of other shapes or of fewer than two states, for a mechanism whose parameters are not ten a link, and for positions
+    and velocities that are all alike: a task without motion has no energy to carry; `NonFiniteError` for NaN or
+    infinity. With loops, anything computed from states near locked loops raises `SingularityError`; states too large
+    for numbers, `NonFiniteError`.
     """
 
     mechanism: Mechanism
@@ -67,9 +68,9 @@ class DesignTask:
         for what in ("p", "v", "a"):
             values = checked(getattr(self, what), self.mechanism.dof, f"task: {what}")
             object.__setattr__(self, what, frozen(np.array(np.atleast_2d(values))))
-        if not self.p.shape == self.v.shape == self.a.shape or self.p.ndim > 2:
+        if not self.p.shape == self.v.shape == self.a.shape or self.p.ndim > 2 or len(self.p) < 2:
             shapes = f"{self.p.shape}, {self.v.shape} and {self.a.shape}"
-            raise InputError(f"task: expected one shape (T, {self.mechanism.dof}), got {shapes}")
+            raise InputError(f"task: expected one shape (T, {self.mechanism.dof}), T at least 2, got {shapes}")
         if max(float(np.ptp(self.p, axis=0).max()), float(np.ptp(self.v, axis=0).max())) < STILL:
             raise InputError("task: no motion: its states are all alike; give states that differ, or a reference")
 
@@ -85,12 +86,13 @@ class DesignTask:
         (m/s, m/s^2). At a `speed` (unitless) of 1 kinetic and potential energy weigh alike; an arm at work moves at
         about a quarter of it, 0.25, the default. With loops, positions are on the reference's branch. Raises
         `InputError` for `samples` other than a whole number from 2 to 100000, a seed other than one from 0 to 2^32 - 1,
-        a speed that is negative or not finite, a mechanism whose parameters are not ten a link, and loops that reach
-        hardly any state.
+        a speed other than a number from 0 to 1e100, a mechanism whose parameters are not ten a link, and loops that
+        reach hardly any state.
         """
         samples, seed = whole_number(samples, "task: samples", 2, MOST), whole_number(seed, "task: seed", 0, 2**32 - 1)
-        if not 0.0 <= real_number(speed, "task: speed") < np.inf:
-            raise InputError(f"task: speed: expected a finite number of at least 0, got {speed}")
+        speed = real_number(speed, "task: speed")
+        if not 0.0 <= speed <= FASTEST:
+            raise InputError(f"task: speed: expected a finite number of at least 0, at most {FASTEST:g}, got {speed}")
         generator, rate = np.random.default_rng(seed), characteristic_rate(mechanism)
         p = states_within_limits(mechanism, samples, seed).p
         v = speed / rate * random_accelerations(mechanism, samples, generator)
@@ -135,8 +137,8 @@ class DesignTask:
     def torque_limits(self) -> Array:
         """Torque limits (r,) that torques are compared with, N m (N for a prismatic joint): the joints' own, and for a
         joint without one four times the largest torque of up to 200 random states at up to 2 rad/s (m/s) and 10 rad/s^2
-        (m/s^2), at least 1."""
-        return finite_torque_limits(self.mechanism)
+        (m/s^2), at least 1. Read-only."""
+        return frozen(finite_torque_limits(self.mechanism))
 
     def require_energy(self) -> None:
         """Raise `InputError` where the energy is the same in all states, to 1e-12 of it, so that no share of it can be
@@ -155,8 +157,8 @@ class DesignTask:
         of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques as shares of
         their limits, summed over joints; of the mass matrix's entries off the diagonal, those of prismatic joints times
         the characteristic length. "components" has the energy's, its k rows S V1', singular values times right singular
-        vectors. Raises `InputError` for another objective, and for "components" `RankError` where the rank cannot be
-        certified.
+        vectors. Read-only. Raises `InputError` for another objective, and for "components" `RankError` where the rank
+        cannot be certified.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,
@@ -164,35 +166,37 @@ class DesignTask:
             "coupling": lambda: self._coupling,
             "components": lambda: self._components,
         }
-        if objective not in rows:
+        if not isinstance(objective, str) or objective not in rows:
             raise InputError(f"objective: expected one of {', '.join(rows)}, got {objective!r}")
-        return rows[objective]()
+        return frozen(rows[objective]())
 
     def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
         """The cost |M D| of an objective at parameters D (P,) in SI units, by default (None) the mechanism's own: J for
         "energy" and "components", unitless for "torque", kg m^2 for "coupling" (see `matrix`). Raises `InputError` for
-        another objective or number of parameters, `NonFiniteError` where one is not finite, and for "components"
-        `RankError` where the rank cannot be certified."""
-        return float(np.linalg.norm(self.matrix(objective) @ self._given(parameters)))
+        another objective or shape of parameters, `NonFiniteError` where one is not finite or the cost is too large for
+        numbers, and for "components" `RankError` where the rank cannot be certified."""
+        return float(np.linalg.norm(self._applied(self.matrix(objective), parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
         """Root mean square torques (r,) over the states, N m (N for a prismatic joint), without friction, for
-        parameters D (P,) in SI units, by default (None) the mechanism's own. Raises `InputError` for another number of
-        parameters, `NonFiniteError` where one is not finite."""
-        return np.linalg.norm(self._joint_torques @ self._given(parameters), axis=-1)
+        parameters D (P,) in SI units, by default (None) the mechanism's own. Raises `InputError` for another shape of
+        parameters, `NonFiniteError` where one is not finite or the torques are too large for numbers."""
+        return np.linalg.norm(self._applied(self._joint_torques, parameters), axis=-1)
 
     def components(self, percent: float, parameters: ArrayLike | None = None) -> int:
         """The number of essential components that keep the energy to an error of `percent` (%; Sheu and Walker 1991,
         equation 23), for parameters (P,) in SI units, by default (None) the mechanism's own. Raises `InputError` for a
-        percentage that is negative or not finite or another number of parameters, `NonFiniteError` where a parameter is
-        not finite, `RankError` where the mechanism's rank cannot be certified."""
-        return int(component_counts(self._components @ self._given(parameters), percent))
+        percentage that is no finite number of at least 0 or another shape of parameters, `NonFiniteError` where a
+        parameter is not finite or the energy is too large for numbers, `RankError` where the mechanism's rank cannot be
+        certified."""
+        return int(component_counts(self._applied(self._components, parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
         """Names of the fundamental parameters whose loss would change the root mean square energy by more than a
         `share` (unitless) of it, by default 1e-6, for parameters (P,) in SI units, by default (None) the mechanism's
-        own. Raises `InputError` for another number of parameters and a share that is no number, `NonFiniteError` where
-        a parameter is not finite, `RankError` where the mechanism's rank cannot be certified."""
+        own. Raises `InputError` for another shape of parameters and a share that is no number, `NonFiniteError` where a
+        parameter is not finite or the energy is too large for numbers, `RankError` where the mechanism's rank cannot be
+        certified."""
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
@@ -202,8 +206,8 @@ class DesignTask:
     def weights(self, parameters: ArrayLike | None = None) -> Array:
         """Share (k,), unitless, of the root mean square energy that each fundamental parameter makes alone, in the
         order of `basis`, for parameters (P,) in SI units, by default (None) the mechanism's own. Raises `InputError`
-        for another number of parameters, `NonFiniteError` where one is not finite, `RankError` where the mechanism's
-        rank cannot be certified."""
+        for another shape of parameters, `NonFiniteError` where one is not finite or the energy is too large for
+        numbers, `RankError` where the mechanism's rank cannot be certified."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
@@ -226,14 +230,27 @@ class DesignTask:
 
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
         """The same task, a `DesignTask`, of the mechanism with other parameters (P,) that enter energies, SI units;
-        friction and the states stay. Raises `InputError` for another number of parameters, a link's parameter above
+        friction and the states stay. Raises `InputError` for another shape of parameters, a link's parameter above
         1e20 and a rotor inertia below 0 or above 1e20, `NonFiniteError` where one is not finite."""
         own = np.array(self.mechanism.inertial_parameters)
         own[: self.mechanism.energetic] = self._given(parameters)
         return replace(self, mechanism=self.mechanism.with_parameters(own))
 
     def _given(self, parameters: ArrayLike | None) -> Array:
-        return self.parameters if parameters is None else checked(parameters, len(self.parameters), "parameters")
+        D = self.parameters if parameters is None else checked(parameters, len(self.parameters), "parameters")
+        if D.ndim > 1:
+            raise InputError(f"parameters: expected shape {self.parameters.shape}, got {D.shape}")
+        return D
+
+    def _applied(self, matrix: Array, parameters: ArrayLike | None) -> Array:
+        """M D (..., n). Raises `NonFiniteError` where its square is too large for numbers."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = np.asarray(matrix @ self._given(parameters))
+            if not np.isfinite(np.sum(np.square(values))):
+                raise NonFiniteError(
+                    "parameters: the cost is too large for numbers: give smaller ones, or slower states"
+                )
+        return values
 
     @cached_property
     def _energy(self) -> Array:
@@ -273,11 +290,12 @@ def component_counts(weights: Array, percent: float) -> Array:
 
     Raises `InputError` for an error that is not a percentage of at least 0.
     """
-    if not (np.isfinite(percent) and percent >= 0.0):
-        raise InputError(f"energy error: expected a percentage of at least 0, got {percent}")
+    percent = real_number(percent, "percent")
+    if not 0.0 <= percent < np.inf:
+        raise InputError(f"percent: expected a percentage of at least 0, got {percent}")
     squares = np.sort(np.square(weights), axis=-1)
     tails = np.cumsum(squares, axis=-1)
-    return np.sum(tails > (percent / 100.0) ** 2 * tails[..., -1:], axis=-1)
+    return np.sum(tails > min(percent / 100.0, 1.0) ** 2 * tails[..., -1:], axis=-1)
 
 
 def _same(values: Array) -> Array:

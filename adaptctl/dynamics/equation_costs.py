@@ -14,14 +14,16 @@ from adaptctl.scalars import Column, spread
 
 
 class EquationCosts(NamedTuple):
-    """Counts of floating-point operations of one evaluation of a mechanism's equations with k of its parameters, for r
-    primary joints: additions, subtractions, multiplications, divisions and negations, unitless; sines, cosines, roots
-    and comparisons are not among them. Made by `equation_costs`; nothing is refused at construction.
+    """Counts of floating-point operations of one evaluation of a mechanism's equations with k of its inertial
+    parameters, for r primary joints: additions, subtractions, multiplications, divisions and negations, unitless;
+    sines, cosines, roots and comparisons are not among them. Made by `equation_costs`; nothing is refused at
+    construction.
 
-    `regressor` counts the Slotine-Li regressor Y (r, k), `tick` the torque Y beta (r,), beta (k,) the parameters, with
-    the powers Y' s (k,) at joint rates s (r,), of one motion without forming Y, as an adaptive law needs them in a
-    control period, `forward_dynamics` the accelerations (r,) under torques (r,). The last is None where a pivot of the
-    mass matrix is zero for every motion, as of a joint without inertia; a count is no proof that it is invertible.
+    `regressor` counts the Slotine-Li regressor Y (r, k). `tick` counts what an adaptive law needs in a control period,
+    without forming Y: the torque Y beta (r,) of the parameters beta (k,) and the powers Y' s (k,), with the transpose
+    Y', at joint rates s (r,). `forward_dynamics` counts the accelerations (r,) under torques (r,); it is None where a
+    pivot of the mass matrix is zero for every motion, as of a joint without inertia, and a count is no proof that the
+    matrix is invertible.
     """
 
     regressor: int
@@ -33,12 +35,13 @@ class EquationCosts(NamedTuple):
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:
-    """The `EquationCosts`, counts of floating-point operations (unitless), of a mechanism's equations with the k
-    parameters of indices `columns` only, from 0 to P - 1 in any order, all others zero; None for all P of them.
+    """The `EquationCosts` of a mechanism: counts of floating-point operations, unitless, of its regressor, of a control
+    period's torque and powers, and of its forward dynamics.
 
-    With loops, the closed configuration (n,) is given: closing it is not counted. Sheu and Walker (1991, section 5.3)
-    compare such counts. A repeated index counts once. Raises `InputError` for what is no index from 0 to P - 1,
-    `LoopError` where loops do not fit together.
+    `columns` are the indices, from 0 to P - 1 in any order, of the k of its P inertial parameters that are counted, all
+    others being zero; None for all P. With loops, the closed configuration is given: closing it is not counted. Sheu
+    and Walker (1991, section 5.3) compare such counts. A repeated index counts once. Raises `InputError` for what is no
+    index from 0 to P - 1, `LoopError` where loops do not fit together.
     """
     equations, r, P = mechanism.equations, mechanism.dof, len(mechanism.parameter_names)
     kept = list(range(P)) if columns is None else _sorted(columns, P, mechanism.name)

@@ -11,9 +11,10 @@ from adaptctl.scalars import Column, Scalar
 
 
 class Motion(ABC):
-    """The motion of a mechanism at one instant, at a configuration q (n,), rad (m if prismatic), under velocities v and
-    v_r (r,), rad/s (m/s), and accelerations a_r (r,), rad/s^2 (m/s^2), of r primary joints: torques, regressors and
-    powers follow from it. Abstract, made by `Equations.motion`; calling the class raises `TypeError`.
+    """The motion of a mechanism of r primary joints at one instant, from which torques, regressors and powers follow:
+    at a configuration q (n,) of the tree's n joints, rad (m if prismatic), under velocities v and Slotine and Li's
+    reference velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Abstract, made by
+    `Equations.motion`; calling the class raises `TypeError`.
 
     Its links are placed and moved once; what is asked of them afterwards shares that work. Nothing is checked.
     """
@@ -22,29 +23,33 @@ class Motion(ABC):
 
     @abstractmethod
     def torque(self, parameters: Column) -> Column:
-        """The torque M(p) a_r + C(p, v) v_r + g(p) + friction at v_r (r,), in N m (N if prismatic), of parameters D
-        (P,) in SI units, M the mass matrix, C the Christoffel one, g gravity; with what known parameters add. D is
-        not checked: too short a one raises `IndexError` or `ValueError`."""
+        """The torque M a_r + C v_r + g + friction at v_r (r,), in N m (N if prismatic), of the r primary joints under
+        the motion's reference velocities v_r and accelerations a_r, M the mass matrix, C the Christoffel (Coriolis)
+        matrix, g gravity's torque, for values D (P,) of the P inertial and friction parameters in SI units; with the
+        torque of parameters that linear constraints fix. D is not checked: too short a one raises `IndexError` or
+        `ValueError`."""
 
     @abstractmethod
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the Slotine-Li regressor Y (r, k), one `Column` (k,) each, of the k parameters of indices
-        `columns` only, in their order, N m (N if prismatic) per unit of each parameter: over all P columns Y D is the
-        `torque` of D (P,), but for what known parameters add. Raises `IndexError` for an index of P or more,
-        `TypeError` for one not whole; negative ones are not refused, and may mean any parameter."""
+        """The r rows of the Slotine-Li regressor Y (r, k) of r primary joints, one `Column` (k,) each, for the k of P
+        parameters whose indices `columns` are, in their order: N m (N if prismatic) per unit of each parameter. Over
+        all P columns Y D is the `torque` of parameters D (P,), but for that of parameters which linear constraints fix.
+        Raises `IndexError` for an index of P or more, `TypeError` for one not whole; negative ones are not refused, and
+        may mean any parameter."""
 
     @abstractmethod
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """The powers Y' s (k,), W per unit of each parameter, of the `regressor` Y (r, k) of indices `columns` at rates
-        s (r,) of the primary joints, rad/s (m/s if prismatic), without forming Y. Raises `IndexError` for an index of P
-        or more, `TypeError` for one not whole, `IndexError` or `ValueError` for s too short; negative indices are not
-        refused, and may mean any parameter."""
+        """The powers Y' s (k,), W per unit of each parameter, with the transpose Y' of the Slotine-Li `regressor` Y (r,
+        k), which is not formed, for the k of P parameters whose indices `columns` are, at rates s (r,) of the r primary
+        joints, rad/s (m/s if prismatic). Raises `IndexError` for an index of P or more, `TypeError` for one not whole,
+        `IndexError` or `ValueError` for s too short; negative indices are not refused, and may mean any parameter."""
 
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """The column (motion_size,) of scalars in SI units that hold this motion, such as the sines and cosines of the
-        joints and the links' accelerations, from which `Equations.remembered` makes the same motion again."""
+        """The column (`Equations.motion_size`,) of scalars in SI units that hold this motion, such as the sines and
+        cosines of the joints and the links' accelerations, from which `Equations.remembered` makes the same motion
+        again."""
 
 
 class Equations(ABC):
@@ -52,21 +57,23 @@ class Equations(ABC):
     numbers, traced ones. Abstract: `Mechanism.equations` has them, calling the class raises `TypeError`.
 
     Sizes: r primary joints, whose positions are p and velocities v; n joints of the tree, whose configuration is q; P
-    parameters D. All are in SI units: rad, N m, or m, N for prismatic joints. For a tree n = r and q = p; with loops q
-    is closed, which callers see to (`closed`, `projected`). Nothing branches on a value and nothing is checked, but by
-    `Mechanism`, which asks the same on arrays: columns too short raise `IndexError` or `ValueError`, those too long may
-    pass, NaN goes through, an infinite angle raises `ValueError` in floats. A system that is exactly singular, as of
-    locked loops or no inertia, raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays.
+    inertial and friction parameters D. All are in SI units: rad, N m, or m, N for prismatic joints. For a tree n = r
+    and q = p; with loops q must be closed, which the caller sees to by `closed` or `projected`. No code branches on a
+    scalar's value, and nothing is checked here: `Mechanism`, which asks the same on arrays, does. Columns too short
+    raise `IndexError` or `ValueError`, those too long may pass, NaN goes through, an infinite angle raises `ValueError`
+    in floats. A system that is exactly singular, as of locked loops or no inertia, raises `ZeroDivisionError` in floats
+    and gives infinity or NaN in arrays.
 
-    Families: `TreeEquations`, `LoopEquations` of a tree with closures, `ConstrainedEquations` of either on fewer
-    parameters: with linear constraints D = D0 + N z, P and D here are those of z, and D0 is the known share. A family
-    says how its links move and what they weigh; torque regressors and torques follow here.
+    Families: `TreeEquations`; `LoopEquations`, of a tree with closures; `ConstrainedEquations`, of either under linear
+    constraints, by which all parameters are D0 + N z. There the free parameters z take the place of D, P is their
+    number, and D0 is the known share. A family says how its links move and what they weigh; torque regressors and
+    torques follow here.
     """
 
     @property
     @abstractmethod
     def dof(self) -> int:
-        """Number of primary joints r, the degrees of freedom: all joints of a tree, the independent ones of loops."""
+        """Number r of primary joints, the degrees of freedom: all joints of a tree, the independent ones of loops."""
 
     @property
     @abstractmethod
@@ -76,65 +83,71 @@ class Equations(ABC):
 
     @property
     def joints(self) -> int:
-        """Number of joints n of the tree, one a link: the primary joints and, with loops, those that follow them."""
+        """Number n of joints of the tree, one a link: the primary joints and, with loops, those that follow them."""
         return len(self.links)
 
     @property
     @abstractmethod
     def parameters(self) -> int:
-        """Number of parameters P: ten for each body and one for each term of a drive or, under linear constraints, the
-        free ones."""
+        """Number P of inertial and friction parameters: ten for each body and one for each term of a drive or, under
+        linear constraints, the free ones."""
 
     @property
     def has_known_share(self) -> bool:
-        """True where linear constraints fix values other than zero: torques and energies then have a part due to these
-        known parameters, for which regressors have no columns. Else False."""
+        """True where linear constraints fix parameters at values other than zero: torques and energies then have a part
+        due to these known parameters, for which regressors have no columns. False otherwise."""
         return False
 
     @abstractmethod
     def closed(self, p: Column, guess: Column) -> Column:
-        """The closed configuration q = U(p) (n,), rad (m if prismatic), of primary positions p (r,), on the branch of
-        the closed `guess` (n,); p itself for a tree. In closed form where the loops allow, else by three Newton steps,
-        which is exact to round-off from within 0.05 rad. Not checked: where the loops stay open, nothing is raised; too
-        short a p or guess raises `ValueError` or `IndexError` with loops, locked loops `ZeroDivisionError`."""
+        """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
+        primary joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a tree. In closed
+        form where the loops allow, else by three Newton steps, which is exact to round-off from within 0.05 rad. Not
+        checked: where the loops stay open, nothing is raised; too short a p or guess raises `ValueError` or
+        `IndexError` with loops, exactly locked loops `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def projected(self, q: Column) -> Column:
-        """A configuration (n,), rad (m if prismatic), with the primary positions of q (n,) and all loops closed, in
-        closed form, or closed better, by one Newton step from near a closed one; q itself for a tree. Not checked:
-        with loops, too short a q raises `IndexError`, loops exactly locked `ZeroDivisionError` in floats."""
+        """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary joints' positions of q
+        (n,) and all loops closed, in closed form, or closed better, by one Newton step from near a closed one; q itself
+        for a tree. Not checked: with loops, too short a q raises `IndexError`, loops exactly locked `ZeroDivisionError`
+        in floats."""
 
     @abstractmethod
     def rates(self, q: Column, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's joints, rad/s (m/s if prismatic), at configuration q (n,), rad (m), and
-        primary velocities v (r,), rad/s (m/s), J = dU/dp (n, r); v itself for a tree. Not checked: with loops, columns
-        too short raise `IndexError` or `ValueError`, loops exactly locked `ZeroDivisionError` in floats."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their configuration q (n,), rad (m),
+        and velocities v (r,) of the r primary joints, rad/s (m/s); J (n, r) is the derivative of q by the primary
+        positions. For a tree v itself. Not checked: with loops, columns too short raise `IndexError` or `ValueError`,
+        loops exactly locked `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """Energy regressor E (P,), J per unit of each parameter, at q (n,), rad (m if prismatic), and v (r,), rad/s
-        (m/s): kinetic plus potential energy, the latter 0 at the ground frame's origin, is E' D, in J, but for what
-        known parameters add; 0 for friction. Not checked: columns too short raise `IndexError` or `ValueError`, exactly
-        locked loops `ZeroDivisionError` in floats."""
+        """Energy regressor E (P,), J per unit of each of the P parameters D (P,), at a configuration q (n,) of the
+        tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary joints, rad/s (m/s). The inner
+        product of E and D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin, but for
+        what parameters that linear constraints fix add. E is 0 for friction. Not checked: columns too short raise
+        `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part (P,) of the energy regressor at q (n,), rad (m if prismatic), J per unit of each
-        parameter: the inner product with D is the potential energy in J, 0 at the ground frame's origin, but for what
-        known parameters add. Not checked: too short a q raises `IndexError`."""
+        """The potential part (P,) of the energy regressor, J per unit of each of the P parameters D (P,), at a
+        configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with D is the potential
+        energy in J, 0 at the ground frame's origin, but for what parameters that linear constraints fix add. Not
+        checked: too short a q raises `IndexError`."""
 
     @abstractmethod
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
-        """The `Motion` at configuration q (n,), rad (m if prismatic), under velocities v and reference ones v_r (r,),
-        rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2), from which torques, regressors and powers
-        follow. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops
-        `ZeroDivisionError` in floats."""
+        """The `Motion` at a configuration q (n,) of the tree's n joints, rad (m if prismatic), under velocities v and
+        Slotine and Li's reference velocities v_r (r,) of the r primary joints, rad/s (m/s), and reference accelerations
+        a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers follow from it. Not checked: columns too short raise
+        `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def remembered(self, numbers: Column) -> Motion:
-        """The `Motion` made again from its `numbers` (motion_size,), without the sines, the recursion over the links
-        and the loops' Jacobian that it took to make it. Not checked: too few numbers raise `TypeError` or `IndexError`
-        or, where only a few lack, pass until the motion is asked for torques; too many may pass."""
+        """The `Motion` made again from its `Motion.numbers` (motion_size,), scalars in SI units, without the sines, the
+        recursion over the links and the loops' Jacobian that it took to make it. Not checked: too few numbers raise
+        `TypeError` or `IndexError` or, where only a few lack, pass until the motion is asked for torques; too many may
+        pass."""
 
     @property
     @abstractmethod
@@ -144,57 +157,74 @@ class Equations(ABC):
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the mass matrix M(p) (r, r), symmetric, rotors included, in kg m^2 (kg between prismatic
-        joints, kg m mixed), at q (n,), rad (m), of parameters D (P,) in SI units, with what known ones add. Not
-        checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in
-        floats."""
+        """The r rows of the mass matrix (r, r) of the r primary joints, symmetric, rotors included, in kg m^2 (kg
+        between prismatic joints, kg m mixed), at a configuration q (n,) of the tree's n joints, rad (m), for values D
+        (P,) of the P `parameters` in SI units, with the share of those that linear constraints fix. Not checked:
+        columns too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the damping matrix B (r, r), symmetric, in N m s/rad (N s/m between prismatic joints, N s
-        mixed), at q (n,), rad (m), and v (r,), rad/s (m/s), of parameters D (P,) in SI units: the drives' friction at v
-        is B v, B being secants of its curves, but for their offsets. B is positive semidefinite where no friction
-        parameter but offsets is negative. Not checked: columns too short raise `IndexError` or `ValueError` where they
-        are read, exactly locked loops `ZeroDivisionError` in floats."""
+        """The r rows of the damping matrix B (r, r) of the r primary joints, symmetric, in N m s/rad (N s/m between
+        prismatic joints, N s mixed): B v is the drives' friction at v, but for its constant offsets, the entries being
+        secants of the friction curves. At a configuration q (n,) of the tree's n joints, rad (m), and primary
+        velocities v (r,), rad/s (m/s), for values D (P,) of the P `parameters` in SI units. B is positive semidefinite
+        where no friction parameter but offsets is negative. Not checked: columns too short raise `IndexError` or
+        `ValueError` where they are read, exactly locked loops `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def weightless(self) -> Equations:
-        """The same equations without gravity, of the same sizes, as new ones: g = 0 and no potential energy."""
+        """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential
+        energy."""
 
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the torque regressor Y (r, k), one `Column` (k,) each, of the k parameters of indices `columns`
-        only, N m (N if prismatic) per unit of each: over all P columns Y D = M(p) a_r + C(p, v) v_r + g(p) + friction
-        at v_r, but for what known parameters add, at q (n,), rad (m), v and v_r (r,), rad/s (m/s), a_r (r,), rad/s^2
-        (m/s^2). Raises `IndexError` for an index of P or more, `TypeError` for one not whole, `IndexError` or
-        `ValueError` for columns too short; negative indices are not refused, and may mean any."""
+        """The r rows of the torque regressor Y (r, k) of r primary joints, one `Column` (k,) each, for the k of P
+        parameters whose indices `columns` are: N m (N if prismatic) per unit of each. Over all P columns Y D = M a_r +
+        C v_r + g + friction at v_r for parameters D (P,), but for what parameters that linear constraints fix add, M
+        the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
+
+        At a configuration q (n,) of the tree's n joints, rad (m), velocities v and Slotine and Li's reference
+        velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Raises `IndexError` for
+        an index of P or more, `TypeError` for one not whole, `IndexError` or `ValueError` for columns too short;
+        negative indices are not refused, and may mean any parameter.
+        """
         return self.motion(q, v, v_r, a_r).regressor(columns)
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
-        """Torque M(p) a_r + C(p, v) v_r + g(p) + friction at v_r (r,), in N m (N if prismatic), at q (n,), rad (m), v
-        and v_r (r,), rad/s (m/s), a_r (r,), rad/s^2 (m/s^2), of parameters D (P,) in SI units, M the mass matrix, C the
-        Christoffel one, g gravity. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked
-        loops `ZeroDivisionError` in floats."""
+        """Torque M a_r + C v_r + g + friction at v_r (r,), in N m (N if prismatic), of the r primary joints, M the mass
+        matrix, C the Christoffel (Coriolis) matrix, g gravity's torque, for values D (P,) of the P `parameters` in SI
+        units.
+
+        At a configuration q (n,) of the tree's n joints, rad (m), velocities v and Slotine and Li's reference
+        velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Not checked: columns
+        too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats.
+        """
         return self.motion(q, v, v_r, a_r).torque(parameters)
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations a (r,), rad/s^2 (m/s^2 if prismatic), under a torque (r,), N m (N): M(p) a = torque - C(p, v) v
-        - g(p) - friction, at q (n,), rad (m), and v (r,), rad/s (m/s), of parameters D (P,) in SI units. Not checked:
-        columns too short raise `IndexError` or `ValueError`; an exactly singular mass matrix, as of a joint without
-        inertia, or locked loops raise `ZeroDivisionError` in floats, give infinity or NaN in arrays."""
+        """Accelerations a (r,), rad/s^2 (m/s^2 if prismatic), of the r primary joints under a torque (r,), N m (N): M a
+        = torque - C v - g - friction, M the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
+
+        At a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s), for values D (P,)
+        of the P `parameters` in SI units. Not checked: columns too short raise `IndexError` or `ValueError`; an exactly
+        singular mass matrix, as of a joint without inertia, or locked loops raise `ZeroDivisionError` in floats, give
+        infinity or NaN in arrays.
+        """
         bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
         return solve_symmetric(self.mass_matrix(q, parameters), torque - bias)
 
     def damped_dynamics(
         self, q: Column, v: Column, torque: Column, parameters: Column, dt: float, more: Sequence[Scalar]
     ) -> Column:
-        """Accelerations a (r,), rad/s^2 (m/s^2 if prismatic), over a step of dt (s) whose friction is taken at its end:
-        (M + dt B) a = torque - C(p, v) v - g(p) - friction at v, at q (n,), rad (m), v (r,), rad/s (m/s), and torque
-        (r,), N m (N), of parameters D (P,) in SI units.
+        """Accelerations a (r,), rad/s^2 (m/s^2 if prismatic), of the r primary joints over a time step dt (s) whose
+        friction is taken at its end: (M + dt B) a = torque - C v - g - friction at v, under a torque (r,), N m (N), M
+        the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
 
-        Linearised by the secants B at v (see `damping`), to whose diagonal `more` (r,), N m s/rad (N s/m), is added:
-        secants of other friction of the primary joints that is in the torque already; empty for none, a shorter one for
-        the first joints only. Not checked: columns too short, or `more` too long, raise `IndexError` or `ValueError`;
-        an exactly singular M + dt B or locked loops raise `ZeroDivisionError` in floats, give inf or NaN in arrays.
+        At a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s), for values D (P,)
+        of the P `parameters` in SI units. B is the `damping` matrix at v, to whose diagonal `more` (r,), N m s/rad (N
+        s/m), is added: secants of other friction of the primary joints that is in the torque already; empty for none, a
+        shorter one for the first joints only. Not checked: columns too short, or `more` too long, raise `IndexError` or
+        `ValueError`; an exactly singular M + dt B or locked loops raise `ZeroDivisionError` in floats, give infinity or
+        NaN in arrays.
         """
         rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
         for i, secant in enumerate(more):

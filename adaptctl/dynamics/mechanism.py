@@ -34,10 +34,10 @@ class Mechanism:
     """A mechanism made from a `Description`, with its energies, torques, regressors and accelerations on arrays.
 
     Positions p, velocities v, accelerations a, torques are (..., r), regressors (..., P) and (..., r, P), of r primary
-    joints and P parameters; leading axes are samples. SI units: rad, N m (m, N if prismatic). The equations run in
-    Python for some 50 calls or 25000 samples, then in native code (see `ArrayEquation`). `out` takes a result in place
-    of a fresh array. Methods on arrays raise `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity;
-    with loops, `LoopError` where they do not fit together and `SingularityError` near where they lock."""
+    joints and P parameters; leading axes are samples. Units are SI: rad, N m (m, N if prismatic). Equations run in
+    Python for some 50 calls or 25000 samples, then in native code. `out` takes a result in place of a fresh array.
+    Methods on arrays raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops
+    do not fit together, `SingularityError` near where they lock; construction checks nothing."""
 
     def __init__(self, description: Description) -> None:
         self.description = description
@@ -111,10 +111,10 @@ class Mechanism:
         return self.continuation.reference[self.continuation.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Joint positions q = U(p) (..., n), rad (m), of the tree, one a link, at primary positions p (..., r), with
-        all loops closed (Sheu and Walker 1991, equation 1); for a tree p itself, whatever `start` is. They are followed
-        along straight lines in p from the closed `start` (..., n), None being the reference, at `home`. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """Positions (..., n), rad (m), of the tree's n joints at those of the r primary ones, p (..., r), loops closed
+        (Sheu and Walker 1991, equation 1), followed along straight lines in p from the closed `start` (..., n), None
+        being the reference; for a tree p itself, whatever `start` is. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         (p,), _ = self._joints(p=p)
         start = None if start is None else checked(start, len(self.links), f"{self.name}: start")
         return p if self.continuation is None else self.continuation.follow(p, start)
@@ -126,7 +126,7 @@ class Mechanism:
 
     @property
     def dof(self) -> int:
-        """Number of primary joints r, those whose coordinates are p."""
+        """Number r of primary joints, those whose positions p describe the motion: the degrees of freedom."""
         return len(self.description.primary)
 
     @property
@@ -136,14 +136,14 @@ class Mechanism:
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: of each body, as in `link3.I_xx`, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
-        I_yz, I_zz, then the drives', `joint2.viscous`, kind by kind, rotors first."""
+        """Names of the P parameters: ten of each body, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as in
+        `link3.I_xx`, then the drives', as in `joint2.viscous`, kind by kind, rotors first."""
         return self.description.parameter_names
 
     @cached_property
     def inertial_parameters(self) -> Array:
         """The inertial parameters D (P,), read-only: of each body m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
-        I_zz (kg, kg m, kg m^2) about its link frame's origin, then the drives', rotors first, SI units."""
+        I_zz (kg, kg m, kg m^2) about its link frame's origin, then the drives' rotors and friction, in SI units."""
         return self.description.inertial_parameters
 
     @property
@@ -158,12 +158,12 @@ class Mechanism:
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of all P parameters by the Z that constraints leave free: the identity without any."""
+        """Derivatives (P, Z) of all P parameters by the Z that constraints leave free: the identity with none."""
         return np.eye(len(self.parameter_names))
 
     @property
     def energetic(self) -> int:
-        """Number of parameters that enter the energy, the first of P: all but friction, which comes last."""
+        """Number of parameters that enter the energy, the first of all P: all but friction, which comes last."""
         return self.description.energetic
 
     @property
@@ -174,7 +174,7 @@ class Mechanism:
 
     @cached_property
     def effort_limits(self) -> Array:
-        """Greatest torque of every primary joint (r,), N m (N if prismatic), infinite where not known; read-only."""
+        """Greatest torque of each primary joint (r,), N m (N if prismatic), infinite where not known; read-only."""
         return frozen(np.array([joint.limits.effort for joint in self.primary_joints]))
 
     @property
@@ -183,14 +183,14 @@ class Mechanism:
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
-        """The same mechanism with other `inertial_parameters` (P,), SI units, in their order. Raises `InputError` for
+        """The same mechanism with other values (P,) of its `inertial_parameters`, SI units. Raises `InputError` for
         another number, values not finite or above 1e20 in size, and rotors, viscous or Coulomb friction below 0."""
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
-        """The `ArrayEquation` of a regressor, "torque_regressor" or "slotine_li_regressor", with the k `columns` only,
-        indices of parameters: its `call` takes the arrays of the method of that name and returns (..., r, k). Raises
-        `InputError` for another name and for what is no index from 0 to P-1."""
+        """The `ArrayEquation` of a regressor, "torque_regressor" or "slotine_li_regressor", of the k parameters of
+        indices `columns` alone: its `call` takes the arrays of the method of that name and returns (..., r, k) for r
+        primary joints. Raises `InputError` for another name and a wrong index."""
         return self._arrays.on_columns(regressor, tuple(self._columns(columns)))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
@@ -200,18 +200,18 @@ class Mechanism:
         return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
-        """The energy regressor E (..., P), J per unit of each parameter, at p (..., r), rad (m), and v (..., r), rad/s
-        (m/s): kinetic plus potential energy is E @ D, D (P,) the `inertial_parameters` (Sheu and Walker 1991, section
-        2.2). `out`, float64 of E's shape, is filled and returned, None for a fresh array. Raises `InputError` on a
-        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """The energy regressor E (..., P), J per unit of each parameter, at positions p, rad (m), and velocities v,
+        rad/s (m/s), both (..., r): kinetic plus potential energy is E @ D, D (P,) the `inertial_parameters` (Sheu and
+        Walker 1991, section 2.2). `out`, float64, is filled and returned, None for a fresh array. Raises `InputError`
+        on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
 
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p (...,
-        r), rad (m), and velocities v (..., r), rad/s (m/s). Raises `InputError` on a wrong shape, `NonFiniteError` on
+        """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at primary positions p,
+        rad (m), and velocities v, rad/s (m/s), both (..., r). Raises `InputError` on a wrong shape, `NonFiniteError` on
         NaN or infinity, `SingularityError` near locked loops."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
@@ -223,11 +223,11 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The torque regressor Y (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): the
-        equations of motion are tau = Y D. p, v and a are (..., r) in rad, rad/s, rad/s^2 (m for prismatic joints).
-        `columns` are the indices of the k parameters asked for, then Y is (..., r, k); None for all. `out`, float64 of
-        Y's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape or index,
-        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """The torque regressor Y (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): Y D is the
+        torque that gives the accelerations a at positions p and velocities v, all (..., r), rad, rad/s, rad/s^2 (m if
+        prismatic). `columns` are the indices of the k parameters asked for, then Y is (..., r, k); None for all. `out`,
+        float64 of Y's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape or
+        index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.on_columns("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -242,36 +242,36 @@ class Mechanism:
         out: Array | None = None,
     ) -> Array:
         """The Slotine-Li regressor Y_r (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): Y_r D
-        = M(p) a_r + C(p, v) v_r + g(p) + friction at v_r, M the mass matrix, C the Christoffel one, g gravity (Slotine
-        and Li 1987). p, v, reference v_r and a_r are (..., r) in rad, rad/s, rad/s, rad/s^2 (m if prismatic). `columns`
-        are the indices of the k parameters asked for, then Y_r is (..., r, k); None for all. `out`, float64 of Y_r's
-        shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape or index,
-        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        = M a_r + C v_r + g + friction at v_r, M the mass matrix, C the Christoffel one at v, g gravity (Slotine and Li
+        1987). Positions p, velocities v, reference ones v_r and accelerations a_r are (..., r), rad, rad/s, rad/s^2 (m
+        if prismatic). `columns` are the indices of the k parameters asked for, then Y_r is (..., r, k); None for all.
+        `out`, float64 of Y_r's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong
+        shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         own = self._arrays.slotine_li_regressor
         equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """Torque (..., r), N m (N for a prismatic joint), that gives the accelerations a (..., r), rad/s^2 (m/s^2), at
-        positions p (..., r), rad (m), and velocities v (..., r), rad/s (m/s), with gravity and friction. `out`,
-        float64, is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError`
-        on NaN or infinity, `SingularityError` near locked loops."""
+        """Torque (..., r), N m (N), of the r primary joints that gives the accelerations a, rad/s^2 (m/s^2), at
+        positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and friction. `out`, float64, is
+        filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+        infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """The part of the torque (..., r), N m (N), due to values that linear constraints on parameters fix, which
-        regressors times free parameters leave out: zero without constraints. p, v, a are (..., r) in rad, rad/s,
-        rad/s^2 (m if prismatic). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        regressors times free parameters leave out: zero without constraints. Positions p, velocities v, accelerations a
+        are (..., r), rad and s (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
-        """Accelerations (..., r), rad/s^2 (m/s^2), under joint torques (..., r), N m (N), gravity and friction, at p
-        (..., r), rad (m), and v (..., r), rad/s (m/s). `out`, (..., r) in float64, is filled and returned, None for a
-        fresh array. Raises `InputError` on a wrong shape or a tree's links without mass to be accelerated,
-        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """Accelerations (..., r), rad/s^2 (m/s^2), of the r primary joints under torques (..., r), N m (N), gravity and
+        friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (..., r). `out`, float64, is filled and
+        returned, None for a fresh array. Raises `InputError` on a wrong shape or a tree's links without mass to be
+        accelerated, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
@@ -284,9 +284,9 @@ class Mechanism:
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
-        """The mass matrix M(p) (..., r, r), kg m^2 (kg between prismatic joints, kg m mixed), at p (..., r), rad (m).
-        `out`, float64 of M's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """The mass matrix (..., r, r), kg m^2 (kg between prismatic joints, kg m mixed), at positions p (..., r), rad
+        (m), of the r primary joints. `out`, float64, is filled and returned, None for a fresh array. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
@@ -320,10 +320,10 @@ class Mechanism:
         return cls(from_pinocchio(model))
 
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
-        """Write at `path` the URDF or MJCF file `original` with this mechanism's links' inertias; the rest stays byte
-        for byte, the joints' drives too. `root` is its first body in an MJCF scene, None for the one that moves. Raises
-        `FileError` for another mechanism's file, one not readable or writable, inertias without mass and, in MJCF, of
-        no rigid body (see `identifiability.nearest_consistent`), `InputError` for another suffix or a URDF's root."""
+        """Write at `path` the URDF or MJCF file `original` with the inertias of this mechanism's links; the rest,
+        drives included, stays byte for byte. `root` names its first body in an MJCF scene, None the one that moves.
+        Raises `FileError` for another mechanism's file, one not readable or writable, inertias without mass and, in
+        MJCF, of no rigid body, `InputError` for another suffix or a URDF's root."""
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)
@@ -339,8 +339,8 @@ class Mechanism:
 
     @needed("Mechanism.to_mujoco")
     def to_mujoco(self) -> mujoco.MjModel:
-        """The same tree as a MuJoCo model, a body a link, a motor (N m, or N) a joint. Raises `InputError` for loops,
-        shared shafts, inertias of no body, friction not viscous or Coulomb's, `MissingExtraError` without MuJoCo."""
+        """The same tree as a MuJoCo model, a motor (N m, N) a joint. Raises `InputError` for loops, drives of several
+        joints, inertias of no rigid body, friction not viscous or Coulomb, `MissingExtraError` without MuJoCo."""
         from adaptctl.description.writers.mujoco_model import to_mujoco
 
         return to_mujoco(self.description)
@@ -350,8 +350,8 @@ class Mechanism:
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
         """A mechanism from a MuJoCo model, which may hold a whole scene: the body named `body` and all that hangs on
         it; None for the one root body on which joints turn or slide. Raises `InputError` for ball and free joints,
-        equalities on it, a body on one that moves and not just one moving root, `NotFoundError` for an unknown name.
-        Warns (`SimplificationWarning`) of springs and gravity compensation, left out, and of actuators not torques."""
+        equalities on it, a `body` on one that moves and, for None, not one moving root, `NotFoundError` for an unknown
+        name. Warns (`SimplificationWarning`) of springs, gravity compensation (left out), non-torque actuators."""
         from adaptctl.description.readers.mujoco_model import from_mujoco
 
         return cls(from_mujoco(model, body))
@@ -383,10 +383,10 @@ def load(
     or MuJoCo model. With `floating_base`, a URDF file's root link floats, not fixed to the ground; its meshes are shown
     from its package and the folders `mesh_folders`. With `snap`, angles between joint axes within 1e-3 rad of right
     ones are made exact. `root` names the body of an MJCF scene, or of a MuJoCo model, that the mechanism begins with;
-    None for the one that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError` for a file
-    that cannot be used, `InputError` for a floating base or mesh folders of no URDF file, a root of what has none and
-    other sources, `LoopError` where loops do not fit together. Warns (`PhysicalConsistencyWarning`) of links that no
-    rigid body can be, and (`SimplificationWarning`) of what is left out."""
+    None for the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError`
+    for a file that cannot be used, `InputError` for other sources, a floating base or mesh folders of no URDF file, and
+    a root of what has none, `LoopError` where loops do not fit together. Warns (`PhysicalConsistencyWarning`) of links
+    whose inertia no rigid body can have, and (`SimplificationWarning`) of what is left out."""
     from adaptctl.description.readers.registry import read, read_model
 
     options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}

@@ -45,8 +45,8 @@ class Certificate:
     With singular values sigma_1 >= sigma_2 >= ..., `rank_energy` is the rank of the energy differences at `samples`
     random states, drawn by `seed`, `rank_doubled` of twice as many, `rank_torque` of rows of the torque regressor, None
     by transfers. `gap` is sigma_k/sigma_k+1 of the energy differences, `relative_smallest` sigma_k/sigma_1, both
-    floored at 1e-15 of sigma_1. `null_residual` is the largest torque that any null vector makes on other samples,
-    relative to the largest that a vector of its size can make.
+    floored at 1e-15 of sigma_1. `null_residual` is the largest torque that any null vector (a change of parameters that
+    changes no energy) makes on other samples, relative to the largest that a vector of its size can make.
 
     By transfers, the method that finds a tree's rank joint by joint, `rank_geometry`, which follows from the tree's
     geometry (None otherwise), takes the place of `rank_torque`. Gap and smallest value are then those of the worst
@@ -54,9 +54,9 @@ class Certificate:
     relative change by a body that is unobservable at its joint.
 
     `rank_exact` is that of exact geometry, computed in what `exact_by` says ("a prime field" or "60 digits"); None, and
-    "", where it was not asked for. `leftovers` are values beyond the gap that are more than round-off,
-    `near_right_angles` pairs of axes that nearly meet at one; both are empty where there are none. Nothing is checked
-    at construction: `faults` and `require_accepted` judge it.
+    "", where it was not asked for. `leftovers` are singular values after sigma_k that are more than round-off,
+    `near_right_angles` pairs of successive joint axes whose angle is nearly a multiple of 90 degrees; both are empty
+    where there are none. Nothing is checked at construction: `faults` and `require_accepted` judge it.
     """
 
     rank_energy: int
@@ -81,8 +81,9 @@ class Certificate:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Reasons, as texts, for which the rank cannot be accepted; empty when it can. These are a `gap` below 1e6, a
-        `relative_smallest` below 1e-9, ranks that are not all equal, and a leftover above 1e-8 of sigma_1."""
+        """Reasons, as texts, for which the rank k cannot be accepted; empty when it can. These are a `gap` between the
+        singular values, sigma_k/sigma_k+1, below 1e6, a `relative_smallest` sigma_k/sigma_1 below 1e-9, ranks found in
+        different ways that are not all equal, and a singular value after sigma_k above 1e-8 of sigma_1."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
         largest = max((leftover.value for leftover in self.leftovers), default=0.0)
@@ -105,8 +106,9 @@ class Certificate:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks, as texts, on what is no fault but worth a look: first a text for each of `leftovers`, then one for
-        each of `near_right_angles`; empty where there are none."""
+        """Remarks, as texts, on what is no fault but worth a look: first a text for each of `leftovers`, singular
+        values beyond the rank that are more than round-off, then one for each of `near_right_angles`, pairs of joint
+        axes that nearly meet at a multiple of 90 degrees; empty where there are none."""
         leftovers = [f"beyond the gap, {leftover} is more than round-off" for leftover in self.leftovers]
         return (*leftovers, *map(str, self.near_right_angles))
 
@@ -126,9 +128,10 @@ class Certificate:
         return self.rank_torque, "torques"
 
     def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
-        """Raise `RankError` unless the rank can be accepted, that is unless `faults` is empty. Its `singular_values`
-        are the scaled singular values `spectrum` (n,), falling, no unit, an array that is not checked; its message
-        names the `mechanism`, the faults and the `suspects`, possible causes, none by default."""
+        """Raise `RankError` unless the rank, the number of identifiable parameters, can be accepted, that is unless
+        `faults` is empty. The error's `singular_values` are the n scaled singular values `spectrum` (n,), falling, no
+        unit, an array that is not checked; its message names the `mechanism`, the faults and the `suspects`, possible
+        causes, none by default."""
         if not self.faults:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)

@@ -33,7 +33,8 @@ EDGE = 1e-9
 class Lift:
     """A lift of k fundamental parameters to P full ones, all in SI units: physically consistent `parameters` (P,),
     which rigid bodies can have, in the order of the mechanism's `parameter_names`; their `fundamental` ones (k,), in
-    that of the model's `names`; and likewise the `wanted` ones (k,), those asked for."""
+    that of the reduced model's `names`; and likewise the `wanted` ones (k,), those asked for. Nothing is checked at
+    construction."""
 
     parameters: Array
     """Physically consistent full parameters (P,)."""
@@ -62,11 +63,11 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
 
     Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is meant
     by the Bregman divergence sum_i tr(Q_i^-1 P_i) - log det(Q_i^-1 P_i) of the links' pseudo-inertias P_i (4, 4) from
-    the prior's Q_i, which depends on no units and no frames (Lee, Wensing and Park 2020); the prior must be consistent,
-    and is the mechanism's own parameters where None. Where no rigid bodies have beta, the nearest realisable ones take
-    its place, in the least squares of SI units, and of the bodies that come as near but for a thousandth (a tenth at
-    most, where the solver needs it) those nearest to the prior: ask the lift's `realisable` and `distance`. Rotor
-    inertia and friction stay positive.
+    the prior's Q_i, which depends on no units and no frames (Lee, Wensing and Park 2020). The prior must be consistent;
+    None takes the mechanism's own parameters. Where no rigid bodies have beta, those count whose fundamental parameters
+    are nearest to beta, in the least squares of SI units, or farther by a thousandth at most (a tenth, where the solver
+    needs it), and of them the nearest to the prior is taken: the lift's `realisable` and `distance` tell. Rotor inertia
+    and friction stay positive.
 
     A semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without cvxpy and Clarabel (the extra
     `consistency`), `InputError` for a mechanism whose constraints take parameters away, on wrong shapes, for numbers

@@ -75,7 +75,8 @@ class Constraints:
 
     @classmethod
     def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
-        """The constraints matrix D = values, a relation for each of m rows, among n parameters D of these `names`.
+        """The constraints that a matrix states on inertial parameters D (n,) of these `names`: `matrix` times D =
+        `values`, a relation for each of its m rows.
 
         `matrix` is (m, n), or (n,) for one row; `values` (m,), None for zeros; D in SI units; `names` (n), each once,
         such as ``link4.m``. Raises `InputError` for other shapes, names given twice, numbers that are not finite, and a
@@ -132,15 +133,17 @@ class Constraints:
 def constrained(
     mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None
 ) -> ConstrainedMechanism:
-    """The mechanism on the parameters that the constraints leave free: each takes one away.
+    """The mechanism on the inertial parameters that the constraints leave free: each constraint takes one parameter
+    away, whose value follows from the others'.
 
-    A relation takes away the parameter that the priority would remove first and that no other relation has taken; its
-    value follows from the others'. A priority of None is the rule of Table 4 in Sheu and Walker (1991): m first, then
-    mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last.
-    Essential space, basis, model and controllers that are made from the result keep to the constraints, and need not
-    know of them. The mechanism's own values of parameters taken away are replaced by what the constraints say. Raises
-    `InputError` naming a relation that contradicts those before it (one that follows from them is left out), for a
-    known value that is not finite, a priority that names a parameter twice, and a mechanism that is constrained
+    It is the parameter that the `priority`, an order of removal, would remove first and that no other constraint has
+    taken. None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy, I_xz, I_yz,
+    I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. Essential space, fundamental basis, reduced
+    model and controllers that are made from the result keep to the constraints, and need not know of them. The
+    mechanism's own values of parameters taken away are replaced by what the constraints say.
+
+    Raises `InputError` naming a relation that contradicts those before it (one that follows from them is left out), for
+    a known value that is not finite, a priority that names a parameter twice, and a mechanism that is constrained
     already. Raises `NotFoundError` for a parameter, of constraints or priority, that the mechanism does not have, or
     that is friction.
     """

@@ -35,15 +35,16 @@ class EssentialSpace:
     """The essential space of inertial parameters D (P,), in SI units, without friction: the k of their P directions
     that change energies and torques, and the complement, the null space, which changes none.
 
-    `singular_values` (P,) and `basis` V1 (P, k) belong to the matrix H (samples - 1, P) of total energies at successive
-    states, subtracted, in J per SI unit of each parameter, unscaled, as the paper has it (Sheu and Walker 1991, section
-    3). `null_basis` V2 (P, P-k) is orthonormal and does not depend on the states. `scales` (P,) make parameters
-    comparable: choices between parameters of different units are made on D / scales, whose null vectors are
-    `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are read-only.
+    `singular_values` (P,) and `basis` V1 (P, k) belong to the matrix H (samples - 1, P) of differences of total energy
+    between successive states, in J per SI unit of each parameter, not scaled (Sheu and Walker 1991, section 3).
+    `null_basis` V2 (P, P-k) is orthonormal and does not depend on the states. `scales` (P,) make parameters comparable:
+    choices between parameters of different units are made on D / scales, whose null vectors are `scaled_null_basis` (P,
+    P-k). Arrays are computed when first asked for, and are read-only.
 
-    `search` holds the mechanism and the settings by which the null space is found, `certificate` proves its rank,
-    `states` says in words where the states of H come from, `energies` gives the triangle R (at most P, P) of H = Q R,
-    in the units of H; None for the random states of the search. Made by `essential_space`.
+    `search` holds the mechanism and the settings by which the null space is found, `certificate` proves its rank k,
+    `states` says in words where the states of H come from, `energies` gives the triangular factor R (at most P, P) of H
+    = Q R, in the units of H; None for the random states of the search. Made by `essential_space`; nothing is checked at
+    construction.
     """
 
     search: Search
@@ -56,24 +57,26 @@ class EssentialSpace:
 
     @property
     def mechanism(self) -> Mechanism:
-        """The mechanism whose parameters these are."""
+        """The mechanism whose inertial parameters the space is of."""
         return self.search.mechanism
 
     @property
     def null_space(self) -> NullSpace:
-        """The null space of the energies, the directions that change none: its `rank` k, `scales` (P,), `null_basis`
-        (P, P-k) of orthonormal vectors among D / scales, and `regrouping` through them."""
+        """The null space of the energies, the directions of the P inertial parameters D that change none: its `rank` k,
+        `scales` (P,), `null_basis` (P, P-k) of orthonormal vectors among D / scales, and `regrouping`, a method that
+        removes P-k parameters in an order and regroups them onto the others."""
         return self.search.found.null_space
 
     @property
     def proof(self) -> ExactEnergies | None:
-        """Energies on exact geometry, in exact arithmetic, by which the rank was also computed; None where it was not,
-        being left out or, unless asked for, loops being closed."""
+        """The proof of the rank: energies on exact geometry, in exact arithmetic (60 digits for closed loops), by which
+        the rank was also computed. None where it was not: because it was left out, or, unless asked for, because there
+        are closed loops."""
         return self.search.found.proof
 
     @property
     def mechanism_name(self) -> str:
-        """The mechanism's name."""
+        """Name of the mechanism whose inertial parameters the space is of."""
         return self.mechanism.name
 
     @property
@@ -95,38 +98,40 @@ class EssentialSpace:
 
     @property
     def rank(self) -> int:
-        """The rank k: the number of independent directions of the P parameters that change energies and torques."""
+        """The rank k: the number of independent directions of the P inertial parameters that change energies and
+        torques."""
         return self.certificate.rank
 
     @cached_property
     def scales(self) -> Array:
-        """The scales (P,) of the parameters D, their SI units per J, so that D / scales, all in J, compare with one
-        another: each one over the root of the summed squares of the energies that a unit of its parameter has at 46
-        random states, small ones taken as at least a thousandth of the largest."""
+        """The scales (P,) of the P inertial parameters D, their SI units per J, so that D / scales, all in J, compare
+        with one another: each one over the root of the summed squares of the energies that a unit of its parameter has
+        at 46 random states, small ones taken as at least a thousandth of the largest."""
         return frozen_array(self.null_space.scales, (len(self.parameter_names),), "scales")
 
     @cached_property
     def scaled_null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k), without a unit: directions of the scaled parameters D / `scales` that
-        change no energy and no torque."""
+        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the P scaled inertial parameters
+        D / `scales` that change no energy and no torque."""
         return self._null_vectors(self.null_space.null_basis, "scaled null basis")
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors V2 (P, P-k): directions of the parameters D, as numbers in SI units, that change no
-        energy and no torque."""
+        """Orthonormal null vectors V2 (P, P-k), k the rank: directions of the P inertial parameters D, as numbers in SI
+        units, that change no energy and no torque."""
         return self._null_vectors(self._bases[0], "null basis")
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (P,), falling, of the matrix H (samples - 1, P) of energies at successive states, subtracted,
-        in J per SI unit of the parameters, which are not scaled."""
+        """Singular values (P,), falling, of the matrix H (samples - 1, P) of differences of total energy between
+        successive states, in J per SI unit of each of the P inertial parameters, which are not scaled."""
         return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
-        """The orthonormal right singular vectors V1 (P, k), without a unit, of the matrix H (samples - 1, P) of
-        energies at successive states, subtracted, that belong to its k largest singular values, in their order."""
+        """The orthonormal right singular vectors V1 (P, k), without a unit, that belong to the k largest singular
+        values, in their order, k the rank, of the matrix H (samples - 1, P) of differences of total energy between
+        successive states, one column for each of P inertial parameters in SI units."""
         complement = self._bases[1]
         V1 = complement @ right_vectors(self._triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
@@ -139,8 +144,8 @@ class EssentialSpace:
 
     def project(self, parameters: ArrayLike) -> Array:
         """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P) without friction, in SI units:
-        D without its part in the null space; V1 (P, k) is `basis`. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity."""
+        D without its part in the null space, which changes no energy; V1 (P, k) is `basis`, k the rank. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property
@@ -166,22 +171,25 @@ def essential_space(
     near: Near = "refuse",
     prove: bool | None = None,
 ) -> EssentialSpace:
-    """The essential parameter space of a mechanism: the k directions of its P parameters (all but friction) that change
-    energies and torques.
+    """The essential parameter space of a mechanism: the k directions of its P inertial parameters (all but friction)
+    that change energies and torques.
 
     By the method "svd" it comes from energies at random states, drawn by `seed` (0 to 2^32 - 1); `samples` is their
-    number, at least 2 P, 2 P + 1 where None. By "transfers", for trees alone, its null space follows from the geometry,
-    joint by joint, in time that grows with the number of links, and it is checked against sampled energies. "automatic"
-    takes transfers for trees of a hundred parameters or more if their rank can be certified so, and else "svd". With
-    `states`, the singular values and their vectors V1 (P, k) are those of the given states' energies, so that model
-    reduction holds for them; None takes the random ones; the rank k and the null vectors V2 (P, P-k), which are the
-    mechanism's own, do not depend on them. With `prove` the rank is also computed on exact geometry; where None, if
-    that takes milliseconds, that is, unless loops are closed; False leaves it out. Where angles or lengths are nearly,
-    but not exactly, special, and the rank is another one if they are meant to be, it is refused ("refuse"), unless
-    `near` is "as_is", when it is that of the geometry as it stands, or `prove` is False. Raises `RankError`, with the
-    singular values, when the rank cannot be certified or is refused, and `InputError` for a method that is unknown or
-    not for this mechanism, for another `near` or `seed`, for too few samples, and for states of another number of
-    joints.
+    number, at least 2 P, 2 P + 1 where None. By "transfers", for trees alone, its null space, the directions that
+    change nothing, follows from the geometry, joint by joint, in time that grows with the number of links, and it is
+    checked against sampled energies. "automatic" takes transfers for trees of a hundred parameters or more if their
+    rank k can be certified so, and else "svd". With `states`, the singular values and their vectors V1 (P, k) are those
+    of the given states' energies, so that model reduction holds for them; None takes the random ones. The rank k and
+    the null vectors V2 (P, P-k) are the mechanism's own and do not depend on them.
+
+    With `prove` the rank is also computed on exact geometry; None does so where it takes milliseconds, that is, unless
+    loops are closed; False leaves it out. `near` is for angles or lengths that are nearly, but not exactly, special,
+    such as right angles, where the rank would be another one if they were exact: "refuse" raises `RankError`, "as_is"
+    takes the geometry as it stands; `prove` False looks for none.
+
+    Raises `RankError` when the rank cannot be certified, with the singular values, or is refused, and `InputError` for
+    a method that is unknown or not for this mechanism, for another `near` or `seed`, for too few samples, and for
+    states of another number of joints.
     """
     seed = whole_number(seed, "seed", 0, 2**32 - 1)
     given = None if states is None else partial(_same, _triangle(mechanism, states))

@@ -25,16 +25,18 @@ from adaptctl.markup import table, titled
 
 @dataclass(frozen=True, eq=False)
 class FundamentalBasis:
-    """A fundamental basis: the k of P inertial parameters that are kept, and the regrouping of the others onto them.
+    """A fundamental basis: the k of P inertial parameters that are kept (base parameters), and the regrouping of the
+    others onto them.
 
-    For all states Y(p, v, a) D = Y[:, columns] beta, Y (r, P) the torque regressor, D (P,) the inertial parameters
-    without friction, beta = K D the fundamental ones, K the `regrouping` (k, P) in SI units. It depends on the geometry
-    and gravity only of the mechanism named, by their SHA-256 hash `geometry_sha256`: its inertial values may change.
-    `parameter_names` are P, `columns` (k,) the rising indices of the kept ones; parameters over `scales` (P,), positive
-    and in SI units per J, are comparable; `gap`, positive and without a unit, is the ratio of the smallest singular
-    value that counts for the rank to the next; `passed_over` names kept parameters that the priority alone would
-    remove, but that those removed before nearly determine (none after `load`). Raises `InputError` for columns, matrix,
-    scales and gap that do not fit together, are not finite or not positive.
+    For all positions p, velocities v and accelerations a, Y(p, v, a) D = Y[:, columns] beta, with the torque regressor
+    Y (r, P) of r joints, the inertial parameters D (P,) without friction, and the fundamental ones beta = K D, K the
+    `regrouping` (k, P) in SI units. It depends on the geometry and gravity only of the mechanism named, by their
+    SHA-256 hash `geometry_sha256`: its inertial values may change. `parameter_names` are P, `columns` (k,) the rising
+    indices of the kept ones; parameters over `scales` (P,), positive and in SI units per J, are comparable; `gap`,
+    positive and without a unit, is the ratio of the smallest singular value that counts for the rank to the next;
+    `passed_over` names kept parameters that the priority, the order of removal, would remove, but that those removed
+    before nearly determine (none after `load`). Raises `InputError` for columns, regrouping and scales that do not fit
+    together or are not finite, and for scales or a gap that are not positive.
     """
 
     mechanism_name: str
@@ -65,37 +67,40 @@ class FundamentalBasis:
 
     @property
     def rank(self) -> int:
-        """The number of fundamental parameters k, those that are kept."""
+        """The number k of fundamental (base) parameters: of the inertial parameters, those that are kept."""
         return len(self.columns)
 
     @cached_property
     def condition(self) -> float:
-        """The condition number, without a unit, of F2' V2 (P-k, P-k), the removed parameters' rows of the orthonormal
-        null vectors V2 (P, P-k) of parameters in SI units (Sheu and Walker 1991, equation 25); 1 where none is removed.
-        The larger, the more poorly the removed parameters are determined by the kept ones."""
+        """The condition number, without a unit, of F2' V2 (P-k, P-k), where k of P parameters are kept: the removed
+        parameters' rows of the orthonormal null vectors V2 (P, P-k) of parameters in SI units (Sheu and Walker 1991,
+        equation 25); 1 where none is removed. The larger, the more poorly the removed parameters are determined by the
+        kept ones."""
         return condition(np.delete(self.regrouping, self.columns, axis=1))
 
     @cached_property
     def scaled_condition(self) -> float:
-        """The condition number of the removed parameters' rows (P-k, P-k) of the orthonormal null vectors (P, P-k)
-        among parameters over `scales`, so that it does not depend on units; 1 where none is removed."""
+        """The condition number, without a unit, of the removed parameters' rows (P-k, P-k) of the orthonormal null
+        vectors (P, P-k), where k of P parameters are kept, among parameters over `scales`, so that it does not depend
+        on units; 1 where none is removed."""
         scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
         return condition(np.delete(scaled, self.columns, axis=1))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names, k of them, of the kept parameters, in the order of the fundamental ones, such as ``link2.mc_x``."""
+        """Names, k of them, of the kept inertial parameters, such as ``link2.mc_x``, in the order of the fundamental
+        ones."""
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
-        """Fundamental parameters beta = K D (..., k), in the order of `names`, of inertial parameters D (..., P), in
+        """Fundamental parameters beta = K D (..., k), in the order of `names`, of P inertial parameters D (..., P), in
         that of `parameter_names` (no friction), in SI units; K (k, P) is `regrouping`. Raises `InputError` on a wrong
         shape, `NonFiniteError` on NaN or infinity."""
         return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
 
     def equations(self) -> tuple[str, ...]:
-        """The regrouping equations, k of them, as text in SI units, with a star at a parameter that others are
-        regrouped into, such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``."""
+        """The regrouping equations, one for each of the k kept parameters, as text in SI units, with a star at a
+        parameter that others are regrouped into, such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``."""
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
     def _repr_html_(self) -> str:
@@ -105,8 +110,8 @@ class FundamentalBasis:
         return titled("FundamentalBasis", text) + table(("kept", "is"), rows)
 
     def save(self, path: str | Path) -> None:
-        """Write the basis to the file `path` as JSON, whole or not at all, for `load`; `passed_over` is left out.
-        Raises `FileError` where it cannot be written."""
+        """Write the basis to the file `path` as JSON, whole or not at all, for `load` to read; `passed_over` is left
+        out. Raises `FileError` where it cannot be written."""
         BasisFile(
             schema="adaptctl/fundamental-basis/1",
             robot=Robot(self.mechanism_name, self.geometry_sha256),
@@ -119,8 +124,8 @@ class FundamentalBasis:
 
     @classmethod
     def load(cls, path: str | Path) -> FundamentalBasis:
-        """The basis saved in a JSON file by `save`. Raises `FileError` when the file cannot be read, is none of a
-        basis, or has been damaged."""
+        """The basis saved in a JSON file by `save`. Raises `FileError` when the file cannot be read, holds no
+        fundamental basis, or has been damaged."""
         content = BasisFile.read(path)
         try:
             return cls(
@@ -139,18 +144,20 @@ class FundamentalBasis:
 def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
-    """The fundamental basis of an essential space: the k of P parameters that are kept, by removing the others in the
-    order of a priority.
+    """The fundamental basis of an essential space: the k of P inertial parameters that are kept (base parameters), by
+    removing the others in the order of a priority.
 
     A priority of None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy, I_xz,
     I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. A parameter is removed where more than
     `tolerance` (a length without a unit, above 0 and below 1/sqrt(P), 1e-3 unless given) of its row of the space's
     `scaled_null_basis` is left by those removed before. Where the space has a proof (a rank on exact geometry), the
-    kept parameters are also found there; with `prove` it must have one, or `InputError` is raised. Raises `RankError`
-    when both differ although every choice is clear, when the kept parameters have another rank than the space, and when
-    the removed parameters determine the kept ones too poorly (condition above 1e4 among scaled parameters): the
-    priority then removes parameters that very nearly depend on each other. Raises `InputError` for another tolerance,
-    and for a priority whose names are given twice or (`NotFoundError`) unknown.
+    kept parameters are also found there; with `prove` it must have one, or `InputError` is raised.
+
+    Raises `RankError` when exact geometry keeps other parameters and the tolerance does not explain it, when the kept
+    parameters have another rank than the space, and when the null vectors determine the regrouping too poorly
+    (condition above 1e4 among scaled parameters): the priority then removes parameters that very nearly depend on each
+    other. Raises `InputError` for another tolerance, and for a priority whose names are given twice or
+    (`NotFoundError`) unknown.
     """
     order = (priority or Priority()).indices(space.parameter_names)
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]

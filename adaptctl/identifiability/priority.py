@@ -25,13 +25,14 @@ PAPER_KINDS = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
 
 @dataclass(frozen=True)
 class Priority:
-    """A priority of removal: an order over parameters by name, ``link3.I_xx``, the first of which is removed first.
+    """A priority: the order in which dependent inertial parameters are removed, by name, such as ``link3.I_xx``, first
+    removed first.
 
     Parameters that are not named come after those of `order`, in the default order: by kind, m, mc_x, mc_y, mc_z, I_xy,
     I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia, and within a kind from the first link to the last. Those of `keep` are
     removed last, the first of them last of all; both are empty by default. Either way a parameter stays when removing
     it would lose something that the motion depends on. Friction has no place here: energies say nothing of it, so it
-    stays. Names are checked where the priority is used (`indices`).
+    stays. Nothing is checked at construction: names are where the priority is used (`indices`).
     """
 
     order: tuple[str, ...] = ()
@@ -39,13 +40,15 @@ class Priority:
 
     @classmethod
     def default(cls, mechanism: Mechanism) -> Priority:
-        """The priority of the rule of Table 4 in Sheu and Walker (1991): kind by kind, m, mc_x, mc_y, mc_z, I_xy, I_xz,
-        I_yz, I_xx, I_yy, I_zz, then rotor inertias, each from the mechanism's first link to its last."""
+        """The default priority, the order in which a mechanism's dependent inertial parameters are removed: by Table 4
+        of Sheu and Walker (1991) kind by kind, m, mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, then rotor
+        inertias, each from the mechanism's first link to its last."""
         return cls(_default_order(energetic_names(mechanism)))
 
     @classmethod
     def read(cls, path: str | Path, mechanism: Mechanism) -> Priority:
-        """The priority that a TOML file states for a mechanism, in one of three ways.
+        """The priority that a TOML file states for a mechanism: the order in which inertial parameters are removed, in
+        one of three ways.
 
         By parameter, as far as one cares::
 
@@ -79,7 +82,7 @@ class Priority:
 
     def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
         """Indices (P,) of the parameters in the order of removal, the first removed first: places in `parameter_names`,
-        all P of them without friction.
+        the names of all P inertial parameters, without friction.
 
         Raises `NotFoundError` for names of the priority that are not among them, `InputError` for those given twice,
         and where one of `parameter_names` is friction or anything else but an inertial parameter or a rotor inertia.

@@ -22,13 +22,14 @@ from adaptctl.scalars import Column, Keyed, spread
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel(Keyed):
-    """A reduced model: a mechanism's equations of motion on the k parameters that a basis keeps; on all P where `basis`
-    is None.
+    """A reduced model: a mechanism's equations of motion on the k parameters that a fundamental basis keeps; on all P
+    where `basis` is None.
 
-    Torques tau = Y[:, columns] beta (r,), N m (N for a prismatic joint), with the torque regressor Y (r, P) and
-    fundamental parameters beta (k,), SI units: the columns of the parameters that were removed are never computed. The
-    k are those of the basis, and all friction after them. The basis may come from any mechanism of the same geometry,
-    gravity and link names. Raises `InputError` for a basis of another one, or one that changes energies.
+    For r joints, torques tau = Y[:, columns] beta (r,), N m (N for a prismatic joint), with the torque regressor Y (r,
+    P) and fundamental parameters beta (k,), SI units: the columns of the parameters that were removed are never
+    computed. The k are those of the basis, and all friction after them. The basis may come from any mechanism of the
+    same geometry, gravity and link names. Raises `InputError` for a basis of another geometry, gravity or link names,
+    or one whose regrouping changes energies.
     """
 
     mechanism: Mechanism
@@ -53,8 +54,8 @@ class ReducedModel(Keyed):
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Indices (k,) of the kept parameters among the mechanism's P, rising: the basis's, and all friction, which
-        energies cannot find."""
+        """Indices (k,) of the k kept parameters among the mechanism's P, rising: those of the fundamental basis, and
+        all friction, which energies cannot find."""
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
@@ -62,13 +63,14 @@ class ReducedModel(Keyed):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names, k of them, of the kept parameters, such as ``link2.mc_x``, in the order of beta."""
+        """Names, k of them, of the kept parameters, such as ``link2.mc_x``, in the order of the fundamental
+        parameters."""
         return tuple(self.mechanism.parameter_names[j] for j in self.columns)
 
     @cached_property
     def regrouping(self) -> Array:
-        """The regrouping matrix K (k, P), read-only: fundamental parameters beta = K D of full ones D (P,), friction
-        included, in SI units."""
+        """The regrouping matrix K (k, P), read-only: k fundamental parameters beta = K D of the P full ones D (P,),
+        friction included, in SI units."""
         P, energetic = len(self.mechanism.parameter_names), self.mechanism.energetic
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
@@ -77,15 +79,15 @@ class ReducedModel(Keyed):
 
     @cached_property
     def fundamental_parameters(self) -> Array:
-        """The true fundamental parameters beta = K D (k,), of the mechanism's own parameters D (P,) by the regrouping K
-        (k, P), in SI units and the order of `names`, read-only."""
+        """The mechanism's own fundamental parameters beta = K D (k,), regrouped from its inertial and friction
+        parameters D (P,) by K (k, P), in SI units and the order of `names`, read-only."""
         return frozen_array(
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """The torque regressor Y[:, columns] (..., r, k) of the kept parameters: times the fundamental parameters (k,)
-        in SI units it gives torques in N m (N for a prismatic joint).
+        """The torque regressor Y[:, columns] (..., r, k) of r joints and the k kept parameters: times the fundamental
+        parameters (k,) in SI units it gives torques in N m (N for a prismatic joint).
 
         At positions p, rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), all (..., r). Written
         to `out`, float64 (..., r, k), a new array where None. Raises `InputError` on a wrong shape, `NonFiniteError` on
@@ -97,9 +99,9 @@ class ReducedModel(Keyed):
     def slotine_li_regressor(
         self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, out: Array | None = None
     ) -> Array:
-        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of the kept parameters: times the fundamental parameters
-        (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r + g(p) + friction at v_r, N m (N for a prismatic
-        joint).
+        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of r joints and the k kept parameters: times the
+        fundamental parameters (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r + g(p) + friction at v_r, N
+        m (N for a prismatic joint), with the mass matrix M, the Coriolis matrix C and the gravity torques g.
 
         At positions p, rad (m), velocities v and reference velocities v_r, rad/s (m/s), and reference accelerations
         a_r, rad/s^2 (m/s^2), all (..., r). Written to `out`, float64 (..., r, k), a new array where None. Raises
@@ -111,9 +113,9 @@ class ReducedModel(Keyed):
     def inverse_dynamics(
         self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None, out: Array | None = None
     ) -> Array:
-        """Torques (..., r), N m (N for a prismatic joint), that give the accelerations a, rad/s^2 (m/s^2), at positions
-        p, rad (m), and velocities v, rad/s (m/s), all (..., r), with fundamental parameters beta (..., k) in SI units,
-        None for the mechanism's own.
+        """Torques (..., r) of r joints, N m (N for a prismatic joint), that give the accelerations a, rad/s^2 (m/s^2),
+        at positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with the k fundamental parameters beta
+        (..., k) in SI units, None for the mechanism's own.
 
         Written to `out`, float64 (..., r), a new array where None. Raises `InputError` on a wrong shape,
         `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops.
@@ -139,7 +141,7 @@ class ReducedModel(Keyed):
         return self.mechanism.on_columns("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
-        """Full parameters D_I = F1 beta (..., P) with the same torques as fundamental ones beta (..., k): F1 (P, k)
+        """Full parameters D_I = F1 beta (..., P) with the same torques as k fundamental ones beta (..., k): F1 (P, k)
         puts beta at the kept `columns`, zeros elsewhere; in SI units. Raises `InputError` on a wrong shape,
         `NonFiniteError` on NaN or infinity."""
         values = self._checked(beta)

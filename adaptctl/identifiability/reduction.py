@@ -15,15 +15,16 @@ from adaptctl.identifiability.essential_space import EssentialSpace
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduction to essential components: a mechanism's parameters with only the weightiest kept (Sheu and Walker
-    1991, section 3.2).
+    """A reduction to essential components: P inertial parameters as a sum of k parts, only the weightiest of which are
+    kept (Sheu and Walker 1991, section 3.2).
 
     It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters it
-    was made with: others move the weights. `components` (k, P), by falling size of their weight, are in the parameters'
-    SI units, and the first `kept` of them sum to the reduced parameters; `weights` (k,), J, are by size the root of the
-    summed squares, over the samples, of the energy differences between successive states that each makes; `order` (k,)
-    has the columns, from 0, of the essential space's `basis` V1 that they come from; `percent_errors` (k + 1,) are the
-    errors in these energy differences, likewise summed, in percent of all (equation 23), when 0, 1, ... k are kept.
+    was made with: others change the weights. `components` (k, P), by falling size of their weight, are in the
+    parameters' SI units, k the space's rank, and the first `kept` of them sum to the reduced parameters; `weights`
+    (k,), J, are by size the root of the summed squares, over the samples, of the energy differences between successive
+    states that each makes; `order` (k,) has the columns, from 0, of the essential space's `basis` V1 that they come
+    from; `percent_errors` (k + 1,) are the errors in these energy differences, likewise summed, in percent of all
+    (equation 23), when 0, 1, ... k are kept. Made by `reduce`; nothing is checked at construction.
     """
 
     states: str
@@ -45,10 +46,10 @@ class Reduction:
         return float(self.percent_errors[self.kept])
 
     def parameters(self, components: int | None = None) -> Array:
-        """Reduced parameters (P,) in SI units, without friction, the paper's D_E with a hat: the sum of the first
-        `components` components, of all that are `kept` where None.
+        """Reduced inertial parameters (P,) in SI units, without friction, the paper's D_E with a hat: the sum of the
+        first `components` of the k components, of all that are `kept` where None.
 
-        Raises `InputError` for what is no whole number in 0..k.
+        Raises `InputError` for what is no whole number from 0 to k.
         """
         count = self.kept if components is None else _checked_count(components, len(self.weights))
         return self.components[:count].sum(axis=0)
@@ -61,15 +62,15 @@ def reduce(
     energy_error: float | None = None,
     components: int | None = None,
 ) -> Reduction:
-    """The reduction of parameters to the fewest components with an energy error of at most `energy_error` percent, or
-    to a number of `components`, 0..k, k the space's rank.
+    """The reduction of inertial parameters to the fewest essential components with an energy error of at most
+    `energy_error` percent, or to a number of `components`, from 0 to the space's rank.
 
     `parameters` are inertial parameters (P,) in SI units, without friction, or a mechanism that has them. The error is
     the root of the summed squares of the errors in the energy differences between successive samples of the space's
     `states`, in percent of that of these differences themselves (equation 22 of Sheu and Walker 1991). Raises
-    `InputError` unless one of the two is given, the other None, where it is out of range (`energy_error` below 0 or not
-    finite) or `components` no whole number, and for parameters of a wrong shape, not finite, or without energy
-    differences between the states.
+    `InputError` unless one of `energy_error` and `components` is given, the other None; for an `energy_error` below 0
+    or not finite, and `components` out of range or no whole number; and for parameters of a wrong shape, not finite, or
+    without energy differences between the states.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")

@@ -26,7 +26,7 @@ class NearRightAngle:
 
     `parent` names the joint before, or is "gravity" for a joint on the ground, `child` the joint; `degrees` is the
     multiple that is missed (0, 90 or 180), and `miss` the angle beyond it in rad, negative where it falls short, less
-    than 1e-3 in size.
+    than 1e-3 in size. Nothing is checked at construction.
     """
 
     parent: str

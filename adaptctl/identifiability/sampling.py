@@ -23,11 +23,10 @@ MOST = 4096
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """States of the primary joints: positions `p` in rad (m) and velocities `v` in rad/s (m/s), both (samples, r), and
-    their `origin`, in words.
+    """States of a mechanism's r primary joints: positions `p` in rad (m) and velocities `v` in rad/s (m/s), both
+    (samples, r), and their `origin`, in words.
 
-    Raises `InputError` for arrays of other shapes and for fewer than two samples, `NonFiniteError` on NaN or
-    infinity.
+    Raises `InputError` for arrays of other shapes and for fewer than two samples, `NonFiniteError` on NaN or infinity.
     """
 
     p: Array
@@ -72,16 +71,18 @@ def _offset(first: Pose, second: Pose) -> Array:
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
-    """Random states (`samples`, r), drawn with `generator`: positions uniform within +-pi rad (prismatic joints: +-L
-    in m), and normal velocities of mean zero and standard deviation sqrt(g/L) in rad/s (times L in m/s).
+    """Random states (`samples`, r) of r primary joints, drawn with `generator`: positions uniform within +-pi rad
+    (prismatic joints: +-L in m), and normal velocities of mean zero and standard deviation sqrt(g/L) in rad/s (times L
+    in m/s).
 
     L is the largest distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the
     mechanism's gravity (m/s^2), the standard one where it has none. Limits are ignored, but for joints that move a
-    loop. Raises `InputError` for fewer than two samples, and for a reference that breaks a loop's conditions.
+    loop. Raises `InputError` for fewer than two samples, and for a reference configuration that breaks the mechanism's
+    conditions.
 
     The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow limits
-    would only make the same rank harder to see. Joints that move a loop are kept on the reference's branch, within
-    limits and away from singularity: beyond, another branch may have another rank.
+    would only make the same rank harder to see. Joints that move a loop are kept on the assembly branch of the
+    reference configuration, within limits and away from singularity: beyond, another branch may have another rank.
     """
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     length, turns = characteristic_length(mechanism), _turns(mechanism)
@@ -128,13 +129,13 @@ def random_accelerations(mechanism: Mechanism, samples: int, generator: np.rando
 
 
 def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> States:
-    """Random states (`samples`, r), in rad (m) and rad/s (m/s), uniform within the joints' limits, as Sheu and Walker
-    (1991) sampled theirs, drawn by `seed`.
+    """Random states (`samples`, r) of r primary joints, in rad (m) and rad/s (m/s), uniform within the joints' limits,
+    as Sheu and Walker (1991) sampled theirs, drawn by `seed`.
 
     Where a joint has no limit, a range of 2 pi rad (2 L in m) takes its place, about the mechanism's home position or
     from its other limit; where its velocity has none, sqrt(g/L) in rad/s (times L in m/s) does. L is the largest
     distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the gravity (m/s^2), the
-    standard one where there is none. Of a mechanism with loops, positions are kept that it can reach within its
+    standard one where there is none. Of a mechanism with loops, those positions are drawn that it can reach within its
     conditions and all its joints' limits. Raises `InputError` when hardly any are, for fewer than two samples, and for
     a seed that is not a whole number from 0 to 2^32 - 1.
     """

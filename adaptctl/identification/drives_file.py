@@ -72,12 +72,12 @@ class Drives:
     """Drives of a robot, as its motors and joints are coupled: motor position = transmission (joint position -
     offsets), and joint torque = transmission' motor torque.
 
-    `joints` are the names of the r joints, `transmission` (r, r) is each motor's speed (row) a unit of each joint's
-    speed (column), `offsets` (r,) are the joint positions, rad (m), where the motors are at zero, `motors` (r) the
-    names of each motor's columns in a log (position, torque, velocity), and its torque constant in N m a unit of its
-    torque column, `time` is the name of the log's column of time, `units` are the factors from the columns' units to
-    SI units, `payloads` known bodies (mass, kg, centre of mass, m, inertia, kg m^2) that a link holds throughout one
-    log, none unless given, and `source` is where the numbers come from, in words. Raises `InputError` for another
+    `joints` are the names of the r joints; `transmission` (r, r) is each motor's speed (row) for a unit of each joint's
+    speed (column); `offsets` (r,) are the joint positions, rad (m), where the motors are at zero. `motors` (r) are the
+    names of each motor's columns in a log (position, torque, velocity), and its torque constant in N m for a unit of
+    its torque column; `time` is the name of the log's column of time, `units` are the factors from the columns' units
+    to SI units. `payloads` are known bodies (mass, kg, centre of mass, m, inertia, kg m^2) that a link holds throughout
+    one log, none unless given, and `source` is where the numbers come from, in words. Raises `InputError` for another
     number of motors, arrays of another shape, and numbers that are not finite; `read_drives` checks the rest.
     """
 
@@ -101,18 +101,19 @@ class Drives:
         object.__setattr__(self, "offsets", frozen_array(self.offsets, (r,), "drives: offsets"))
 
     def position(self, motor: ArrayLike) -> Array:
-        """Joint positions (..., r), rad (m), of motor positions (..., r), rad (m): transmission^-1 motor + offsets.
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Joint positions (..., r), rad (m), of the positions `motor` (..., r) of r motors, rad (m): transmission^-1
+        motor + offsets. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: positions") @ self._inverse.T + self.offsets
 
     def velocity(self, motor: ArrayLike) -> Array:
-        """Joint velocities (..., r), rad/s (m/s), of motor velocities (..., r), rad/s (m/s): transmission^-1 motor.
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Joint velocities (..., r), rad/s (m/s), of the velocities `motor` (..., r) of r motors, rad/s (m/s):
+        transmission^-1 motor. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: velocities") @ self._inverse.T
 
     def torque(self, motor: ArrayLike) -> Array:
-        """Joint torques (..., r), N m (N for a prismatic joint), of motor torques (..., r), N m (N): transmission'
-        motor. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Joint torques (..., r), N m (N for a prismatic joint), of the torques `motor` (..., r) of r motors, N m (N):
+        transmission' motor, with the transpose. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+        infinity."""
         return checked(motor, len(self.joints), "drives: torques") @ self.transmission
 
     @cached_property
@@ -121,14 +122,14 @@ class Drives:
 
     @cached_property
     def constants(self) -> Array:
-        """Torque constants (r,) of the motors, in N m a unit of their torque columns (an ampere, say): 1 where these
-        are torques already, NaN where unknown."""
+        """Torque constants (r,) of the r motors, in N m for a unit of their torque columns (an ampere, say): 1 where
+        these are torques already, NaN where unknown."""
         given = (motor.torque_constant for motor in self.motors)
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
         """The same drives with their joints and motors in the order of a mechanism's primary joints. Raises
-        `InputError` unless the drives are of just these joints."""
+        `InputError` unless the drives are of just these joints, by name."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(
@@ -147,9 +148,9 @@ class Drives:
         )
 
     def on_joints(self) -> tuple[Drive, ...]:
-        """Drives of a mechanism's description, r of them, one a joint in the order of `joints`, with no rotor or
-        friction modelled yet, each turning with the joints that its motor turns with, in ratios (no unit) to its own
-        joint."""
+        """Drives for a mechanism's description, r of them, one a joint in the order of `joints`, with no rotor or
+        friction modelled yet. Each turns with the joints that its motor turns with, in ratios (no unit) to its own
+        joint. Raises `InputError` for a motor that turns other joints, but not its own."""
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]

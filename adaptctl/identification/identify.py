@@ -45,18 +45,20 @@ class Identification:
     """Result of an identification: a robot's k fundamental parameters as its logs show them, with their standard
     deviations and a validation.
 
-    `mechanism` has the identified parameters, links that bodies can have, and drives coupled as they are; `model` is
-    its model on the fundamental parameters. `deviations` (k,), SI units, are by the block jackknife and what the prior
-    leaves open, `nominal_deviations` (k,), SI units, as if residuals were white. `load` (r,), without a unit, is
-    load-dependent friction's share of each drive's rigid torque, zero where it was not chosen. `validation` compares
-    torques on rows that the fit which it judges has not seen, `alternatives` are simpler models' validations on the
-    same rows, by name; `choice` is the choice of the fit's settings (friction, cut-off, prior's weight), `steps` are
-    those of the preparation and `remarks` words on logs and prior. `misfit_ratio`, without a unit, is the root mean
-    square of the fitted rows' torque residuals, each over its joint's standard deviation, over that of plain least
-    squares. `space` is the essential space of the logs' motion, `components` the number of its components that carry
-    the motion's energy to a percent. `combinations` are k directions of the fundamental parameters in words, each with
-    its `strength`, without a unit (the plausible range by kind of parameter, `PriorRanges`, over the deviation that the
-    logs leave), the weakest first. `motions` are the logs' motions, and `drives` those used.
+    `mechanism` has the identified parameters, physically consistent links, and drives coupled as they are; `model` is
+    its reduced model on the fundamental parameters. `deviations` (k,), SI units, are standard deviations by the block
+    jackknife and what the prior leaves open, `nominal_deviations` (k,), SI units, as if residuals were white. `load`
+    (r,), without a unit, is load-dependent friction's share of the rigid torque of each of r drives, zero where it was
+    not chosen. `validation` compares torques on rows that the fit which it judges has not seen, `alternatives` are
+    simpler models' validations on the same rows, by name; `choice` is the choice of the fit's settings (friction,
+    cut-off, prior's weight), `steps` are those of the logs' preparation and `remarks` words on logs and prior.
+
+    `misfit_ratio`, without a unit, is the root mean square of the fitted rows' torque residuals, each over its joint's
+    standard deviation, over that of plain least squares. `space` is the essential space of the logs' motion,
+    `components` the number of its components that carry the motion's energy but for 1 %. `combinations` are k
+    directions of the fundamental parameters in words, each with its `strength`, without a unit (the plausible range by
+    kind of parameter, `PriorRanges`, over the deviation that the logs leave), the weakest first. `motions` are the
+    logs' motions, and `drives` those used. Made by `identify`; nothing is checked at construction.
     """
 
     mechanism: Mechanism
@@ -94,36 +96,38 @@ class Identification:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names, k of them, of the fundamental parameters, such as ``link2.mc_x``."""
+        """Names, k of them, of the identified fundamental parameters, such as ``link2.mc_x``, in the order of
+        `estimate`."""
         return self.model.names
 
     @property
     def inflation(self) -> float:
-        """Median ratio, without a unit, of the parameters' standard deviations to those that white residuals would
-        give; 1 where these are all zero."""
+        """Median ratio, without a unit, of the fundamental parameters' standard deviations to those that white
+        residuals would give; 1 where these are all zero."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known])) if known.any() else 1.0
 
     @cached_property
     def prior_ranges(self) -> Array:
-        """Prior ranges (k,) for an adaptive controller, SI units, the greatest distances of the truth expected from
-        the estimate: two standard deviations, and at least a twentieth of the estimate's size."""
+        """Prior ranges (k,) of the k fundamental parameters for an adaptive controller, SI units, the greatest
+        distances of the truth expected from the estimate: two standard deviations, and at least a twentieth of the
+        estimate's size."""
         return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
 
     def adaptation_gain(self, rate: float = 0.6) -> Array:
-        """Diagonal (k,) of an adaptive controller's gain Gamma, as in estimate' = -Gamma Y' s with the regressor Y and
-        the velocity error s, in units of the parameters squared per J: `rate` (1/J, larger adapts faster) times the
-        square of each parameter's prior range (`prior_ranges`), taken as at least 1e-9 of the greatest number. Raises
-        `InputError` for a rate that is not positive and finite."""
+        """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental parameters, as in estimate' =
+        -Gamma Y' s with the regressor Y and the velocity error s, in units of the parameters squared per J: `rate`
+        (1/J, larger adapts faster) times the square of each parameter's prior range (`prior_ranges`), taken as at least
+        1e-9 of the greatest number. Raises `InputError` for a rate that is not positive and finite."""
         rate = positive_number(rate, "adaptation gain: rate: expected a positive number")
         return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
     @property
     def unexcited(self) -> list[Combination]:
-        """Combinations of the fundamental parameters that the logs hardly excite: those whose plausible range before
-        the logs, that of `PriorRanges`, is below 3 standard deviations after them, `inflation` included, the least
-        excited first. Each has `words` and `strength`, that range over the deviation for white residuals, without a
-        unit."""
+        """Combinations of the fundamental parameters that the logs hardly excite, the least excited first: those whose
+        plausible range before the logs, by kind of parameter (`PriorRanges`), is below 3 standard deviations after
+        them, `inflation` included. Each has `words` and `strength`, that range over the deviation for white residuals,
+        without a unit."""
         return unexcited(self.combinations, self.inflation)
 
 
@@ -146,17 +150,19 @@ def identify(
 ) -> Identification:
     """The identification of a robot's inertial and friction parameters from logs of its motion.
 
-    `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, its file or a built-in's name
-    (with links as a first guess); `drives`, or their file, are how motors turn joints, or, where joints are measured
-    themselves (None), `columns` and `units` give, by "position", "torque", "velocity" and "time", patterns of column
-    names (`{joint}` for a joint's name, `{}` for its number from 1) and units ("deg", "N m", "deg/s", "ms"), where the
-    log itself does not tell. With a sampling `rate` (Hz) rows are taken as evenly spaced, else (None) by their stamps.
-    Without logs to `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen on the
-    rest; the estimate then takes them all. `topic` names that of a ROS bag with several (None: its only one), `skip`
-    steps of the preparation to leave out ("resample", "unwrap", "velocities", "limits", "standstill"), none unless
-    given, `friction` the terms ("viscous", "coulomb", "square_root", "stribeck", "offset", "load", separated by
-    commas); these, the low-pass filter's `cutoff` (Hz) and the `weight` of the prior, which is the first guess of the
-    links, against the logs (no unit) are chosen by an inner validation where None. With `instruments`, regressors are
+    `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, its file or a built-in's name,
+    with links as a first guess. `drives`, or their file, are how motors turn joints. Where joints are measured
+    themselves it is None, and `columns` and `units` give, by "position", "torque", "velocity" and "time", patterns of
+    column names (`{joint}` for a joint's name, `{}` for its number from 1) and units ("deg", "N m", "deg/s", "ms");
+    None where the log itself tells. With a sampling `rate` (Hz) rows are taken as evenly spaced, else (None) by their
+    stamps. Without logs to `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen
+    on the rest; the estimate then takes them all.
+
+    `topic` names that of a ROS bag with several (None: its only one), `skip` steps of the logs' preparation to leave
+    out ("resample", "unwrap", "velocities", "limits", "standstill"), none unless given. `friction` names the terms of
+    the friction model ("viscous", "coulomb", "square_root", "stribeck", "offset", "load", separated by commas),
+    `cutoff` (Hz) is the low-pass filter's, and `weight` (no unit) that of the prior, the first guess of the links,
+    against the logs: an inner validation chooses each of the three that is None. With `instruments`, regressors are
     freed of noise by instrumental variables, for encoders that are coarse or noisy.
 
     Raises `FileError` for files that cannot be read or used, `NotFoundError` for an unknown built-in robot, `LoopError`

@@ -14,11 +14,11 @@ from adaptctl.identification.filtered_dynamics import Rows
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Validation of a model on n rows of a log: `measured` and `predicted` torques (n, r) at the joints, N m (N for a
-    prismatic joint), both through one low-pass filter of `cutoff` Hz, where the arm moves.
+    """Validation of a model on n rows of a log: `measured` and `predicted` torques (n, r) of r joints, N m (N for a
+    prismatic joint), both through one low-pass filter of `cutoff` Hz, at instants when the arm moves.
 
-    `origin` is which samples these are, in words, and `time` (n,) in s, as in the log; predictions are from the
-    measured motion alone.
+    `origin` is which rows these are, in words, and `time` (n,) in s, as in the log; predictions are from the measured
+    motion alone. Nothing is checked at construction.
     """
 
     origin: str
@@ -43,23 +43,24 @@ class Validation:
 
     @property
     def joint_rms_errors(self) -> Array:
-        """RMS torque error of each joint (r,) over all instants, N m (N for a prismatic joint)."""
+        """RMS torque error (r,) of each of r joints over all instants, N m (N for a prismatic joint)."""
         return np.sqrt(np.mean(np.square(self.error), axis=0))
 
     @property
     def joint_relative_errors(self) -> Array:
-        """RMS torque error of each joint (r,) over all instants, divided by its RMS measured torque, without a unit."""
+        """RMS torque error (r,) of each of r joints over all instants, divided by its RMS measured torque, without a
+        unit."""
         return np.linalg.norm(self.error, axis=0) / np.linalg.norm(self.measured, axis=0)
 
     @cached_property
     def error(self) -> Array:
-        """Torque errors (n, r), predicted minus measured, N m (N for a prismatic joint)."""
+        """Torque errors (n, r) at n instants, of r joints, predicted minus measured, N m (N for a prismatic joint)."""
         return self.predicted - self.measured
 
     def autocorrelation(self, lags: int = 50) -> Array:
-        """Autocorrelation (lags + 1, r) of the torque errors less their means, without a unit, at 0 to `lags` rows
-        apart (at least 0; n - 1 of the n rows is the most): 1 at lag 0, and for white errors about zero after it, as
-        for a joint's errors that are all the same. Raises `InputError` for other lags."""
+        """Autocorrelation (lags + 1, r) of the torque errors of r joints less their means, without a unit, at 0 to
+        `lags` rows apart (at least 0; n - 1 of the n rows is the most). It is 1 at lag 0, and for white errors about
+        zero after it, as for a joint's errors that are all the same. Raises `InputError` for other lags."""
         count = min(whole_number(lags, "lags", 0, sys.maxsize), len(self.error) - 1)
         centred = np.where(np.ptp(self.error, axis=0) > 0.0, self.error - self.error.mean(axis=0), 0.0)
         whole = np.square(centred).sum(axis=0)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers, positive_number
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, ReferencePoint
@@ -93,12 +94,13 @@ def controller_system(
     and accelerations, in the same units and per s^2, r each (or as many as a task space has, in m): ``p[0]``, ``v[0]``,
     ``reference_p[0]``, ``reference_v[0]``, ``reference_a[0]`` and so on. Its outputs are r torques, ``torque[0]``, N m
     (N). Its state (n,), ``memory[0]`` and so on, is all that the law remembers between ticks, the estimate first where
-    there is one: `controller_start` has it at the beginning. `period` is not compared with the controller's own, and
-    checked by python-control alone: 0 is continuous time there, a negative one its `ValueError`. Raises
-    `MissingExtraError` without python-control; an evaluation raises what `controller.step` raises.
+    there is one: `controller_start` has it at the beginning. Raises `InputError` for a period that is not positive
+    and finite, or is not the controller's own where it has one, and `MissingExtraError` without python-control; an
+    evaluation raises what `controller.step` raises.
     """
     import control
 
+    period = _ticked(controller, period)
     r, m = controller.dof, controller.reference_size
     blank = controller.start(controller.home, np.zeros(r))
     sizes = [len(part) for part in leaves(blank)]
@@ -122,8 +124,11 @@ def controller_system(
 
 def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
     """The first state (n,) of a controller's system, the n numbers that its law remembers, one after the other, at
-    positions p, rad (m), and velocities v, rad/s (m/s), (r,) each. Raises `InputError` on a wrong shape,
+    positions p, rad (m), and velocities v, rad/s (m/s), (r,) each, of one arm. Raises `InputError` on a wrong shape,
     `NonFiniteError` on NaN or infinity, and `SingularityError` where loops cannot be closed or nearly lock."""
+    for what, given in (("p", numbers(p, "p")), ("v", numbers(v, "v"))):
+        if given.shape != (controller.dof,):
+            raise InputError(f"{what}: expected shape ({controller.dof},), of one arm, got {given.shape}")
     return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
 
 
@@ -137,9 +142,9 @@ def closed_loop_system(
     Inputs are the reference's positions, velocities and accelerations, rad (m) and per s and s^2, ``reference_p[0]``,
     ``reference_v[0]``, ``reference_a[0]`` and so on, r each (or as many as a task space has); outputs are positions
     ``p[0]``, rad (m), and velocities ``v[0]``, rad/s (m/s), r each. The state is the plant's, p and v (2r,), then all
-    that the controller remembers (n,). The controller's own period, if it has one, is not compared. Raises `InputError`
-    where they are for different numbers of joints, and for a plant with effects other than in the joints, and
-    `MissingExtraError` without python-control; an evaluation raises what those of `plant_system` and
+    that the controller remembers (n,). Raises `InputError` where they are for different numbers of joints or, where the
+    controller has a period of its own, for different periods, and for a plant with effects other than in the joints,
+    and `MissingExtraError` without python-control; an evaluation raises what those of `plant_system` and
     `controller_system` raise.
     """
     import control
@@ -153,6 +158,15 @@ def closed_loop_system(
         outputs=_signals(("p", "v"), plant.dof),
         name=name,
     )
+
+
+def _ticked(controller: Controller[Any], period: float) -> float:
+    """The period, s. Raises `InputError` unless it is positive and the controller's own, where that has one."""
+    period = positive_number(period, "period: expected a positive time in s")
+    own = getattr(controller, "period", None)
+    if own is not None and not math.isclose(own, period):
+        raise InputError(f"period: {type(controller).__name__} is for {own:g} s, its own period, got {period:g} s")
+    return period
 
 
 def _accelerations(mechanism: Mechanism) -> Any:

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
@@ -44,8 +44,16 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n) and infos, after an episode of every arm has begun, or of those in the option
-        `reset_mask`."""
+        """Observations (N, n), in the environment's units, and `info` of all arms, after an episode of every arm has
+        begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools (N,); their controllers
+        begin with an empty memory.
+
+        `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on; `options` are
+        those of `VectorTrackingEnv`, None for none. Raises what `VectorTrackingEnv.reset` raises: `InputError` for bad
+        seeds and options, of these `NotFoundError` for unknown ones and `NonFiniteError` for numbers that are not
+        finite, `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of
+        the arms before the first reset of all.
+        """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
         begun = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
         self._over = self._over & ~begun
@@ -53,7 +61,14 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         return observations, info
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Observations (N, n), rewards, ends, time-outs (N,) and infos after one control period of all arms."""
+        """Observations (N, n), in the environment's units, rewards (no unit), `terminated` and `truncated`, bools, (N,)
+        each, and `info` after one control period of all arms under each one's own controller and the actions (N, a), no
+        unit, in [-1, 1], as in the class's card. Actions of arms that begin again do not matter, but are checked.
+
+        Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming number and arm, before
+        anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`
+        before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is over.
+        """
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         torques, told = self._torques(finite_actions(actions, self.action_space))
@@ -87,10 +102,7 @@ def require_controller(given: object) -> None:
 
 def finite_actions(given: Any, space: gymnasium.Space[Any]) -> Array:
     """Actions of a space's shape as numbers. Raises `InputError` and `NonFiniteError` for others."""
-    try:
-        actions = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"action: expected numbers of shape {space.shape}, got {given!r:.80}") from error
+    actions = numbers(given, "action", f"of shape {space.shape}")
     if actions.shape != space.shape:
         raise InputError(f"action: expected shape {space.shape}, got {actions.shape}")
     if not np.isfinite(actions).all():

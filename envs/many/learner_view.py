@@ -10,16 +10,16 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, per_joint
 from adaptctl.envs.many.controlled import finite_actions
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """A view of a vector environment of ours with N arms, in wrappers or not, for learners that know a single kind of
-    end: actions (N, a) in [-1, 1], no unit, are shares of the largest, such as torque limits, and infos one dictionary
-    an arm.
+    """A view of a vector environment of ours with N arms, in wrappers or not, for learners that take one flag `done`
+    for both kinds of an episode's end: actions (N, a) in [-1, 1], no unit, are shares of the largest, such as torque
+    limits, and infos one dictionary an arm.
 
     `env` is the environment; `observation_space` (n,) and `action_space` (a,) are those of one arm. `done` (N,) is
     terminated or truncated. The info of an arm that is done has `terminal_observation` (n,), the last of the episode
@@ -44,11 +44,15 @@ class LearnerView:
         self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """The first observations (N, n), in the environment's units, of an episode of every arm. `seeds` and `options`
-        have N entries each: an arm's seed, None to go on with its random numbers, and its options, those of
-        `TrackingEnv`, of the same names for all arms. Raises `InputError` for bad seeds and options, other names, and
-        another number of seeds, `NotFoundError` for unknown options, and `ValueError` for an `initial_error` of another
-        shape than () and (r,)."""
+        """The first observations (N, n), in the environment's units, of an episode of each of the N arms. `seeds` and
+        `options` have N entries each: an arm's seed, None to go on with its random numbers, and its options, those of
+        `TrackingEnv.reset` (`payload`, `trajectory`, `initial_error`, `parameters`), of the same names for all arms.
+        Raises `InputError` for bad seeds and options, other names, and another number of seeds or options,
+        `NotFoundError` for unknown options."""
+        count = self.env.num_envs
+        listed = isinstance(options, Sequence) and all(isinstance(own, Mapping) for own in options)
+        if not listed or len(options) != count:
+            raise InputError(f"options: expected a mapping for each of {count} arms, got {options!r:.80}")
         names = set(options[0])
         if any(set(own) != names for own in options):
             raise InputError(
@@ -56,15 +60,18 @@ class LearnerView:
             )
         each: dict[str, Any] = {name: [own[name] for own in options] for name in names}
         if "initial_error" in each:  # One number for all joints would else be one a joint.
-            each["initial_error"] = [np.broadcast_to(own, (self._dof,)) for own in each["initial_error"]]
+            off = enumerate(each["initial_error"])
+            each["initial_error"] = [per_joint(own, self._dof, f"initial_error of arm {arm}") for arm, own in off]
         observations: Array = self.env.reset(seed=seeds, options=each)[0]
         return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations (N, n), in the environment's units, rewards (N,), no unit, done (N,) and a list of N infos after
-        one control period under actions (N, a), shares of the largest in [-1, 1], not clipped here. Raises `InputError`
-        on a wrong shape, `NonFiniteError` on NaN and infinity and where a motion runs away, Gymnasium's `ResetNeeded`
-        before the first reset."""
+        """Observations (N, n), in the environment's units, rewards (N,), no unit, bools done (N,), terminated or
+        truncated, and a list of N infos, one an arm, after one control period of the N arms under actions (N, a),
+        shares of the largest in [-1, 1], not clipped here. An arm that is done has begun its next episode; its info has
+        `terminal_observation` (n,) and `TimeLimit.truncated`, others are empty. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN and infinity and where a motion runs away, Gymnasium's `ResetNeeded` before the first
+        reset."""
         scaled = finite_actions(actions, self.env.action_space) * self._largest
         observation, reward, terminated, truncated, info = self.env.step(scaled)
         done: NDArray[np.bool_] = terminated | truncated

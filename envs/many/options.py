@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.simulation.effects import Payload
 
@@ -26,10 +26,7 @@ class ArmOptions:
 
     def numbers(self, values: ArrayLike, size: int, what: str) -> Array:
         """Rows (k, size). Raises `InputError` on a wrong shape, and `NonFiniteError`, which names the arm."""
-        try:
-            array = np.asarray(values, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{what}: expected numbers, got {values!r}") from error
+        array = numbers(values, what)
         if array.shape not in ((), (size,), (self.total, size)):
             raise InputError(
                 f"{what}: expected a number or shape ({size},), or ({self.total}, {size}) for the arms, "
@@ -52,10 +49,21 @@ class ArmOptions:
         return [values[arm] for arm in self.arms.tolist()]
 
     def parameters(self, options: Mapping[str, Any], own: Array, link: int) -> Array:
-        """True inertial parameters (k, P): those given or the mechanism's own, with what the link holds."""
+        """True inertial parameters (k, P): those given or the mechanism's own, with what the link holds. Raises as
+        `numbers` and `each` do, and `InputError`, which names the arm, for a payload that no body is."""
         rows = self.numbers(options.get("parameters", own), own.size, "parameters")
         if "payload" not in options:
             return rows
         held = self.each(options["payload"], "payload")
-        tens: dict[int, Array] = {id(given): Payload.of(given).added_to(np.zeros(own.size), link) for given in held}
+        tens: dict[int, Array] = {}
+        for arm, given in zip(self.arms.tolist(), held, strict=True):
+            if id(given) not in tens:
+                tens[id(given)] = _payload(given, arm).added_to(np.zeros(own.size), link)
         return rows + np.array([tens[id(given)] for given in held])
+
+
+def _payload(given: Any, arm: int) -> Payload:
+    try:
+        return Payload.of(given)
+    except InputError as error:
+        raise type(error)(f"arm {arm}: {error}") from error

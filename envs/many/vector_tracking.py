@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation.lanes import Precision
 from adaptctl.compilation.limits import LARGEST_COMPILED
@@ -31,10 +31,10 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     """
     ## Description
 
-    A vector environment of N arms, each in a `TrackingEnv` of its own, that take their steps together in native code:
-    as many at a time as a register of the processor holds. Whatever the card of `TrackingEnv` says holds for every arm;
-    this one says what many of them add. Arm i is the single environment with its seed, options and actions, to
-    round-off.
+    A vector environment of N arms of r joints, each in a `TrackingEnv` of its own, in which it is to follow a reference
+    trajectory under joint torques. The arms take their steps together in native code: as many at a time as a register
+    of the processor holds. Whatever the card of `TrackingEnv` says holds for every arm; this one says what many of them
+    add. Arm i is the single environment with its seed, options and actions, to round-off.
 
     ```python
     import gymnasium
@@ -46,15 +46,16 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Action space
 
-    `Box(-limit, limit, (N, r), float64)`: torques in N m (N). What is out of bounds is clipped and counted; NaN and
-    infinity raise `NonFiniteError`, which names the joint and the arm, a wrong shape `InputError`, before anything
-    moves.
+    `Box(-limit, limit, (N, r), float64)`: torques in N m (N of prismatic joints), `limit` being the torque limits. What
+    is out of bounds is clipped and counted; NaN and infinity raise `NonFiniteError`, which names the joint and the arm,
+    a wrong shape `InputError`, before anything moves.
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (N, 5r + r L), float64)`, for every arm as in `TrackingEnv`; `observation_slices` has the places of
-    the columns: `observation[:, env.unwrapped.observation_slices["p"]]`. A controller takes them as they are: see
-    `Controller.step`.
+    `Box(-1e6, 1e6, (N, 5r + r L), float64)` for L look-ahead times, in rad and s (m if prismatic), for every arm as in
+    `TrackingEnv`: positions `p`, velocities `v`, `reference_p`, `reference_v` and `reference_a`, r each, and the
+    reference's positions at the L times ahead. `observation_slices` has the places of the columns:
+    `observation[:, env.unwrapped.observation_slices["p"]]`. `Controller.step` takes these columns as they are.
 
     ## Rewards and episode end
 
@@ -87,7 +88,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     | Argument         | Default      | Meaning                                                                        |
     |------------------|--------------|--------------------------------------------------------------------------------|
-    | `num_envs`       | 1            | N                                                                              |
+    | `num_envs`       | 1            | the number N of arms                                                           |
     | `autoreset_mode` | `"NextStep"` | see above                                                                      |
     | `reset_options`  | `None`       | options of every reset, where it is not given others, those that arms begin again with included |
     | `precision`      | `"double"`   | `"single"` for twice as many arms in a register, 7 digits instead of 16: arm i is then the single environment to some 1e-6 rad in 100 steps |
@@ -99,8 +100,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Options at reset
 
-    Those of `TrackingEnv`, for all arms or one each: `initial_error` also (N, r), `parameters` also (N, P), `payload` and
-    `trajectory` also a list of N. Sums of sinusoids (`Sinusoids`, random ones) are evaluated natively by each arm's
+    Those of `TrackingEnv`, for all arms or one each: `initial_error` also (N, r), `parameters`, P an arm, also (N, P),
+    `payload` and `trajectory` also a list of N. Sums of sinusoids (`Sinusoids`, random ones) are evaluated natively by each arm's
     own numbers; other references are sampled, which is slower.
 
     ## Version history
@@ -149,15 +150,16 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, in units as in the class's card, and `info` of all arms, after an episode
-        of every arm has begun, or of those in the option `reset_mask`, bools (N,), not all False, in the mode
-        "Disabled" alone.
+        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad and s (m if prismatic), and
+        `info` of all N arms, after an episode of every arm has begun, or, with `autoreset_mode` "Disabled" alone, of
+        those in the option `reset_mask`, bools (N,), not all False.
 
-        `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on; `options` are
-        those of the class's card, None for `reset_options` alone. Raises `InputError` for bad seeds and options, of
-        these `NotFoundError` for unknown ones and `NonFiniteError` for an `initial_error` or `parameters` that are not
-        finite, naming the arm; `SingularityError` where loops cannot be followed to the start; Gymnasium's
-        `ResetNeeded` for a part of the arms before the first reset of all.
+        `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
+        `payload`, `trajectory`, `initial_error` and `parameters`, for all arms or one each, in place of those in
+        `reset_options`, None for these alone. Raises `InputError` for bad seeds and options, of these `NotFoundError`
+        for unknown ones and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, naming the
+        arm; `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of the
+        arms before the first reset of all.
         """
         given = dict(_known(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -175,13 +177,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, in units as in the class's card, rewards (no unit), `terminated` and
-        `truncated`, bools, (N,) each, and `info` after one control period of all arms under `actions`, torques (N, r),
-        N m (N), held.
+        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad and s (m if prismatic), rewards
+        (no unit), `terminated` and `truncated`, bools, (N,) each, and `info` after one control period of all N arms
+        under `actions`, torques (N, r), N m (N), held and clipped to the torque limits.
 
         Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming joint and arm, before
         anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`
-        before the first reset, and in the mode "Disabled" where an arm's episode is over.
+        before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is over.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)
@@ -252,10 +254,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def _torques(self, actions: ArrayLike, ignored: Flags) -> Array:
         """Finite torques (N, r), zero where actions are ignored."""
         shape = self.action_space.shape
-        try:
-            torques = np.array(actions, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"action: expected torques of shape {shape}, got {actions!r}") from error
+        torques = numbers(actions, "action", f"of shape {shape}").copy()
         if torques.shape != shape:
             raise InputError(f"action: expected shape {shape}, got {torques.shape}")
         torques[ignored] = 0.0
@@ -315,17 +314,17 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
 
 class Puma560VectorTrackingEnv(VectorTrackingEnv):
-    """Vector environment of N PUMA 560 arms: `VectorTrackingEnv` with the arguments and defaults of
+    """Vector environment of N PUMA 560 arms, six joints each: `VectorTrackingEnv` with the arguments and defaults of
     `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42), rad and s. Raises what
-    `VectorTrackingEnv` raises."""
+    `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
 
     kind = Puma560TrackingEnv
 
 
 class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
-    """Vector environment of N semi-direct-drive arms: `VectorTrackingEnv` with the arguments and defaults of
-    `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21), rad and s. Raises what
-    `VectorTrackingEnv` raises."""
+    """Vector environment of N semi-direct-drive arms, three primary joints each: `VectorTrackingEnv` with the arguments
+    and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21), rad and s.
+    Raises what `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
 
     kind = SemiDirectDriveTrackingEnv
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.least_squares import (
@@ -33,17 +33,19 @@ class CovarianceMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
-    """Composite adaptation of the estimate (k,) by least squares with bounded-gain forgetting (Slotine and Li 1989).
+    """Composite adaptation of the estimate (k,) of k parameters by least squares with bounded-gain forgetting (Slotine
+    and Li 1989).
 
         estimate' = -P (Y's + W'R (W estimate - F[tau])),  P' = lambda(t) P - P W'R W P
 
     lambda(t) = forgetting (1 - tr(Gamma^-1 P)/(k bound)). The covariance P (k, k) starts at Gamma = diag(`gain`),
-    `gain` (k,) positive, in units of the parameters squared per J; `weight` R in 1/(N m s) (m/(N s) for a prismatic
-    joint), one number or (r,), and `cutoff` (1/s) of the filter F are those of `Composite`, both positive; `forgetting`
-    of at least 0 is in 1/s; `bound` of at least 1, unitless, is how many times Gamma the mean gain may become. s (r,)
-    is the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) the
-    filtered one. Raises `InputError` for other numbers and shapes at construction, and for sizes that do not fit the
-    model, or settings that do not fit the period, with a controller; a weight of NaN is a `NonFiniteError`.
+    `gain` (k,) positive, in units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s
+    (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the
+    filter F = cutoff/(d/dt + cutoff). `weight` is R in 1/(N m s) (m/(N s)), one number or (r,), `cutoff` in rad/s, both
+    positive; `forgetting` of at least 0 is in 1/s; `bound` of at least 1, unitless, is the most that tr(Gamma^-1 P)/k,
+    the mean gain over Gamma, may become; `called` is the law's name in messages. Raises `InputError` for other numbers
+    and shapes at construction, and, with a controller, for sizes that do not fit the model, a cutoff above 1/T_c and a
+    forgetting above 0.1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 -
@@ -51,12 +53,13 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     positive, and s and the error go to zero exponentially. Every period is solved implicitly, one joint's equation
     after the other, which keeps P positive definite.
 
-    Gives up: what `Composite` does. Without excitation P grows to its bound along what W does not see, where noise then
-    moves the estimate fastest. And there is one lambda(t) for all directions: it settles at forgetting/(1 + forgetting
-    c/(k bound)), c the trace of the inverse of Gamma^1/2 W'R W Gamma^1/2 on average, which is large where some
-    direction is hardly excited. Then nothing is forgotten, however fast the forgetting, P shrinks along all that W
-    sees, and a parameter that changes, a payload, is not learned any more (`CushionedFloor` is). It is for parameters
-    that are constant. Costs k^2 operations a joint and a memory of k (k + 1)/2.
+    Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. Without excitation P grows
+    to its bound along what W does not see, where noise then moves the estimate fastest. And there is one lambda(t) for
+    all directions: it settles at forgetting/(1 + forgetting c/(k bound)), c the trace of the inverse of Gamma^1/2 W'R W
+    Gamma^1/2 on average, which is large where some direction is hardly excited. Then nothing is forgotten, however fast
+    the forgetting, P shrinks along all that W sees, and a parameter that changes, as with a payload, is not learned any
+    more; `CushionedFloor` learns it. This law is for parameters that are constant. Costs k^2 operations a joint and a
+    memory of k (k + 1)/2.
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting", "bound")
@@ -67,13 +70,16 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     bound: float = 2.0
 
     def __post_init__(self) -> None:
+        if (gain := numbers(self.gain, f"{self.called}: gain", "(k,)")).ndim != 1:
+            raise InputError(f"{self.called}: gain: expected Gamma's diagonal (k,), got shape {gain.shape}")
         super().__post_init__()
         if not (np.isfinite(self.bound) and self.bound >= 1.0):
             raise InputError(f"{self.called}: bound: expected at least 1, got {self.bound}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, and cutoff times period is at most 1, forgetting times period at most 0.1, unitless.
+        for each of its r joints, the torque filter's cutoff times the period is at most 1, and forgetting times the
+        period at most 0.1, both unitless.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -86,11 +92,12 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> CovarianceMemory:
-        """The memory before the first tick: the upper triangle (k (k + 1)/2,) of P = Gamma, in units of Gamma, and the
-        torque filters at rest, W and F[tau] zero.
+        """The memory before the first tick: the upper triangle (k (k + 1)/2,) of the covariance P = Gamma of k
+        parameters, in units of Gamma (the first gain), and the torque filters at rest, their outputs zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
-        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
+        `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
+        in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
+        control period in s. Nothing is checked here.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)
@@ -98,11 +105,13 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
-        """The estimate (k,), in the parameters' SI units, and the memory after a control period: a trapezium step for
-        the tracking error, an implicit step for each joint's prediction error, and forgetting of the covariance P.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period: a
+        trapezium step for the tracking error, an implicit step for each joint's prediction error, then forgetting,
+        which lets the covariance P (k, k) grow.
 
-        `estimate` (k,) and `memory`, P's upper triangle (k (k + 1)/2,) in units of the first gain and the torque
-        filters, are those before the control period that `period` describes. Nothing is checked here.
+        `estimate` (k,) and `memory` are those before the control period that `period` describes; the memory is P's
+        upper triangle (k (k + 1)/2,), in units of the first gain Gamma, and the torque filters. Nothing is checked
+        here.
         """
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
@@ -118,8 +127,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         return moved, CovarianceMemory((1.0 + period.elapsed * rate) * covariance, filtered)
 
     def covariance(self, memory: CovarianceMemory) -> Array:
-        """The covariance P (k, k), symmetric, that a `memory` of this law holds, in units of the parameters squared per
-        J."""
+        """The covariance P (k, k) of least squares on k parameters, the gain of the moment, symmetric, that a `memory`
+        of this adaptation law holds, in units of the parameters squared per J."""
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
 

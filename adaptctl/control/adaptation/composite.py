@@ -19,28 +19,28 @@ from adaptctl.scalars.column import combined
 
 @dataclass(frozen=True, eq=False)
 class Composite(Descent[Filtered]):
-    """Composite adaptation of the estimate (k,), by the tracking and the prediction error (Slotine and Li 1989).
+    """Composite adaptation of the estimate (k,) of k parameters, by the tracking and the prediction error (Slotine and
+    Li 1989).
 
         estimate' = -Gamma (Y's + W'R (W estimate - F[tau]))
 
-    s (r,) is the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r,
-    k) that behind the filter F = lambda/(d/dt + lambda), from positions and velocities alone. `gain` is Gamma, (k,) its
-    diagonal or (k, k), in units of the parameters squared per J; `weight` is R (r,), its diagonal, in 1/(N m s) (m/(N
-    s) for a prismatic joint), one number or one a joint; `cutoff` is lambda in 1/s. Raises `InputError` at construction
-    for a gain that is not finite, symmetric and positive definite, and a weight or cutoff that is not positive and
-    finite (a weight of NaN is a `NonFiniteError`), and, with a controller, for other sizes and for a cutoff above
-    1/T_c.
+    s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
+    (r, k) the torque regressor, W (r, k) that behind the filter F = lambda/(d/dt + lambda), from positions and
+    velocities alone. `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight`
+    is R's diagonal, one number or (r,), in 1/(N m s) (m/(N s)); `cutoff` is lambda in rad/s. Raises `InputError` at
+    construction for a gain that is not finite, symmetric and positive definite, and a weight or cutoff that is not
+    positive and finite (a weight of NaN is a `NonFiniteError`), and, with a controller, for sizes that do not fit the
+    model and for a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: with eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R eps: besides s, what the
-    torques say of the parameters goes to zero, and under persistent excitation s and the error go to zero
-    exponentially. Sampled, the second part is solved implicitly, so that no weight is too large for the period.
+    the truth: with the prediction error eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R eps:
+    s and eps go to zero, and under persistent excitation s and the error go to zero exponentially. Sampled, the step
+    for the prediction error is solved implicitly, so that no weight is too large for the period.
 
     Gives up: the torque that is commanded must be the torque that acts: friction that is no parameter, actuator lag and
     delay are learned as inertia. Noise of velocities enters W with the gain lambda, and pulls the estimate to zero
-    along what is little excited: choose lambda about as fast as the motion. Without excitation it drifts under
-    disturbance as `Gradient` does, but not along what W sees. Costs the momenta's regressor and r filters for each
-    parameter.
+    along what is little excited: choose lambda about as fast as the motion. Without excitation the estimate drifts
+    under disturbance along what W does not see. Costs the momenta's regressor and r filters for each parameter.
     """
 
     tunable = ("gain", "weight", "cutoff")
@@ -55,7 +55,7 @@ class Composite(Descent[Filtered]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, and cutoff times period is at most 1, unitless.
+        for each of its r joints, and the torque filter's cutoff times the period is at most 1, unitless.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -65,16 +65,18 @@ class Composite(Descent[Filtered]):
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
-        """The memory before the first tick: the torque filters at rest, W and F[tau] zero.
+        """The memory before the first tick: the torque filters at rest, their outputs, the filtered regressor and the
+        filtered torques, zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
-        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
+        `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
+        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
+        `period` the control period in s. Nothing is checked here.
         """
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
-        """The estimate (k,), in the parameters' SI units, and the torque filters' memory after a control period: a
-        trapezium step for the tracking error, then an implicit one for the prediction error.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the torque filters' memory after a
+        control period: a trapezium step for the tracking error, then an implicit one for the prediction error.
 
         `estimate` (k,) and `memory`, the torque filters, are those before the control period that `period` describes.
         Nothing is checked here.
@@ -88,9 +90,9 @@ class Composite(Descent[Filtered]):
 
 
 def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
-    """The prediction error W estimate - torque (r,), in N m (N for a prismatic joint), for the r rows (k,) of W, in N m
-    (N) per unit of each parameter, an estimate (k,) in SI units and filtered torques F[tau] (r,). Raises `ValueError`
-    for columns of other lengths."""
+    """The prediction error W estimate - torque (r,) of an estimate, in N m (N for a prismatic joint). `rows` are the r
+    rows (k,) of the filtered torque regressor W, in N m (N) per unit of each of k parameters, `estimate` (k,) is in SI
+    units, `torque` (r,) are the filtered torques in N m (N). Raises `ValueError` for columns of other lengths."""
     return Column(row @ estimate for row in rows) - torque
 
 

@@ -39,42 +39,44 @@ class LearningMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
+        """Part of the memory that a run keeps: the number (1,) of joints' equations that were learned from in the last
+        period."""
         return self.learned
 
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
-    """Composite learning of the estimate (k,) (Pan and Yu 2018) with a memory Q, z of all that was excited, which
-    forgets by direction (Kulhavy 1987, Cao and Schwartz 2000).
+    """Composite learning of the estimate (k,) of k parameters (Pan and Yu 2018) with a memory Q (k, k), z (k,) of all
+    that was excited, which forgets by direction (Kulhavy 1987, Cao and Schwartz 2000).
 
         estimate' = -P (Y's + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
-        Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' likewise, so that z = Q true
+        Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' = W'R F[tau] - forgetting Q W'(W Q W')^+ W z
 
-    Along what W sees now the past is forgotten, at `forgetting` (1/s); what it does not see is kept for as long as it
-    is not seen again. `recall` (1/s) is how fast the estimate returns to what the memory says, along all that was well
-    excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's equation, w its row of W, is
-    noise: nothing is learned from it, nor forgotten; 0, the default, lets all count. `alarm` (W) is the power eps'R eps
-    beyond which all of the memory is forgotten as well, at forgetting (eps'R eps/alarm - 1); infinity, the default,
-    leaves that out.
+    so that z = Q true. Along what W sees now the past is forgotten, at `forgetting` (1/s); what W does not see is
+    remembered until it is seen again. `recall` (1/s) is how fast the estimate returns to what the memory says, along
+    all that was well excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's equation, w
+    its row of W, is noise: nothing is learned from it, nor forgotten; 0, the default, lets all count. `alarm` (W) is
+    the power eps'R eps, eps = W estimate - F[tau], beyond which all of the memory is forgotten as well, at forgetting
+    (eps'R eps/alarm - 1); infinity, the default, leaves that out.
 
-    `gain` Gamma (k,), in units of the parameters squared per J, `weight` R, one number or (r,), in 1/(N m s) (m/(N s)
-    for a prismatic joint) and `cutoff` of the filter F (1/s) are those of `CushionedFloor`; s (r,) is the sliding
-    variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) the filtered one.
-    Raises `InputError` for a gain, a weight, a cutoff or an alarm that is not positive, a forgetting, recall or
-    threshold below 0, all finite but the alarm (a weight of NaN is a `NonFiniteError`), and, with a controller, where
-    they do not fit the model or the period.
+    `gain` is Gamma's diagonal (k,), in units of the parameters squared per J, `weight` R, one number or (r,), in 1/(N m
+    s) (m/(N s) for a prismatic joint), `cutoff` in rad/s that of the filter F = cutoff/(d/dt + cutoff), `called` the
+    law's name in messages; s (r,) is the sliding variable of r joints in rad/s (m/s), tau (r,) the torque in N m (N), Y
+    (r, k) the torque regressor, W (r, k) that behind F. Raises `InputError` for a gain, a weight, a cutoff or an alarm
+    that is not positive, a forgetting, recall or threshold below 0, all finite but the alarm (a weight of NaN is a
+    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, a cutoff above 1/T_c and a recall
+    above 0.5/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: with V = s'Ms/2 + error' P^-1 error/2 and eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
+    the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
     error: s and eps go to zero, and so does the error in the excited subspace, the range of Q, also after excitation
     has ended (interval excitation: where Q is positive definite once, all of the error; excited and unexcited
     subspaces: Shen, Wang, Wen and Lu, arXiv 2408.01731). A parameter that changes is learned again at forgetting along
     what is excited then.
 
-    Gives up: what `Composite` does. After a change, what is no longer excited is remembered as it was, wrong or right.
-    Costs a rank-one change of Q twice a joint, k^2 operations each, a Cholesky factorisation, k^3/3, and a memory of k
-    (k + 3)/2.
+    Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. After a change, what is no
+    longer excited is remembered as it was, wrong or right. Costs a rank-one change of Q twice a joint, k^2 operations
+    each, a Cholesky factorisation, k^3/3, and a memory of k (k + 3)/2.
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting", "recall", "threshold", "alarm")
@@ -98,7 +100,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, and cutoff times period is at most 1, recall times period at most 0.5, unitless.
+        for each of its r joints, the torque filter's cutoff times the period is at most 1, and recall times the period
+        at most 0.5, both unitless.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -111,11 +114,12 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LearningMemory:
-        """The memory before the first tick: Q and z zero, nothing learned, and the torque filters at rest, W and F[tau]
-        zero.
+        """The memory before the first tick: the information matrix Q (k, k) of k parameters, as its upper triangle (k
+        (k + 1)/2,), and the vector z (k,) zero, nothing learned, and the torque filters at rest, their outputs zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
-        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
+        `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
+        in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
+        control period in s. Nothing is checked here.
         """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
@@ -124,12 +128,14 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
-        """The estimate (k,), in the parameters' SI units, and the memory after a control period: forgetting and
-        learning, one joint's equation after the other, then a descent by the gain P of the memory.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period:
+        forgetting and learning, one joint's equation after the other, then a descent by the gain P = (Gamma^-1 + Q)^-1
+        (k, k) of the memory.
 
-        `estimate` (k,) and `memory`, Q's upper triangle (k (k + 1)/2,) and z (k,) in units of the first gain, the
-        number of equations learned (1,) and the torque filters, are those before the control period that `period`
-        describes. Nothing is checked here.
+        `estimate` (k,) and `memory` are those before the control period that `period` describes. The memory is the
+        upper triangle (k (k + 1)/2,) of the information matrix Q, the vector z (k,), which is Q times the true
+        parameters, both in units of the first gain Gamma, the number of equations learned (1,), and the torque filters.
+        Nothing is checked here.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
@@ -157,14 +163,15 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
-        """The covariance P (k, k), symmetric, the inverse of Gamma^-1 + Q, that a `memory` of this law holds, in units
-        of the parameters squared per J."""
+        """The covariance P (k, k) of k parameters, the gain of the moment, symmetric, that a `memory` of this
+        adaptation law holds, in units of the parameters squared per J: the inverse of Gamma^-1 + Q, Gamma the first
+        gain, Q the information matrix."""
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
-        """The information Q (k, k), symmetric, that a `memory` of this law holds, in J per unit of the parameters
-        squared: 0 along what was never excited."""
+        """The information matrix Q (k, k) of least squares on k parameters, symmetric, that a `memory` of this
+        adaptation law holds, in J per unit of the parameters squared: 0 along directions that were never excited."""
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 

@@ -47,30 +47,31 @@ class Stack(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConcurrentLearning(Descent[Stack]):
-    """Concurrent learning of the estimate (k,) from a bounded stack of samples j (Chowdhary and Johnson 2010).
+    """Concurrent learning of the estimate (k,) of k parameters from a bounded stack of samples j (Chowdhary and Johnson
+    2010).
 
         estimate' = -Gamma (Y's + sum_j W_j'R (W_j estimate - F[tau]_j))
 
-    s (r,) is the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W_j
-    (r, k) that of a sample, behind the filter F. `gain` is Gamma, (k,) its diagonal or (k, k), in units of the
-    parameters squared per J; `weight` R in 1/(N m s) (m/(N s) for a prismatic joint), one number or (r,), and `cutoff`
-    of F (1/s) are those of `Composite`; `samples`, from 1 to 64, is how many are kept. Raises `InputError` for a gain
-    that is not finite, symmetric and positive definite, a weight, cutoff or threshold that is not positive and finite
-    (a weight of NaN is a `NonFiniteError`), samples that are no whole number or out of range, and, with a controller,
-    where they do not fit the model or the period.
+    s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
+    (r, k) the torque regressor, W_j (r, k) that of a sample, behind the filter F = cutoff/(d/dt + cutoff). `gain` is
+    Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight` is R in 1/(N m s) (m/(N s)),
+    one number or (r,), `cutoff` in rad/s; `samples`, from 1 to 64, is how many the stack holds. Raises `InputError` for
+    a gain that is not finite, symmetric and positive definite, a weight, cutoff or threshold that is not positive and
+    finite (a weight of NaN is a `NonFiniteError`), samples that are no whole number or out of range, and, with a
+    controller, for sizes that do not fit the model and a cutoff above 1/T_c, T_c the control period.
 
-    A sample is kept where it tells something new: where its rows differ from those kept last by sum_i R_i d_i'Gamma d_i
-    above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest one's place, so that what has
-    changed, a payload, is forgotten with the samples of before.
+    A sample is put on the stack where it tells something new: where its rows differ from those of the sample put there
+    last by sum_i R_i d_i'Gamma d_i above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest
+    one's place, so that what has changed, as with a payload, is forgotten with the samples of before.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - sum_j eps_j'R eps_j with eps_j = W_j error; where
     the stack's W_j are of full rank together, under interval excitation, s and the error go to zero exponentially, also
     at rest. Every equation is solved implicitly, one after the other, so that no weight is too large for the period.
 
-    Gives up: what `Composite` does. The stack is of the recent past, not of the best samples, and rates differ as much
-    as the stack is badly conditioned: `CompositeLearning` forgets by direction, and has one rate. Costs 4 operations an
-    entry of the stack.
+    Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. The stack is of the recent
+    past, not of the best samples, and rates differ as much as the stack is badly conditioned: `CompositeLearning`
+    forgets by direction, and has one rate. Costs 4 operations an entry of the stack.
     """
 
     tunable = ("gain", "weight", "cutoff", "threshold")
@@ -99,7 +100,7 @@ class ConcurrentLearning(Descent[Stack]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, and cutoff times period is at most 1, unitless.
+        for each of its r joints, and the torque filter's cutoff times the period is at most 1, unitless.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -109,24 +110,26 @@ class ConcurrentLearning(Descent[Stack]):
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
-        """The memory before the first tick: an empty stack, all zero, and the torque filters at rest, W and F[tau]
-        zero.
+        """The memory before the first tick: an empty stack of samples, all zero, and the torque filters at rest, their
+        outputs, the filtered regressor and the filtered torques, zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
-        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
+        `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
+        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
+        `period` the control period in s. Nothing is checked here.
         """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return Stack(np.zeros(self.samples * entries), np.zeros(self.samples * r), np.zeros(1), filtered)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
-        """The estimate (k,), in the parameters' SI units, and the memory after a control period: a trapezium step for
-        the tracking error, then an implicit one for each equation of the stack, in which the period's sample is where
-        it tells something new.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period. The
+        period's sample is put on the stack of samples if it tells something new; then the estimate takes a trapezium
+        step for the tracking error and an implicit one for each equation of the stack.
 
-        `estimate` (k,) and `memory`, the stack's rows without what is always zero, its torques (samples r,) in N m (N),
-        the mark (1,) of a sample that was kept, and the torque filters, are those before the control period that
-        `period` describes. Nothing is checked here.
+        `estimate` (k,) and `memory` are those before the control period that `period` describes. The memory is the
+        samples' regressor rows without the entries that are always zero, their filtered torques (samples r,) of r
+        joints in N m (N for a prismatic joint), the mark (1,), 1 where the last sample was put on the stack, else 0,
+        and the torque filters. Nothing is checked here.
         """
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)

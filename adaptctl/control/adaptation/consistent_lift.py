@@ -47,32 +47,34 @@ class LiftMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConsistentLift(AdaptationLaw[LiftMemory]):
-    """Natural adaptation of a physically consistent lift D (P,) of the estimate (k,) (Lee, Kwon and Park 2018):
-    parameters of rigid bodies whose fundamental parameters the estimate is.
+    """Natural adaptation of a physically consistent lift D (P,) of the estimate (k,) (Lee, Kwon and Park 2018): D are
+    all P parameters of rigid bodies and drives, and the estimate their k fundamental (base) parameters.
 
-    estimate = K D, where D moves by natural adaptation along the slope K'(Y's + W'R (W estimate - F[tau])), Y (r, k)
-    the torque regressor and W (r, k) the filtered one, on the k fundamental parameters alone, K (k, P) the model's
-    `regrouping`, s (r,) the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N).
+    estimate = K D, where D moves by natural adaptation, the gradient in the affine-invariant metric of pseudo-inertias,
+    along the slope K'(Y's + W'R (W estimate - F[tau])). K (k, P) is the model's `regrouping`, Y (r, k) the torque
+    regressor on the k fundamental parameters alone, W (r, k) that behind the filter F = cutoff/(d/dt + cutoff), s (r,)
+    the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N).
 
-    All P parameters have the slope K'Y's, for their regressor is Y K: what removed columns would add is never computed.
     `lift` (P,) is the first D, physically consistent, in SI units (kg, kg m, kg m^2); the first estimate is K lift.
-    `rate` is that of `Natural`, one number in 1/J or one for each link with a body and then for each drive's parameter.
-    With a `weight` R in 1/(N m s) (m/(N s) for a prismatic joint), one number or (r,), torques are predicted as in
-    `Composite`, behind a filter F of `cutoff` (1/s); with None, the default, they are not, and W and F have no part.
-    Raises `InputError` at construction for a rate, weight or cutoff that is not positive and finite (a weight of NaN is
-    a `NonFiniteError`), a lift that is not finite and wrong shapes, and, with a controller, for a lift that is not
-    consistent or not the first estimate's.
+    `rate` is the speed of adaptation, one number in 1/J or one for each link with a body and then for each drive's
+    parameter. With a `weight` R in 1/(N m s) (m/(N s)), one number or (r,), the estimate also follows the prediction
+    error of the filtered torques, with the filter's `cutoff` in rad/s; with None, the default, it does not, and W and F
+    have no part. Raises `InputError` at construction for a rate, weight or cutoff that is not positive and finite (a
+    weight of NaN is a `NonFiniteError`), a lift that is not finite and wrong shapes, and, with a controller, for sizes
+    that do not fit the model, a lift that is not consistent or not the first estimate's, and, with a weight, a cutoff
+    above 1/T_c, T_c the control period.
 
-    Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate_i falls as -s'K_d s - eps'R eps, M the
-    mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's parameter, D(,) the
-    divergence of `Natural`, eps = W error, error the estimate less the truth: as with `Natural`, whose controller on
-    all parameters this is, tick for tick, without a weight. And whatever disturbs: the estimate is K D of bodies with
-    positive definite pseudo-inertias, so that the estimate's mass matrix is positive definite everywhere. Sampled, the
-    prediction error is solved implicitly in the metric of the moment.
+    Guarantees, without disturbance: V = s'Ms/2 + sum_i d(P_i true, P_i)/rate_i falls as -s'K_d s - eps'R eps, M the
+    mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's parameter, d(A, B)
+    = log(det B/det A) + tr(B^-1 A) - 4 (- 1 for a drive's parameter), eps = W error, error the estimate less the truth.
+    Without a weight it is, tick for tick, the controller of `Natural` on all P parameters, with only k columns of the
+    regressor computed. And whatever disturbs: the estimate is K D of bodies with positive definite pseudo-inertias, so
+    that the estimate's mass matrix is positive definite everywhere. Sampled, the step for the prediction error is
+    solved implicitly in the metric of the moment.
 
-    Gives up: convergence of D itself, of which only K D is seen: the bodies that are found are those nearest the first
-    ones, in the natural divergence, of all that have the estimate. What else `Natural` does: it starts from consistent
-    parameters, and hardly finds a moment that it starts without.
+    Gives up: convergence of D itself, of which only K D is seen: of all bodies that have the estimate it finds those
+    nearest to the first ones, by the divergence d. It starts from consistent parameters, and a link that starts almost
+    without some moment hardly finds it.
     """
 
     tunable = ("rate", "lift", "weight", "cutoff")
@@ -91,9 +93,10 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             positive_per_joint(self.weight, np.size(self.weight), "consistent lift: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the lift (P,) is physically consistent and K lift is the first estimate, to 1e-9 of
-        its largest entry, and there is one rate or one for each link with a body and each drive's parameter; with a
-        weight, also unless it is one number or one a joint, and cutoff times period is at most 1, unitless.
+        """Raise `InputError` unless the first lift (P,), all P parameters of bodies and drives, is physically
+        consistent and its k fundamental (base) parameters are the first estimate, to 1e-9 of their largest, and there
+        is one rate or one for each link with a body and each drive's parameter; with a weight, also unless that is one
+        number or one a joint, and the torque filter's cutoff times the period is at most 1, unitless.
 
         `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s, which the controller
         checks to be positive.
@@ -109,11 +112,12 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LiftMemory:
-        """The memory before the first tick: the first lift (P,), in SI units, and where torques are predicted the
-        torque filters at rest, W and F[tau] zero.
+        """The memory before the first tick: the first lift (P,), all P parameters of bodies and drives in SI units,
+        and, where torques are predicted (with a weight), the torque filters at rest, their outputs zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
-        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
+        `initial`, the first estimate (k,) of k fundamental parameters, is not looked at; q (n,) are the positions of
+        the spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in
+        rad/s (m/s), `period` the control period in s. Nothing is checked here.
         """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)
@@ -121,11 +125,13 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LiftMemory
     ) -> tuple[Column, LiftMemory]:
-        """The estimate (k,), in the parameters' SI units, K D of the lift D, and the memory with D (P,) after a control
-        period: a step along geodesics for the tracking error, and with a weight then one for the prediction error.
+        """The estimate (k,) of the model's k fundamental (base) parameters, in their SI units, and the memory after a
+        control period: a step of the lift (P,), all P parameters of bodies and drives, along geodesics of
+        pseudo-inertias for the tracking error, and, with a weight, then one for the prediction error. The estimate is
+        the lift, regrouped.
 
-        `estimate` (k,), which is not looked at, and `memory`, the lift (P,) and the torque filters, are those before
-        the control period that `period` describes. Nothing is checked here.
+        `estimate` (k,), which is not looked at, and `memory`, the lift (P,) in SI units and the torque filters, are
+        those before the control period that `period` describes. Nothing is checked here.
         """
         rates, bodies = each_rate(self.rate, model), len(model.mechanism.description.bodies)
 

@@ -33,17 +33,18 @@ class InformationMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
-    """Composite adaptation of the estimate (k,) by least squares with the cushioned floor, a lower bound on P^-1
-    (Slotine and Li 1989).
+    """Composite adaptation of the estimate (k,) of k parameters by least squares with the cushioned floor, a lower
+    bound on P^-1 (Slotine and Li 1989).
 
         estimate' = -P (Y's + W'R (W estimate - F[tau])),  (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
 
-    The information P^-1 (k, k) starts at its floor Gamma^-1, Gamma = diag(`gain`), `gain` (k,) positive, in units of
-    the parameters squared per J. `forgetting` is lambda of at least 0 in 1/s; `weight` R in 1/(N m s) (m/(N s) for a
-    prismatic joint), one number or (r,), and `cutoff` (1/s) of the filter F are those of `Composite`, both positive. s
-    (r,) is the sliding variable in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k)
-    the filtered one. Raises `InputError` for other numbers and shapes at construction, and for sizes that do not fit
-    the model, or a cutoff that does not fit the period, with a controller; a weight of NaN is a `NonFiniteError`.
+    The information matrix P^-1 (k, k) starts at its floor Gamma^-1, Gamma = diag(`gain`), `gain` (k,) positive, in
+    units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic
+    joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the filter F =
+    cutoff/(d/dt + cutoff). `forgetting` is lambda of at least 0 in 1/s; `weight` is R in 1/(N m s) (m/(N s)), one
+    number or (r,), `cutoff` in rad/s, both positive; `called` is the law's name in messages. Raises `InputError` for
+    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model and a cutoff
+    above 1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 - lambda error' (P^-1 -
@@ -52,8 +53,8 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     not see keeps the gain Gamma. `BoundedGainForgetting` has one lambda(t) for all, and where some directions are not
     excited they bring it, and with it all learning, to a stop.
 
-    Gives up: what `Composite` does. Costs a Cholesky factorisation a period, k^3/3 operations, and a memory of k (k +
-    1)/2.
+    Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. Costs a Cholesky
+    factorisation a period, k^3/3 operations, and a memory of k (k + 1)/2.
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting")
@@ -61,11 +62,13 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     called: ClassVar[str] = "cushioned floor"
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> InformationMemory:
-        """The memory before the first tick: the upper triangle (k (k + 1)/2,) of P^-1 = Gamma^-1, in units of Gamma^-1,
-        and the torque filters at rest, W and F[tau] zero.
+        """The memory before the first tick: the upper triangle (k (k + 1)/2,) of the information matrix P^-1 = Gamma^-1
+        of k parameters, in units of Gamma^-1 (Gamma the first gain), and the torque filters at rest, their outputs
+        zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) is the configuration of the tree's joints in rad
-        (m), v (r,) the velocities in rad/s (m/s), `period` T_c in s. Nothing is checked here.
+        `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
+        in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
+        control period in s. Nothing is checked here.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)
@@ -73,12 +76,13 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
-        """The estimate (k,), in the parameters' SI units, and the memory after a control period: the information P^-1
-        forgets by the implicit rule and learns from the period's torques, then the estimate descends by the new
-        covariance P.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period: the
+        information matrix P^-1 (k, k) forgets by the implicit rule and learns from the period's torques, then the
+        estimate descends by the new covariance P.
 
-        `estimate` (k,) and `memory`, the upper triangle (k (k + 1)/2,) of P^-1 in units of Gamma^-1 and the torque
-        filters, are those before the control period that `period` describes. Nothing is checked here.
+        `estimate` (k,) and `memory`, the upper triangle (k (k + 1)/2,) of P^-1 in units of Gamma^-1, Gamma the first
+        gain, and the torque filters, are those before the control period that `period` describes. Nothing is checked
+        here.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]
@@ -102,7 +106,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         return estimate - self._scale * step, InformationMemory(after, filtered)
 
     def covariance(self, memory: InformationMemory) -> Array:
-        """The covariance P (k, k), symmetric, that a `memory` of this law holds, in units of the parameters squared per
-        J."""
+        """The covariance P (k, k) of least squares on k parameters, the gain of the moment, symmetric, that a `memory`
+        of this adaptation law holds, in units of the parameters squared per J."""
         scale = np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(from_triangle(memory.information, len(self.gain))) * np.outer(scale, scale))

@@ -21,14 +21,15 @@ class NoMemory(NamedTuple):
 
 
 class Period(NamedTuple):
-    """One control period as a control law hands it to an adaptation law.
+    """Data of one control period, which a control law hands to its adaptation law, for k parameters and r joints.
 
     `gradient` gives Y's (k,), in W per unit of each parameter, for any sliding variable s (r,), Y (r, k) the torque
-    regressor at the start of the period; `before` and `after` are s (r,) at its start and its end, in rad/s (m/s);
-    `torque` (r,) was held over it, in N m (N for a prismatic joint); `q` (n,) is the configuration of the tree's joints
-    at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its length T_c in s, `elapsed` the
-    same, or 0 where nothing is to be learned: before the first tick, and while adaptation is frozen. `damping` is
-    K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls as -s'Ks.
+    regressor at the start of the period; `before` and `after` are s (r,) at its start and its end, in rad/s (m/s for a
+    prismatic joint); `torque` (r,) was held over it, in N m (N); `q` (n,) are the positions of the spanning tree's n
+    joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its length T_c in s,
+    `elapsed` the same, or 0 where nothing is to be learned: before the first tick, and while adaptation is frozen.
+    `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls as -s'Ks. Nothing is
+    checked.
     """
 
     gradient: Callable[[Column], Column]
@@ -58,13 +59,15 @@ class Period(NamedTuple):
 
     @property
     def mean(self) -> Column:
-        """The mean (r,) of the sliding variable s at the start and at the end of the period, in rad/s (m/s)."""
+        """The mean (r,) of the sliding variable of r joints at the start and at the end of the control period, in rad/s
+        (m/s for a prismatic joint)."""
         return 0.5 * (self.before + self.after)
 
     @property
     def integral(self) -> Column:
-        """The integral (r,) of the sliding variable s over the period by the trapezium rule, in rad (m); 0 where
-        nothing is to be learned, before the first tick and while adaptation is frozen."""
+        """The integral (r,) of the sliding variable of r joints over the control period by the trapezium rule, in rad
+        (m for a prismatic joint); 0 where nothing is to be learned, before the first tick and while adaptation is
+        frozen."""
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
@@ -72,12 +75,12 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """Base class of adaptation laws, which move the estimate (k,) of a model's k parameters from one control period to
     the next, whatever control law uses it.
 
-    A subclass is a frozen dataclass of configuration; a field of type float that is given no number raises
-    `InputError`. `law` is an equation over scalars of any kind (floats, arrays of samples, symbols of a trace), traced
-    into the control law's own native code. The attributes that the class names in `tunable` are arguments of that code,
-    all its other numbers are compiled in. What changes over time, besides the estimate, is the memory, a NamedTuple of
-    columns; runs keep its property `recorded`, if it has one. `needs_double` is true for a law whose memory is a matrix
-    that single precision spoils, false unless a subclass says so.
+    A subclass is a frozen dataclass of configuration; a field of type float that is given no number raises `InputError`
+    at construction. Its method `law` is an equation over scalars of any kind (floats, arrays of samples, symbols of a
+    trace), traced into the control law's own native code. The attributes that the class names in `tunable` are
+    arguments of that code, all its other numbers are compiled in. What changes over time, besides the estimate, is the
+    memory, a NamedTuple of columns; recorded runs hold the memory's property `recorded`, if it has one. `needs_double`
+    is true for a law whose memory is a matrix that single precision spoils, false unless a subclass says so.
     """
 
     needs_double: ClassVar[bool] = False
@@ -90,38 +93,41 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where the law does not fit a model, as with a gain for another number of parameters, a
-        first estimate `initial` (k,), in SI units, or the control period `period`, T_c in s."""
+        """Raise `InputError` where the adaptation law's settings, such as a gain, do not fit the model's k parameters
+        and r joints, the first estimate `initial` (k,), in SI units, or the control `period` in s."""
 
     @abstractmethod
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The law's memory before the first tick, for a first estimate `initial` (k,), in SI units, at configuration
-        q (n,) of the tree's joints, in rad (m), and velocities v (r,), in rad/s (m/s), and a control period T_c (s)."""
+        """The adaptation law's memory before the first tick, for a first estimate `initial` (k,) of the model's k
+        parameters, in SI units, positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
+        velocities v (r,) of the r primary joints in rad/s (m/s), and a control `period` in s."""
 
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,), in the parameters' SI units, and the memory after a control period, over scalars of any
-        kind: floats, arrays of samples, symbols of a trace.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period, over
+        scalars of any kind: floats, arrays of samples, symbols of a trace.
 
-        `estimate` and `memory` are those before it; `period` holds what was measured over it.
+        `estimate` (k,) and `memory` are those before the period; `period` holds what was measured over it.
         """
 
     @property
     def by_parameter(self) -> bool:
-        """True if the law measures each parameter's error by itself, as with a diagonal gain, so that clipping one to a
-        bound need not move any other; False unless a law overrides it."""
+        """True if the adaptation law's Lyapunov function measures each parameter's error by itself, as with a diagonal
+        gain, so that clipping one parameter to a bound need not move any other; False unless a law overrides it."""
         return False
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
-        """The parameters' term, in J, of the law's Lyapunov function at an estimate (k,) where the true parameters are
-        `true` (k,), both in SI units; over scalars of any kind: floats, arrays of samples, symbols of a trace. None, as
-        here unless a law overrides it, where it depends on more than the estimate."""
+        """The parameters' term, in J, of the adaptation law's Lyapunov function at an estimate (k,) of the model's k
+        parameters whose true values are `true` (k,), both in SI units; over scalars of any kind: floats, arrays of
+        samples, symbols of a trace. None, as here unless a law overrides it, for a law whose term depends on more than
+        the estimate."""
         return None
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
-        """The parameters' term (...), in J, of the law's Lyapunov function at estimates (..., k) where the true
-        parameters are `true`, (k,) or (..., k), in SI units: `lyapunov_term` on arrays. None where it depends on more
-        than the estimate. Raises `InputError` for arrays of another shape or of no numbers."""
+        """The parameters' term (...), in J, of the adaptation law's Lyapunov function at estimates (..., k) of the
+        model's k parameters whose true values are `true`, (k,) or (..., k), in SI units: `lyapunov_term` on arrays.
+        None for a law whose term depends on more than the estimate. Raises `InputError` for arrays of another shape or
+        of no numbers."""
         given = {"estimate": numbers(estimate, "estimate"), "true": numbers(true, "true")}
         for what, x in given.items():
             if x.shape[-1:] != (len(model.columns),):

@@ -43,31 +43,31 @@ class _Leaking(Descent[NoMemory]):
 
 @dataclass(frozen=True, eq=False)
 class SigmaModification(_Leaking):
-    """Gradient adaptation of the estimate (k,) with sigma-modification, a constant leak back to the prior (Ioannou and
-    Kokotovic 1984).
+    """Gradient adaptation of the estimate (k,) of k parameters with sigma-modification, a constant leak back to the
+    prior (Ioannou and Kokotovic 1984).
 
         estimate' = -Gamma Y's - sigma (estimate - prior),  `rate` is sigma, in 1/s, 0.1 by default
 
-    s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal or
-    (k, k), in units of the parameters squared per J; `prior` (k,) is in the parameters' SI units, zero when None.
-    Raises `InputError` for a gain that is not finite, symmetric and positive definite, a rate that is not positive and
-    finite, and a prior of another size or not finite. The leak is Gamma times sigma Gamma^-1 (estimate - prior), so
-    that parameters of different units leak alike.
+    s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor;
+    `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `prior` (k,) is in the
+    parameters' SI units, zero when None. Raises `InputError` for a gain that is not finite, symmetric and positive
+    definite, a rate that is not positive and finite, and a prior of another size or not finite. The leak is Gamma times
+    sigma Gamma^-1 (estimate - prior), so that parameters of different units leak alike.
 
     Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation: with the mass matrix
-    M, the control law's damping K, V = s'Ms/2 + (estimate - true)' Gamma^-1 (estimate - true)/2 and
-    c = min(sigma, 2 min lambda(M^-1 K)), V' <= -c V + sigma V_prior, V_prior = (prior - true)' Gamma^-1
-    (prior - true)/2; with a disturbance torque d (r,), c is half as large and d'K^-1d/2 is added.
+    M, the control law's damping K, V = s'Ms/2 + (estimate - true)' Gamma^-1 (estimate - true)/2 and c = min(sigma, 2
+    min lambda(M^-1 K)), V' <= -c V + sigma V_prior, V_prior = (prior - true)' Gamma^-1 (prior - true)/2; with a
+    disturbance torque d (r,), c is half as large and d'K^-1d/2 is added.
 
-    Gives up: convergence of the tracking error, even without disturbance, unless the prior is true: the leak
-    goes on when s is zero, and bursts may follow (Hsu and Costa 1987).
+    Gives up: convergence of the tracking error, even without disturbance, unless the prior is true: the leak goes on
+    when s is zero, and bursts may follow (Hsu and Costa 1987).
     """
 
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient Y's, Y (r, k) the torque regressor and s (r,) the sliding
-        variable, that leaks to the prior at the rate sigma (1/s); and the empty memory.
+        """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
+        (r,) the sliding variable, that leaks to the prior estimate at the `rate` sigma (1/s); and the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """
@@ -76,28 +76,29 @@ class SigmaModification(_Leaking):
 
 @dataclass(frozen=True, eq=False)
 class EModification(_Leaking):
-    """Gradient adaptation of the estimate (k,) with e-modification, a leak to the prior that stops with the sliding
-    variable s (Narendra and Annaswamy 1987).
+    """Gradient adaptation of the estimate (k,) of k parameters with e-modification, a leak to the prior that stops with
+    the sliding variable s (Narendra and Annaswamy 1987).
 
         estimate' = -Gamma Y's - nu |s| (estimate - prior),  `rate` is nu, in 1/rad (1/m), 0.1 by default
 
-    s (r,) is in rad/s (m/s), |s| its Euclidean norm, Y (r, k) the torque regressor; `gain` is Gamma, (k,) its diagonal
-    or (k, k), in units of the parameters squared per J; `prior` (k,) is in the parameters' SI units, zero when None.
-    Raises `InputError` for a gain that is not finite, symmetric and positive definite, a rate that is not positive and
-    finite, and a prior of another size or not finite.
+    s (r,), of r joints, is in rad/s (m/s for a prismatic joint), |s| its Euclidean norm, Y (r, k) the torque regressor;
+    `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `prior` (k,) is in the
+    parameters' SI units, zero when None. Raises `InputError` for a gain that is not finite, symmetric and positive
+    definite, a rate that is not positive and finite, and a prior of another size or not finite.
 
-    Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation. The leak
-    stops with s, so true estimates on the trajectory stay where they are.
+    Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation. The leak stops with
+    s, so true estimates on the trajectory stay where they are.
 
-    Gives up: where disturbances keep s from zero the estimate is still pulled to the prior; the leak is slow
-    where s is small, so the bound is looser than sigma-modification's.
+    Gives up: where disturbances keep s from zero the estimate is still pulled to the prior; the leak is slow where s is
+    small, so the bound is looser than sigma-modification's.
     """
 
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient Y's, Y (r, k) the torque regressor, that leaks to the prior
-        at `rate` |s| (1/s), s (r,) the mean of the sliding variable over the period; and the empty memory.
+        """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor, that
+        leaks to the prior estimate at `rate` |s| (1/s), s (r,) the mean of the sliding variable over the period; and
+        the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """

@@ -26,33 +26,34 @@ LONGEST_STEP = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Natural(AdaptationLaw[NoMemory]):
-    """Natural adaptation of the estimate (P,) of all rigid bodies' and drives' parameters (Lee, Kwon and Park 2018).
+    """Natural adaptation of the estimate (P,) of all P parameters of rigid bodies and drives (Lee, Kwon and Park 2018).
 
-        P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i P) = (Y's)_i' (the ten of P)
+        P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i X) = (Y's)_i' (the ten of X) for every X
 
-    and the same for every drive's parameter, P_i then a number. P_i and the symmetric L_i are (4, 4); the ten of a link
-    are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), (Y's)_i (10,) their share of Y's.
-    s (r,) is the sliding variable in rad/s (m/s), Y (r, P) the torque regressor on all parameters. `rate` is in 1/J,
-    one number, or a vector of one for each link with a body and then for each drive's parameter. Raises `InputError`
-    unless it is positive and finite.
+    and the same for every drive's parameter, P_i then a number. P_i and the symmetric L_i and X are (4, 4); the ten of
+    a link are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), (Y's)_i (10,) their share of
+    Y's. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor
+    on all parameters. `rate` is in 1/J, one number, or a vector of one for each link with a body and then for each
+    drive's parameter. Raises `InputError` unless it is positive and finite, and, with a controller, for another number
+    of rates, a model of fewer than all parameters and a first estimate that is not physically consistent.
 
-    It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units
-    or on frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster
-    than light ones.
+    It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units or on
+    frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster than light
+    ones.
 
     Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate_i falls as -s'Ks, M the mass matrix and K
     the control law's damping, with the Bregman divergence D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 (- 1 for a
     drive's parameter). And whatever disturbs: every link's pseudo-inertia stays positive definite, so the estimate is
-    some rigid bodies', and its mass matrix is positive definite. Sampled with the period T_c (s), P = G G' becomes
-    G Q Q G' with G lower triangular, X = T_c rate_i G'L G and Q = exp(-X/2) by its Pade approximant of order
-    (2, 2): the geodesic to fourth order, Q positive definite for every X. A step longer than 2 in that metric, in which
-    a mass would change more than 7.4-fold within one period, ends there.
+    some rigid bodies', and its mass matrix is positive definite. Sampled with the period T_c (s), P_i = G G' becomes G
+    Q Q G' with G lower triangular, X = T_c rate_i G'L_i G and Q = exp(-X/2) by its Pade approximant of order (2, 2):
+    the geodesic to fourth order, Q positive definite for every X. A step longer than 2 in that metric, in which a mass
+    would change more than 7.4-fold within one period, ends there.
 
-    Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. Under disturbance it
-    drifts as `Gradient` does, and faster the farther it has come, its gain being the estimate. A body that starts
-    almost without some moment hardly finds it: 1/m moves at the rate times the mass's entry of Y's, so a wrist of
-    0.05 kg that picks up 2 kg has 19.5 /kg to go, and one thought to hold 0.5 kg has 1.5 /kg. Start a link that may be
-    loaded from a load that is plausible.
+    Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. Under disturbance it drifts
+    as `Gradient` does, and faster the farther it has come, its gain being the estimate. A body that starts almost
+    without some moment hardly finds it: 1/m moves at the rate times the mass's entry of Y's, so a wrist of 0.05 kg that
+    picks up 2 kg has 19.5 /kg to go, and one thought to hold 0.5 kg has 1.5 /kg. Start a link that may be loaded from a
+    load that is plausible.
     """
 
     tunable = ("rate",)
@@ -64,11 +65,11 @@ class Natural(AdaptationLaw[NoMemory]):
         object.__setattr__(self, "rate", checked_rate(self.rate))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the model keeps all P parameters, the rates are as many as links with a body and
-        drives' parameters, or one, and the first estimate is physically consistent: positive definite pseudo-inertias,
-        positive parameters of drives.
+        """Raise `InputError` unless the model keeps all P parameters of bodies and drives, there is one rate or one for
+        each link with a body and each drive's parameter, and the first estimate is physically consistent: positive
+        definite pseudo-inertias, positive parameters of drives.
 
-        `initial` is the first estimate (P,), in SI units; `period`, T_c in s, is not looked at.
+        `initial` is the first estimate (P,), in SI units; `period`, the control period in s, is not looked at.
         """
         if model.basis is not None:
             raise InputError(
@@ -81,15 +82,15 @@ class Natural(AdaptationLaw[NoMemory]):
         require_consistent(model, initial, "natural adaptation", "the first estimate")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory: this law remembers nothing, whatever the first estimate `initial` (P,), in SI units, the
-        configuration q (n,) of the tree's joints in rad (m), the velocities v (r,) in rad/s (m/s) and the control
-        period T_c (s)."""
+        """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (P,) of
+        all P parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic
+        joint), the velocities v (r,) of the r primary joints in rad/s (m/s) and the control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (P,) after a step down the gradient Y's, Y (r, P) the torque regressor and s (r,) the sliding
-        variable, along the geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty
-        memory.
+        """The estimate (P,) of all P parameters of bodies and drives after a step down the gradient Y's, along the
+        geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y (r, P) is
+        the torque regressor, s (r,) the sliding variable.
 
         `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """
@@ -97,8 +98,9 @@ class Natural(AdaptationLaw[NoMemory]):
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """Sum, in J, of the Bregman divergences D(true, estimate) of all links and drives' parameters, each over its
-        rate (1/J), for an estimate (P,) and true parameters (P,), in SI units.
+        """Sum, in J, of the Bregman divergences D(true, estimate) of all links' pseudo-inertias and drives' parameters,
+        each over its adaptation rate (1/J), for an estimate (P,) of all P parameters and their true values (P,), in SI
+        units.
 
         D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias (4, 4), - 1 of numbers. Where either is no rigid
         bodies' it is not a number on arrays, and floats raise `ValueError`.
@@ -113,10 +115,10 @@ class Natural(AdaptationLaw[NoMemory]):
         return total
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """The parameters' term (...), in J, of the law's Lyapunov function at estimates (..., P) where the true
-        parameters are `true`, (P,) or (..., P), in SI units: `lyapunov_term` on arrays; infinite where it is not a
-        number at a finite estimate, as where the true parameters are no rigid bodies'. Raises `InputError` for arrays
-        of another shape."""
+        """The parameters' term (...), in J, of the adaptation law's Lyapunov function at estimates (..., P) of all P
+        parameters whose true values are `true`, (P,) or (..., P), in SI units: the sum of Bregman divergences of
+        pseudo-inertias over the rates. It is infinite where that is not a number at a finite estimate, as where the
+        true parameters are no rigid bodies'. Raises `InputError` for arrays of another shape or of no numbers."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)

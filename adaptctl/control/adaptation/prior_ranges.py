@@ -31,12 +31,12 @@ RANGES = {
 
 @dataclass(frozen=True)
 class PriorRanges:
-    """Prior ranges of parameters by kind, the greatest plausible distances from a first guess: `mass` in kg,
-    `first_moment` in kg m, `inertia` in kg m^2, `viscous` friction in N m s/rad (N s/m) and `coulomb` friction in N m
-    (N). Raises `InputError` unless all are positive and finite.
+    """Prior ranges of parameters by kind, their greatest plausible distances from a first guess, from which adaptation
+    gains are made: `mass` in kg, `first_moment` in kg m, `inertia` in kg m^2, `viscous` friction in N m s/rad (N s/m
+    for a prismatic joint) and `coulomb` friction in N m (N). Raises `InputError` unless all are positive and finite.
 
-    A kilogram and a kilogram square metre are not alike: one gain for both would learn one of them far too
-    slowly or far too fast.
+    A kilogram and a kilogram square metre are not alike: one gain for both would learn one of them far too slowly or
+    far too fast.
     """
 
     mass: float = 5.0
@@ -82,17 +82,22 @@ def adaptation_gain(
     period: float = 1e-3,
     workspace: Workspace | None = None,
 ) -> Array:
-    """The diagonal (k,) of the adaptation gain Gamma, in units of the parameters squared per J: `rate`, in 1/J, times
-    the square of each kept parameter's prior range, that of `PriorRanges()` where `ranges` is None.
+    """The diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in units of the parameters squared per
+    J: `rate`, in 1/J, times the square of each parameter's prior range (its greatest plausible error) in `ranges`,
+    `PriorRanges()` where None.
 
     In the Lyapunov function an error of a whole range then weighs 1/(2 rate), 0.83 J by default, whatever the
-    parameter. With the `gains` of a control law and its control period `period`, T_c in s, no range is taken greater
-    than 0.2 (2 - h)/u, h = T_c max lambda(M^-1 (K + M Lambda)) the hold number of the gains K and Lambda with the mass
-    matrix M, without a unit and stable below 2, and u what an error of 1 SI unit in the parameter adds to it
-    (`parameter_holds`), both over a `workspace`, all that the joints' limits allow where None: a light wrist whose
-    inertia is learned a hundred times too large would ring, and its prior range allows that. `period` and `workspace`
-    have no part where `gains` is None. Raises `GainError` where h is 2 or more, and `InputError` for a rate that is not
-    positive and finite and, with gains, for such a period and for gains of another number of joints.
+    parameter.
+
+    With the `gains` of a control law, its bandwidth Lambda and damping K, no range is taken greater than 0.2 (2 - h)/u:
+    a light wrist whose inertia is learned a hundred times too large would ring, and its prior range allows that. The
+    hold number h = T_c max lambda(M^-1 (K + M Lambda)) of these gains has no unit and is stable below 2, with the mass
+    matrix M and the control `period` T_c in s; u is what an error of 1 SI unit in the parameter adds to it
+    (`parameter_holds`). Both are the greatest over `workspace`, all that the joints' limits allow where None. `period`
+    and `workspace` have no part where `gains` is None, the default.
+
+    Raises `GainError` where h is 2 or more, and `InputError` for a rate that is not positive and finite and, with
+    gains, for a period or damping that is not positive and for gains of another number of joints.
     """
     reach = (ranges or PriorRanges()).of(model.names)
     if gains is not None:
@@ -105,8 +110,8 @@ def adaptation_gain(
 
 
 def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
-    """The adaptation gain Gamma_beta = K_r Gamma_D K_r' (k, k) of the fundamental parameters, for a diagonal gain
-    Gamma_D (P,) on all P parameters; both in units of the parameters squared per J.
+    """The adaptation gain Gamma_beta = K_r Gamma_D K_r' (k, k) of a model's k fundamental (base) parameters, for a
+    diagonal gain Gamma_D, `gain` (P,), on all P parameters; both in units of the parameters squared per J.
 
     K_r (k, P) is the model's `regrouping`: K_r times all P parameters gives the k fundamental ones. With this gain,
     adapting the k fundamental parameters is the same controller as adapting all P, to round-off. It is symmetric to the

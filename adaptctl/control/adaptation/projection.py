@@ -20,19 +20,20 @@ from adaptctl.scalars import Column, Scalar, clip, column
 
 @dataclass(frozen=True, eq=False)
 class Projection(AdaptationLaw[Memory]):
-    """An adaptation law, one that weighs parameters one by one, with its estimate clipped to [lower, upper] (k,) after
-    each period.
+    """Projection of another adaptation law's estimate (k,) of k parameters: it is clipped to [lower, upper] after each
+    period.
 
-    `of` is that law; `lower` and `upper` (k,), in the parameters' SI units, may be infinite; `limits` makes them from
-    parameters' names. Raises `InputError` for bounds that are NaN or of different shapes, unless lower < upper
-    everywhere, and for a law that weighs parameters together (`by_parameter` false), as one with a gain (k, k).
+    `of` is that law, one that weighs each parameter's error by itself; `lower` and `upper` (k,), in the parameters' SI
+    units, may be infinite; `limits` makes them from parameters' names. Raises `InputError` for bounds that are NaN or
+    of different shapes, unless lower < upper everywhere, and for a law that weighs errors together (`by_parameter`
+    false), as one with a gain (k, k).
 
-    Guarantees, where the truth is within: the estimate stays within, whatever disturbs; and what the law
-    itself guarantees, because with a diagonal gain clipping is the projection in the law's own distance, which
-    brings the estimate no farther from anything within (Goodwin and Mayne 1987).
+    Guarantees, where the truth is within the bounds: the estimate stays within, whatever disturbs; and what the law
+    itself guarantees, because with a diagonal gain clipping is the projection in the law's own distance, which brings
+    the estimate no farther from anything within (Goodwin and Mayne 1987).
 
-    Gives up: nothing that is within the bounds. Bounds on minimal parameters are no guarantee of a positive
-    definite mass matrix: the consistent set is a cone, not a box.
+    Gives up: nothing that is within the bounds. Bounds on fundamental (base) parameters are no guarantee of a positive
+    definite mass matrix: the set of physically consistent parameters is a cone, not a box.
     """
 
     tunable = ("lower", "upper")
@@ -57,10 +58,10 @@ class Projection(AdaptationLaw[Memory]):
             )
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where the wrapped law does, for bounds of another number than the model's k parameters,
-        and for a first estimate outside them.
+        """Raise `InputError` where the wrapped adaptation law does, for bounds of another number than the model's k
+        parameters, and for a first estimate outside them.
 
-        `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s.
+        `initial` is the first estimate (k,), in SI units, `period` the control period in s.
         """
         self.of.require(model, initial, period)
         require_size(self.lower, model, "projection: bounds")
@@ -74,19 +75,22 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True: the law measures each parameter's error by itself, for it wraps no other, and clips each by itself."""
+        """True always: a projection wraps only adaptation laws that measure each parameter's error by itself, and clips
+        each parameter by itself."""
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The wrapped law's memory before the first tick.
+        """The wrapped adaptation law's memory before the first tick.
 
-        `initial` is the first estimate (k,), in SI units, q (n,) the configuration of the tree's joints in rad (m),
-        v (r,) the velocities in rad/s (m/s), `period` the control period T_c in s.
+        `initial` is the first estimate (k,) of k parameters, in SI units, q (n,) are the positions of the spanning
+        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
+        `period` is the control period in s.
         """
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,) after a step of the wrapped law, clipped to the bounds; and that law's memory.
+        """The estimate (k,) of k parameters after a step of the wrapped adaptation law, clipped to the bounds; and that
+        law's memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """
@@ -94,13 +98,15 @@ class Projection(AdaptationLaw[Memory]):
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
-        """The parameters' term, in J, of the wrapped law's Lyapunov function at an estimate (k,) where the true
-        parameters are `true` (k,), both in SI units; None where that law has none."""
+        """The parameters' term, in J, of the wrapped adaptation law's Lyapunov function at an estimate (k,) of k
+        parameters whose true values are `true` (k,), both in SI units; None where that law has no term that depends on
+        the estimate alone."""
         return self.of.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Lower and upper bounds, (k,) each, of a model's parameters, from those named: infinite for the others.
+    """Lower and upper bounds, (k,) each, on a model's k parameters, from the bounds of those that are named; -infinity
+    and infinity for the others.
 
     `bounds` gives (lower, upper) by a parameter's full name, such as `link1.m`; all are in the parameters' SI units.
     Raises `NotFoundError` for a parameter that is not one of the model's k, also where its basis regroups it into

@@ -27,24 +27,27 @@ class Normaliser(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ReleasedGradient(Descent[Normaliser]):
-    """Normalised gradient adaptation of the estimate (k,), whose normaliser n, without a unit, is released in time.
+    """Normalised gradient adaptation of the estimate (k,) of k parameters, whose step is divided by a normaliser n,
+    without a unit, that decays in time.
 
-        estimate -= (T_c/n) Gamma Y_k' s_k+1,  n_k = max(1, share T_c tr(K^-1 Y Gamma Y'), n_k-1/(1 + release T_c))
+        estimate -= (T_c/n_j) Gamma Y_j' s_(j+1)
+        n_j = max(1, share T_c tr(K^-1 Y_j Gamma Y_j'), n_(j-1)/(1 + release T_c))
 
-    `release` is in 1/s, `share` without a unit. s (r,) is the sliding variable in rad/s (m/s), Y (r, k) the torque
-    regressor, Y_k its value at tick k, K (r,) the control law's damping in N m s/rad (N s/m), T_c the control period in
-    s; `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J. The defaults are no
-    theorem's: arguments that it allows come from `ReleasedGradient.certified`. Raises `InputError` for a gain that is
-    not finite, symmetric and positive definite and a release or share that is not positive and finite.
+    j is the tick; `release` is in 1/s, `share` without a unit. s (r,) is the sliding variable of r joints in rad/s (m/s
+    for a prismatic joint), Y (r, k) the torque regressor, K (r,) the control law's damping in N m s/rad (N s/m), T_c
+    the control period in s; `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J. The
+    theorem below does not cover every `release` and `share`, nor the defaults: `ReleasedGradient.certified` makes those
+    that it covers. Raises `InputError` for a gain that is not finite, symmetric and positive definite and a release or
+    share that is not positive and finite.
 
     Guarantees, sampled, with the mass matrix M constant over the ticks considered, for any Gamma and any Y from tick to
-    tick: V = s'Ms/(2n) + error' Gamma^-1 error/2, error the estimate less the truth, never rises where
-    share > 1/(2 - h), h = T_c lambda_max(M^-1 K) < 2, and release <= 2 (1 - h/2 - 1/(2 share)) lambda_min(M^-1 K). As
-    T_c goes to zero n goes to 1, and this to `Gradient`. The derivation: docs/discrete_adaptation.md.
+    tick: V = s'Ms/(2n) + error' Gamma^-1 error/2, error the estimate less the truth, never rises where share > 1/(2 -
+    h), h = T_c lambda_max(M^-1 K) < 2, and release <= 2 (1 - h/2 - 1/(2 share)) lambda_min(M^-1 K). As T_c goes to zero
+    n goes to 1, and this to `Gradient`. The derivation: docs/discrete_adaptation.md.
 
     Gives up: an M that changes, as every such theorem here does; speed, while n is large; and the operations of r
-    gradients, for the trace. As with `Gradient`, under disturbance and without excitation the estimate drifts, need not
-    become the true one, and nothing keeps it physically consistent.
+    gradients, for the trace. Under disturbance and without excitation the estimate drifts, it need not become the true
+    one, and nothing keeps it physically consistent.
     """
 
     release: float = 1.0
@@ -62,14 +65,16 @@ class ReleasedGradient(Descent[Normaliser]):
     def certified(
         cls, model: ReducedModel, gain: ArrayLike, damping: ArrayLike, period: float, workspace: Workspace | None = None
     ) -> ReleasedGradient:
-        """The law with `share` 2/(2 - h) and `release` (1 - h/2) min lambda(M^-1 K) in 1/s, with which its Lyapunov
-        function never rises, for a damping K in N m s/rad (N s/m), one number or (r,), and a control period T_c (s).
+        """The normalised gradient law whose Lyapunov function never rises, for a control law's damping K in N m s/rad
+        (N s/m), one number or (r,), and a control `period` T_c in s: its `share` is 2/(2 - h), without a unit, and its
+        `release` (1 - h/2) min lambda(M^-1 K) in 1/s.
 
-        h = T_c max lambda(M^-1 K), the hold number without a unit, and M the mass matrix of the model; both searched
-        over `workspace`, all that the joints' limits allow where None. `gain` is Gamma, (k,) or (k, k), in units of the
-        parameters squared per J. Raises `GainError` where h is 2 or more, and `InputError` for a gain that is not
-        finite, symmetric and positive definite or of another size, a damping that is not positive and finite or of
-        another size and a period that is not positive and finite.
+        h = T_c max lambda(M^-1 K), the hold number without a unit, and M the mass matrix of the model, taken as
+        constant from tick to tick; both extremes are searched over `workspace`, all that the joints' limits allow where
+        None. `gain` is Gamma, (k,) its diagonal or (k, k) for k parameters, in units of the parameters squared per J.
+        Raises `GainError` where h is 2 or more, and `InputError` for a gain that is not finite, symmetric and positive
+        definite or of another size, a damping that is not positive and finite or of another size and a period that is
+        not positive and finite.
         """
         gamma = checked_gain(gain)
         require_size(gamma, model, "adaptation gain")
@@ -80,18 +85,20 @@ class ReleasedGradient(Descent[Normaliser]):
         return cls(gamma, 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Normaliser:
-        """The memory before the first tick: the normaliser (1,) of the step, without a unit, which is 1.
+        """The memory before the first tick: the normaliser (1,) by which steps are divided, without a unit, which is 1.
 
-        `initial` is the first estimate (k,), in SI units, q (n,) the configuration of the tree's joints in rad (m),
-        v (r,) the velocities in rad/s (m/s), `period` the control period T_c in s; none is looked at.
+        `initial` is the first estimate (k,) of k parameters, in SI units, q (n,) are the positions of the spanning
+        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
+        `period` is the control period in s; none is looked at.
         """
         return Normaliser(np.ones(1))
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate (k,) after a step down the gradient Y's, Y (r, k) the torque regressor and s (r,) the sliding
-        variable at the period's end, divided by the normaliser; and the memory of that normaliser (1,).
+        """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
+        (r,) the sliding variable at the period's end, divided by a normaliser of at least 1; and the memory of that
+        normaliser (1,), without a unit.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """

@@ -19,16 +19,18 @@ INDEPENDENT = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Subspace(AdaptationLaw[NoMemory]):
-    """Gradient adaptation of the estimate (k,) along the d columns of W only: estimate' = -W diag(gain) W'Y's.
+    """Gradient adaptation of the estimate (k,) of k parameters along the d columns of W only: estimate' = -W diag(gain)
+    W'Y's.
 
     `directions` is W (k, d), independent columns, d of at most k; `gain` (d,) is positive, in 1/J where W carries the
-    parameters' SI units. In Y's, Y (r, k) is the torque regressor and s (r,) the sliding variable in rad/s (m/s).
-    Raises `InputError` for directions and gains of other shapes or not finite, dependent directions (a singular value
-    of at most 1e-10 of the greatest) and gains that are not positive. With W = K V_d, K (k, P) the model's regrouping
-    and V_d (P, d) some right singular vectors of the matrix of total energies, a column a parameter, it adapts
-    essential parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
+    parameters' SI units. Y (r, k) is the torque regressor and s (r,) the sliding variable of r joints in rad/s (m/s for
+    a prismatic joint). Raises `InputError` for directions and gains of other shapes or not finite, dependent directions
+    (a singular value of at most 1e-10 of the greatest) and gains that are not positive. With W = K V_d, K (k, P) the
+    model's regrouping of all P parameters and V_d (P, d) some right singular vectors of the matrix of total energies, a
+    column a parameter, it adapts essential parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
 
-    Guarantees: where the truth is within the first estimate plus the span of W, all that `Gradient` does.
+    Guarantees, without disturbance, where the truth is within the first estimate plus the span of W: as with
+    `Gradient`, the tracking error goes to zero and the estimate stays bounded.
 
     Gives up: the parameters' error beyond the span acts as a disturbance torque, Y times it, which leaves a tracking
     error and, without excitation, a drift.
@@ -53,19 +55,19 @@ class Subspace(AdaptationLaw[NoMemory]):
             raise InputError("subspace: the directions are not independent: leave out what others combine to")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the directions have one row for each of the model's k parameters; `initial`, the
-        first estimate (k,), and `period` (s) are not looked at."""
+        """Raise `InputError` unless the adapted directions have one row for each of the model's k parameters;
+        `initial`, the first estimate (k,), and `period`, the control period in s, are not looked at."""
         require_size(self.directions, model, "subspace: directions")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory: this law remembers nothing, whatever the first estimate `initial` (k,), in SI units, the
-        configuration q (n,) of the tree's joints in rad (m), the velocities v (r,) in rad/s (m/s) and the control
-        period T_c (s)."""
+        """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (k,) of k
+        parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
+        the velocities v (r,) of the r primary joints in rad/s (m/s) and the control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) after a step down the gradient Y's along every direction, Y (r, k) the torque regressor and
-        s (r,) the sliding variable, by the trapezium rule; and the empty memory.
+        """The estimate (k,) of k parameters after a step, along each adapted direction (k,), down the gradient Y's by
+        the trapezium rule; and the empty memory. Y (r, k) is the torque regressor, s (r,) the sliding variable.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
         """
@@ -75,9 +77,10 @@ class Subspace(AdaptationLaw[NoMemory]):
         return estimate, memory
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """The parameters' term, in J, of the law's Lyapunov function within the subspace, x' diag(gain)^-1 x / 2 with
-        x = W^+ (estimate - true), W (k, d) the directions, at an estimate (k,) where the true parameters are `true`
-        (k,), both in SI units; an error orthogonal to the columns of W does not count."""
+        """The parameters' term, in J, of the adaptation law's Lyapunov function within the adapted subspace: x'
+        diag(gain)^-1 x / 2, with x = W^+ (estimate - true), W (k, d) the d adapted directions, at an estimate (k,) of k
+        parameters whose true values are `true` (k,), both in SI units. An error orthogonal to the columns of W does not
+        count."""
         error = estimate - true
         along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))
         return 0.5 * (along @ Column(x / g for x, g in zip(along, column(self.gain), strict=True)))

@@ -34,14 +34,14 @@ PENALTY = 30.0
 
 @dataclass(frozen=True, eq=False)
 class ExcitingReference:
-    """An optimised exciting reference and the condition number of the regressor on it, beside those of random
+    """An optimised exciting reference and the condition number of the torque regressor on it, beside those of random
     references.
 
-    `reference` is the optimised one, in rad (m). `condition` is that of the stacked regressor over a period, its
-    columns scaled by the parameters' prior ranges; `random_conditions` (10,) are the same of references drawn at random
-    within the same limits. `torque_share` is the largest torque over its limit, with the model's parameters. None of
-    these has a unit. `iterations` are those of the search; `complete` is False where it was interrupted, and the best
-    until then is kept.
+    `reference` is the optimised one, in rad (m for a prismatic joint). `condition` is that of the regressor stacked
+    over a period, its columns scaled by the parameters' prior ranges (greatest plausible errors); `random_conditions`
+    (10,) are the same of references drawn at random within the same limits. `torque_share` is the largest torque over
+    its limit, with the model's parameters. None of these numbers has a unit. `iterations` are those of the search;
+    `complete` is False where it was interrupted, and then `reference` is the best until there. Nothing is checked.
     """
 
     reference: Sinusoids
@@ -57,15 +57,16 @@ class ExcitingReference:
 
     @property
     def gain(self) -> float:
-        """Ratio, without a unit, of the random references' median condition number to the optimised one's: how many
-        times better it is."""
+        """Ratio, without a unit, of the median condition number of the random references to that of the optimised one:
+        how many times better conditioned the optimised one is."""
         return float(np.median(self.random_conditions)) / self.condition
 
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of a reference: positions from `lower` to `upper` (rad or m), greatest speeds `velocity` (rad/s or m/s)
-    and torques `torque` (N m or N), (r,) each; the last two infinite where there is none."""
+    """Limits of a reference for r joints: positions from `lower` to `upper` (rad, m for a prismatic joint), greatest
+    speeds `velocity` (rad/s or m/s) and torques `torque` (N m or N), (r,) each; the last two infinite where there is
+    none. Nothing is checked here; `exciting_reference` checks them."""
 
     lower: Array
     upper: Array
@@ -74,9 +75,10 @@ class MotionLimits:
 
     @classmethod
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
-        """Limits at a `share`, above 0 and up to 1, of the joints' own in `model`: positions about the middle of their
-        range, in rad (m), speeds and torques. A position limit that a joint lacks is taken as pi rad (1 m) from zero,
-        or as far as makes its range 2 pi rad (2 m). Raises `InputError` for another share."""
+        """Motion limits (r,) at a `share`, without a unit, above 0 and up to 1, of the own limits of the r joints in
+        `model`: positions about the middle of their range, in rad (m for a prismatic joint), speeds in rad/s (m/s) and
+        torques in N m (N). A position limit that a joint lacks is taken as pi rad (1 m) from zero, or as far as makes
+        its range 2 pi rad (2 m). Raises `InputError` for another share."""
         _require_share(share)
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
@@ -221,20 +223,21 @@ def exciting_reference(
     seed: int = 0,
     progress: Callable[[float], object] | None = None,
 ) -> ExcitingReference:
-    """The periodic reference, of harmonics 1 to `harmonics` of `frequency` (Hz), with the least condition number of
-    the regressor that a search finds.
+    """The periodic reference, of harmonics 1 to `harmonics` of `frequency` (Hz), with the least condition number of the
+    torque regressor that a search finds.
 
-    Fourier series within positions, speeds and torques (Swevers, Ganseman, Tukel, De Schutter and Van Brussel
-    1997): within `limits`, or where these are None a `share` (0 to 1) of the joints' own. Torques are those of the
-    model's own parameters; where they are only guessed, leave them room. `scale` (k,), SI units, or one number are
-    the parameters' prior ranges, those of `PriorRanges` where None. The search (L-BFGS, at most `iterations`) begins
-    at the best of ten random references, drawn by `seed`; equal seeds find equal ones.
+    Fourier series within positions, speeds and torques (Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997):
+    within `limits`, or where these are None a `share` (0 to 1) of the joints' own. Torques are those of the model's own
+    parameters; where they are only guessed, leave them room. `scale` (k,), SI units, or one number are the prior ranges
+    (greatest plausible errors) of the model's k parameters, by which the regressor's columns are scaled, those of
+    `PriorRanges` where None. The search (L-BFGS, at most `iterations`) begins at the best of ten random references,
+    drawn by the integer `seed` of at least 0; equal seeds find equal references.
 
-    `progress` is called after each iteration with the share done, 0 to 1; None calls nothing. Ctrl-C keeps the best so
-    far, marked incomplete. Raises `InputError` unless the frequency is positive, `harmonics` and `iterations` are
-    whole numbers of at least 1, the share above 0 and up to 1 and the scale finite and of its shape; for `limits` of
-    another shape, with NaN, crossed or infinite positions, speeds below 0 or torques not above it; and where torques
-    pass their limits even at rest.
+    `progress` is called after each iteration with the share done, 0 to 1; None calls nothing. Ctrl-C ends the search
+    with the best reference so far, marked as not complete. Raises `InputError` unless the frequency is positive,
+    `harmonics` and `iterations` are whole numbers of at least 1, the share above 0 and up to 1 and the scale finite and
+    of its shape; for `limits` of another shape, with NaN, crossed or infinite positions, speeds below 0 or torques not
+    above it; and where torques pass their limits even at rest.
     """
     iterations = _count(iterations, "iterations")
     search = _checked(model, frequency, harmonics, share, scale, limits)

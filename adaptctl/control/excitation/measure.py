@@ -24,16 +24,17 @@ BLOCKS = 2**DOUBLINGS
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """Extreme eigenvalues of the Gram matrix, the integral of (Y S)'(Y S), over each of w windows along a run.
+    """Extreme eigenvalues of the excitation Gram matrix, the integral of (Y S)'(Y S), over each of w windows along a
+    run.
 
-    Y (r, k) is Slotine and Li's regressor on the model's k parameters and S their prior ranges, SI units, so that a
-    kilogram and a kilogram square metre can be compared; eigenvalues are in (N m)^2 s (N^2 s for prismatic joints). A
-    motion excites persistently when the smallest stays above a positive bound, for some window length (Ioannou and Sun
-    1996, section 4.3): only then do estimates converge.
+    Y (r, k) is Slotine and Li's regressor on the model's k parameters and S the diagonal matrix of their prior ranges
+    (greatest plausible errors), SI units, so that a kilogram and a kilogram square metre can be compared; eigenvalues
+    are in (N m)^2 s (N^2 s for prismatic joints). A motion excites persistently when the smallest stays above a
+    positive bound, for some window length (Ioannou and Sun 1996, section 4.3): only then do estimates converge.
 
     `time` (w,) is the end of each window in s, from the run's start; `smallest` and `largest` (w,) its eigenvalues.
-    `weakest` (k,) is the unit vector of scaled parameters that the whole run excites least; `window` is the windows'
-    length in s.
+    `weakest` (k,) is the unit vector of parameters over their ranges that the whole run excites least; `window` is the
+    windows' length in s. Nothing is checked.
     """
 
     time: Array
@@ -49,13 +50,14 @@ class Excitation:
 
     @property
     def level(self) -> float:
-        """The least eigenvalue of all windows, (N m)^2 s: 0 where a direction is not excited in one of them."""
+        """The least eigenvalue of the excitation Gram matrices of all windows, in (N m)^2 s (N^2 s for prismatic
+        joints): 0 where some direction of the parameters is not excited in one of them."""
         return float(self.smallest.min())
 
     @property
     def condition(self) -> Array:
-        """Condition number (w,), without a unit, of each window's stacked regressor: the root of the eigenvalues'
-        ratio, infinite where the smallest is 0."""
+        """Condition number (w,), without a unit, of the scaled regressor stacked over each of w windows: the root of
+        the ratio of the Gram matrix's largest eigenvalue to its smallest, infinite where the smallest is 0."""
         with np.errstate(divide="ignore"):
             return np.sqrt(self.largest / self.smallest)
 
@@ -63,15 +65,19 @@ class Excitation:
 def persistent_excitation(
     model: ReducedModel, run: SampledRun, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
 ) -> Excitation:
-    """The excitation of a run in windows of length `window` (s), each a sixteenth of that after the one before.
+    """The excitation of a model's k parameters by a run: eigenvalues of the regressor's Gram matrix over windows of
+    length `window` (s, rounded to whole samples, down to a multiple of 16), each a sixteenth of that after the one
+    before.
 
-    `run` has p, v and the reference's p_d, v_d and a_d, (T, r) in rad (m) and s, at T samples. The regressor is Slotine
-    and Li's, at v_r = v_d - bandwidth e, e = p - p_d, and a_r its derivative, with the `bandwidth` in 1/s, one number
-    or (r,); at zero they are the reference's own. `scale` (k,), SI units, or one number are prior ranges of the
-    parameters, their greatest plausible errors, those of `PriorRanges` where None. Eigenvalues come from singular
-    values of triangular factors, so that their error, relative to the largest, is the square of what it would be from
-    the Gram matrix itself. Raises `InputError` for a window shorter than 16 samples or longer than the run, for a
-    bandwidth of another shape, and for a scale that is not finite or of another shape.
+    `run` has positions p, velocities v and the reference's p_d, v_d and a_d, (T, r) of r joints in rad, rad/s and
+    rad/s^2 (m and s for prismatic joints), at T samples. The regressor is Slotine and Li's, at the reference velocity
+    v_r = v_d - bandwidth e, e = p - p_d, and the reference acceleration a_r, its derivative; `bandwidth` is in 1/s, one
+    number or (r,), and at zero, the default, v_r and a_r are v_d and a_d. `scale` (k,), SI units, or one number are
+    prior ranges of the parameters, their greatest plausible errors, by which columns are scaled, those of `PriorRanges`
+    where None. Eigenvalues come from singular values of triangular factors, so that their error, relative to the
+    largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a window shorter
+    than 16 samples or longer than the run, for a bandwidth of another shape or NaN, and for a scale that is not finite
+    or of another shape.
     """
     count, k = len(run.p), len(model.columns)
     samples = round(window / run.control_period) if np.isfinite(window) else 0

@@ -22,12 +22,14 @@ ROUNDING = 0.02
 
 @dataclass(frozen=True)
 class ErrorFeedback:
-    """Linear feedback of one joint's error: e'' = -stiffness e - rate e', held over `period` (s), for a known inertia.
+    """Linear feedback of one joint's error e (rad or m): the acceleration e'' = -stiffness e - rate e', held over
+    `period` (s).
 
-    `stiffness` is in 1/s^2, `rate` in 1/s. Made from a bandwidth, from poles, or as the linear-quadratic
-    regulator, of the double integrator as a hold of the period sees it (Astrom and Wittenmark 1997, chapter 4);
-    python-control does the algebra. Raises `InputError` unless all three are positive and finite, and `GainError`
-    where the sampled loop would not be stable.
+    `stiffness` is in 1/s^2, `rate` in 1/s; the joint's inertia, taken as known, turns the acceleration into a torque.
+    The class methods find both gains by a bandwidth, by poles or as the linear-quadratic regulator, for the double
+    integrator behind a zero-order hold (Astrom and Wittenmark 1997, chapter 4), with python-control. Raises
+    `InputError` unless all three numbers are positive and finite, and `GainError` where the sampled loop would not be
+    stable.
     """
 
     stiffness: float
@@ -47,8 +49,9 @@ class ErrorFeedback:
 
     @classmethod
     def from_bandwidth(cls, bandwidth: float, damping_ratio: float, period: float) -> ErrorFeedback:
-        """Error feedback with the poles of s^2 + 2 zeta omega s + omega^2, omega the `bandwidth` (1/s) and zeta the
-        `damping_ratio` (no unit), held over `period` (s). Raises `InputError` unless all three are positive."""
+        """Error feedback that gives a joint's error the continuous-time poles at which s^2 + 2 zeta omega s + omega^2
+        is zero: omega is the `bandwidth` (rad/s) and zeta the `damping_ratio` (no unit; 1 is critical). The torque is
+        held over `period` (s). Raises `InputError` unless all three are positive and finite."""
         if not (0.0 < bandwidth < math.inf and 0.0 < damping_ratio < math.inf):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
         root = cmath.sqrt(damping_ratio**2 - 1.0)
@@ -56,9 +59,9 @@ class ErrorFeedback:
 
     @classmethod
     def from_poles(cls, poles: Sequence[complex], period: float) -> ErrorFeedback:
-        """Error feedback with two poles (1/s), real or a conjugate pair, where a continuous design would have them,
-        held over `period` (s). Raises `InputError` for poles that are no such pair with negative real parts, and for a
-        period that is not positive."""
+        """Error feedback that gives a joint's error two continuous-time poles (1/s), real or a conjugate pair, at its
+        samples, one each `period` (s): the sampled poles are exp(pole period). Raises `InputError` for poles that are
+        no such pair with negative real parts, and for a period that is not positive."""
         given = np.asarray(poles, dtype=np.complex128)
         conjugate = (
             given.shape == (2,) and abs(given.sum().imag) + abs(given.prod().imag) < 1e-9 * abs(given).max() ** 2
@@ -74,12 +77,13 @@ class ErrorFeedback:
 
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
-        """Error feedback with the least sum of position e^2 + velocity e'^2 + effort e''^2 over the error's samples,
-        one each `period` (s): e in rad (m), its rates per s and s^2.
+        """Error feedback by the linear-quadratic regulator: it minimises the sum of position e^2 + velocity e'^2 +
+        effort e''^2 over the samples of a joint's error e (rad or m), one each `period` (s).
 
-        Bryson's rule takes each weight as one over the square of the largest value that is acceptable, in 1/rad^2,
-        s^2/rad^2 and s^4/rad^2. Raises `InputError` for weights that are not positive (of velocity: negative), or too
-        far apart for the period, and for a period that is not positive.
+        The weights `position`, `velocity` and `effort` are in 1/rad^2, s^2/rad^2 and s^4/rad^2 (m for rad at a
+        prismatic joint); only their ratios count. By Bryson's rule each is one over the square of the largest value
+        that is acceptable. Raises `InputError` for weights that are not positive (of velocity: negative), or too far
+        apart for the period, and for a period that is not positive.
         """
         if not (position > 0.0 and velocity >= 0.0 and effort > 0.0 and math.isfinite(position + velocity + effort)):
             raise InputError(
@@ -109,13 +113,14 @@ class ErrorFeedback:
 
     @property
     def poles(self) -> tuple[complex, complex]:
-        """The two poles (1/s) of the continuous loop with the same samples: log(z) / period of the sampled ones."""
+        """The two poles (1/s) of the continuous-time loop with the same samples: log(z) / period, z being the two poles
+        of the sampled loop in the z plane."""
         first, second = (cmath.log(pole) / self.period for pole in self.sampled_poles)
         return first, second
 
     def faster(self, factor: float) -> ErrorFeedback:
-        """This feedback with its poles (1/s) multiplied by a factor (no unit). Raises `InputError` unless the factor
-        is positive."""
+        """Error feedback at the same period whose continuous-time poles (1/s) are those of this one times a factor (no
+        unit). Raises `InputError` unless the factor is positive."""
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
         conjugate = abs(first.imag) > 0.0
@@ -123,26 +128,29 @@ class ErrorFeedback:
 
     @property
     def bandwidth(self) -> float:
-        """Undamped natural frequency (1/s) of the continuous loop with these gains."""
+        """Undamped natural frequency (rad/s), the square root of the stiffness, of the continuous-time loop e'' =
+        -stiffness e - rate e', e being the joint's error."""
         return math.sqrt(self.stiffness)
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio of the continuous loop, without a unit: 1 for two equal real poles."""
+        """Damping ratio, without a unit, of the continuous-time loop e'' = -stiffness e - rate e', e being the joint's
+        error: 1 for two equal real poles."""
         return self.rate / (2.0 * self.bandwidth)
 
     @property
     def is_cascade(self) -> bool:
-        """True if the poles are real, to round-off: the feedback is then a cascade of two first-order loops."""
+        """True if the continuous-time loop e'' = -stiffness e - rate e', e being the joint's error, has two real poles,
+        to within round-off and what sampling changes: it is then a cascade of two first-order loops."""
         return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.period
 
     @property
     def cascaded(self) -> tuple[float, float]:
-        """The rates (1/s) of two first-order loops in cascade, slower first: Lambda of e' = -Lambda e + s, and K/M of
-        s' = -(K/M) s, as in Slotine and Li's law: e the joint's error, s the sliding variable, K the damping and M the
-        inertia.
+        """The decay rates (1/s) of two first-order loops in cascade, slower first, as in Slotine and Li's law: Lambda
+        of e' = -Lambda e + s, and K/M of s' = -(K/M) s. There e is the joint's error, s the sliding variable, K the
+        damping and M the inertia.
 
-        Raises `InputError` where the poles are complex: no cascade of first-order lags has these.
+        Raises `InputError` where the feedback's poles are complex: no cascade of first-order loops has these.
         """
         squared = 1.0 - 1.0 / self.damping_ratio**2
         if not self.is_cascade:
@@ -154,9 +162,10 @@ class ErrorFeedback:
         return 0.5 * self.rate * (1.0 - root), 0.5 * self.rate * (1.0 + root)
 
     def loop(self, delay: int = 0) -> control.StateSpace:
-        """The open loop, cut at the torque, as a discrete python-control system from the commanded to the fed-back
-        acceleration (rad/s^2 or m/s^2), with a delay of `delay` whole control periods, none by default.
-        Raises `InputError` for other than 0 to 1000 periods."""
+        """The open loop, cut at the torque and to be closed by negative feedback, as a discrete-time python-control
+        system from the commanded to the fed-back acceleration (rad/s^2 or m/s^2), sampled at the control period.
+        `delay` is its delay in whole control periods, none by default. Raises `InputError` unless it is a whole number
+        from 0 to 1000."""
         import control
 
         whole_number(delay, "delay in periods", 0, 1000)

@@ -15,14 +15,15 @@ from adaptctl.identifiability import ReducedModel
 def parameter_holds(
     model: ReducedModel, bandwidth: ArrayLike, period: float, workspace: Workspace | None = None
 ) -> Array:
-    """The hold number (k,) that an error of 1 SI unit in each parameter causes: T_c max_q |M^-1/2 M_i Lambda M^-1/2|,
-    M_i = dM/dbeta_i, in 1 over the parameter's unit.
+    """Hold numbers (k,), each that of an error of 1 SI unit in one of the model's k parameters beta_i: T_c max_q
+    |M^-1/2 (dM/dbeta_i) Lambda M^-1/2|, in 1 over the parameter's unit.
 
     The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), M the mass matrix, M^ the estimated one and K the damping
-    of Slotine and Li's law: a torque held over T_c is stable while it is below 2. `bandwidth` is Lambda in 1/s, one
-    number or (r,), `period` T_c in s; positions q are the samples of `workspace`, of all that the joints' limits allow
-    where None. The norm is Frobenius', which is never below the spectral one. Friction has no part in M: its number is
-    0. Raises `InputError` for a bandwidth of another shape, below 0 or not finite and a period that is not positive.
+    of Slotine and Li's law: a torque held over the control period T_c is stable while it is below 2. `bandwidth` is
+    Lambda in 1/s, one number or one a joint (r,), and `period` T_c in s. The positions q are the samples of
+    `workspace`, by default of all that the joints' limits allow. The norm is Frobenius', which is never below the
+    spectral one. A friction parameter has no part in M: its number is 0. Raises `InputError` for a bandwidth of another
+    shape, below 0 or not finite and a period that is not positive.
     """
     mechanism = model.mechanism
     place = workspace or everywhere(mechanism)
@@ -54,19 +55,22 @@ def estimate_hold(
     workspace: Workspace | None = None,
     kinetic: float = 0.0,
 ) -> float:
-    """The greatest hold number, without a unit, that the estimate's error can ever cause, H = sqrt(2 V_0 sum Gamma_i
-    u_i^2).
+    """The upper bound H, without a unit, of what the error of the parameter estimate can ever add to the hold number: H
+    = sqrt(2 V_0 u'|Gamma|u), |.| entry by entry.
 
-    The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), M the mass matrix, M^ the estimated one, K the damping,
-    Lambda the `bandwidth` (1/s, one number or (r,)) and T_c the `period` (s) of Slotine and Li's law; below 2 the held
-    torque is stable. V, the law's Lyapunov function, does not rise above V_0 = `kinetic` + prior' Gamma^-1 prior/2,
-    where |error_i| <= `prior`_i (k,), SI units, at the start and s'Ms/2 = `kinetic` (J), s the sliding variable, 0
-    where it starts at 0; then sum |error_i| u_i <= H, with u (k,) the hold numbers per unit of error,
-    `parameter_holds`, in the `workspace`, None for all that the joints' limits allow. `gain` is Gamma, its diagonal
-    (k,) or whole (k, k), in units of the parameters squared per J. While h + H < 2, h that of K and the true inertia,
-    no estimate on the way can ring. It is conservative: above 2 most arms are stable all the same. Raises `InputError`
-    for numbers of another shape or not finite, a gain that is not symmetric and positive definite, a prior, `kinetic`
-    or bandwidth below 0, and a period that is not positive.
+    The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), M the mass matrix, M^ the estimated one and K the damping
+    of Slotine and Li's law: a torque held over the control period T_c is stable while it is below 2. Lambda is the
+    `bandwidth` in 1/s, one number or one a joint (r,), and T_c the `period` in s.
+
+    u (k,) are the hold numbers per unit of error in each of the model's k parameters, from `parameter_holds`, in the
+    `workspace`, None for all that the joints' limits allow. Gamma is the adaptation `gain`, its diagonal (k,) or whole
+    (k, k), in units of the parameters squared per J. V_0 = `kinetic` + prior'|Gamma^-1|prior/2 (J) bounds the first
+    value of the law's Lyapunov function, which never rises: `prior` (k,), SI units, is the largest error of each
+    parameter at the start, and `kinetic` (J) is s'Ms/2 there, 0 by default, with the sliding variable s.
+
+    While h + H < 2, h the hold number with the true M for M^, no estimate on the way can ring. H is conservative: above
+    2 most arms are stable all the same. Raises `InputError` for numbers of another shape or not finite, a gain that is
+    not symmetric and positive definite, a prior, `kinetic` or bandwidth below 0, and a period that is not positive.
     """
     k = len(model.columns)
     gamma = checked_gain(frozen_array(gain, (k, k) if np.ndim(gain) == 2 else (k,), "gain"))

@@ -29,14 +29,16 @@ SEARCHED = (1e-3, 30.0)
 
 @dataclass(frozen=True, eq=False)
 class GainDesign:
-    """Gain design: linear feedback of every joint's error, for a `mechanism`, a control `period` (s) and a `delay` in
-    whole control periods, 0 by default.
+    """Gain design: linear feedback of the error of each of the r joints of a `mechanism`, for a control `period` (s)
+    and a `delay` of the torque in whole control periods, 0 by default.
 
-    The loops are designed for each joint's typical inertia; the margins are those of each loop alone, with the delay.
-    `method` is "bandwidth", "poles" or "lqr"; `feedback` and `margins` have one entry a joint; `inertia` (r,) is the
-    typical one in kg m^2 (kg). `least_inertia` (r,), without a unit, is the least inertia over 200 random
-    configurations that a joint has while all others are free, over the typical one: the inverse is how much a loop's
-    gain grows there, and its gain margin must be above.
+    `from_bandwidth`, `from_poles` and `from_lqr` make one; the constructor itself checks nothing. `method` is
+    "bandwidth", "poles" or "lqr"; `feedback` and `margins` have one entry a joint. `inertia` (r,), in kg m^2 (kg), is
+    each joint's typical inertia, for which its loop is designed: the median of its entry of the mass matrix's diagonal
+    over 200 random configurations. The margins are those of each loop alone, with the delay. `least_inertia` (r,),
+    without a unit, is the least inertia over these configurations that a joint has while all others are free, over the
+    typical one: its inverse is the factor by which the loop's gain grows there, and the loop's gain margin must be
+    above that.
     """
 
     mechanism: Mechanism
@@ -60,8 +62,9 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design with both poles of every joint at a bandwidth (1/s) and a damping ratio (no unit), each one
-        number or (r,); `damping_ratio` 1 is critical; `period` is the control period in s, `delay` in whole periods.
+        """Gain design that gives every joint's error loop an undamped natural frequency, `bandwidth` (rad/s), and a
+        `damping_ratio` (no unit; 1 is critical), each one number or one a joint (r,). `period` is the control period in
+        s, `delay` that of the torque in whole periods.
 
         Raises `InputError` for numbers that are not positive or of another shape, for a delay other than 0 to 1000, and
         where a joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.
@@ -78,8 +81,9 @@ class GainDesign:
     def from_poles(
         cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """Gain design with the same two poles (1/s) at every joint, real or a conjugate pair, with negative real parts;
-        the control `period` in s, `delay` in whole periods.
+        """Gain design with the same two continuous-time poles (1/s) at every joint's error loop, real or a conjugate
+        pair, with negative real parts. `period` is the control period in s, `delay` that of the torque in whole
+        periods.
 
         Raises `InputError` for other poles, a period that is not positive, a delay other than 0 to 1000, and where a
         joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.
@@ -100,7 +104,8 @@ class GainDesign:
     ) -> GainDesign:
         """Gain design by the linear-quadratic regulator at every joint, with weights `position` of e^2 in 1/rad^2,
         `velocity` of e'^2 in s^2/rad^2 and `effort` of e''^2 in s^4/rad^2 (m for rad at a prismatic joint), e the
-        joint's error; only their ratios count. `period` is the control period in s, `delay` in whole periods.
+        joint's error; only their ratios count. `period` is the control period in s, `delay` that of the torque in whole
+        periods.
 
         Raises `InputError` for weights that are not positive (of velocity: negative) or too far apart for the period, a
         period that is not positive, a delay other than 0 to 1000, and where a joint's typical inertia, the median of
@@ -111,20 +116,22 @@ class GainDesign:
 
     @property
     def gains(self) -> Gains:
-        """Slotine and Li's gains of this design: the bandwidth Lambda (r,) in 1/s, the slower of each joint's two
-        rates, and the damping K (r,) in N m s/rad (N s/m), the faster one times typical inertia. Raises `InputError`
-        where poles are complex."""
+        """Slotine and Li's gains of this design for r joints: the bandwidth Lambda (r,) in 1/s, the slower of the two
+        decay rates of each joint's loop, and the damping K (r,) in N m s/rad (N s/m), the faster one times the joint's
+        typical inertia. Raises `InputError` where poles are complex."""
         rates = np.array([feedback.cascaded for feedback in self.feedback])
         return Gains(rates[:, 0], rates[:, 1] * self.inertia)
 
     @property
     def damped_enough(self) -> bool:
-        """True if every joint's poles are real, so that `gains` exist."""
+        """True if the poles of every joint's error loop are real, so that the property `gains`, Slotine and Li's gains,
+        exists."""
         return all(feedback.is_cascade for feedback in self.feedback)
 
     @property
     def bandwidth(self) -> Array:
-        """Undamped natural frequencies (r,), 1/s, of the joints' loops, as `ComputedTorque` takes them."""
+        """Undamped natural frequencies (r,), rad/s, of the r joints' continuous-time error loops, as `ComputedTorque`
+        takes them."""
         return np.array([feedback.bandwidth for feedback in self.feedback])
 
     @property
@@ -134,34 +141,37 @@ class GainDesign:
 
     @property
     def damping(self) -> Array:
-        """Velocity gains (r,) of the loops at typical inertia, N m s/rad (N s/m)."""
+        """Velocity gains (r,), N m s/rad (N s/m for a prismatic joint), of the r joints' loops: the feedback's rate
+        (1/s) times the joint's typical inertia."""
         return self.inertia * np.array([feedback.rate for feedback in self.feedback])
 
     @property
     def sampled_gain(self) -> float:
-        """The greatest sampled gain T_c max lambda(M^-1 K), without a unit, over the joints' limits, as far as a search
-        finds, with T_c the control period, M the mass matrix and K the `damping`: a torque held over T_c is stable
-        below 2, and below 1 with a delay of one period."""
+        """The greatest sampled gain T_c max lambda(M^-1 K), without a unit, over all positions within the joints'
+        limits, as far as a search finds, with T_c the control period, M the mass matrix and K the `damping`: a torque
+        held over T_c is stable below 2, and below 1 with a delay of one period."""
         return sampled_gain(self.mechanism, self.damping, self.period)
 
     @property
     def largest_sampled_gain(self) -> float:
-        """The largest `sampled_gain`, T_c max lambda(M^-1 K), allowed, without a unit, three quarters of the limit of
-        stability of a held torque: 1.5 without delay, 0.75 with a delay of one period."""
+        """The largest sampled gain T_c max lambda(M^-1 K), without a unit, that is allowed, three quarters of the limit
+        of stability of a held torque: 1.5 without delay, 0.75 with a delay of one period, less with more. T_c is the
+        control period, M the mass matrix and K the damping."""
         return largest_with_delay(self.delay)
 
     @property
     def highest(self) -> float:
-        """The magnitude of the fastest pole of all, 1/s."""
+        """The magnitude (1/s) of the fastest continuous-time pole of all joints' error loops."""
         return max(abs(pole) for feedback in self.feedback for pole in feedback.poles)
 
     @property
     def fastest(self) -> float:
-        """The largest factor, without a unit, of all poles for which the period carries the gains, that is for which
-        `sampled_gain` is at most `largest_sampled_gain`: below 1 where it does not carry these.
+        """The largest factor, without a unit, by which all poles may be multiplied while the control period still
+        carries the gains: below 1 where it does not carry the gains as they are.
 
-        Infinite where it carries even those of a deadbeat loop, 0 where it carries none, as where M is not positive
-        definite.
+        It carries them while the sampled gain T_c max lambda(M^-1 K) is at most `largest_sampled_gain`, 1.5 without
+        delay: T_c is the control period, M the mass matrix and K the damping. Infinite where it carries even the gains
+        of a deadbeat loop, 0 where it carries none, as where M is not positive definite.
         """
 
         def excess(logarithm: float) -> float:
@@ -176,8 +186,9 @@ class GainDesign:
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def require_carried(self) -> GainDesign:
-        """This design, if the control period can carry its gains: `sampled_gain` is at most `largest_sampled_gain`, 1.5
-        without delay. Raises `GainError` otherwise, which names the largest gains that it can."""
+        """This design, if the control period can carry its gains: the property `sampled_gain` is at most
+        `largest_sampled_gain`, 1.5 without delay. Raises `GainError` otherwise, whose message says which gains the
+        period can carry."""
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(

@@ -27,29 +27,32 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def typical_inertia(mechanism: Mechanism) -> Array:
-    """The median of each joint's own inertia (r,), the mass matrix's diagonal, in kg m^2 or kg, over 200 random
-    configurations within the joints' limits."""
+    """The typical inertia (r,) of each of the r joints, in kg m^2 or kg: the median of its entry of the mass matrix's
+    diagonal over 200 random configurations within the joints' limits. Raises `InputError` where loops reach none of
+    these."""
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Slotine and Li's gains: `bandwidth` is Lambda (r,) in 1/s, `damping` is K (r,) in N m s/rad (N s/m for a
-    prismatic joint)."""
+    """Slotine and Li's gains for r joints: `bandwidth` is Lambda (r,) in 1/s, `damping` is K (r,) in N m s/rad (N s/m
+    for a prismatic joint). Nothing is checked."""
 
     bandwidth: Array
     damping: Array
 
     @classmethod
     def from_bandwidth(cls, mechanism: Mechanism, bandwidth: ArrayLike, ratio: float = 1.0) -> Gains:
-        """Gains that put both poles of each joint's error at the `bandwidth` (1/s), one number or (r,), were its
-        inertia typical and `ratio` 1.
+        """Slotine and Li's gains from a `bandwidth` (1/s), one number or one a joint (r,): with a `ratio` of 1, the
+        default, both poles of the error of a joint of typical inertia are at minus the bandwidth.
 
-        With the true parameters M s' + (C + K) s = 0 and e' + Lambda e = s, e the error and s the sliding variable; so
-        Lambda is the bandwidth and K the typical inertia, `typical_inertia`, times `ratio` (no unit) bandwidths. A
-        larger ratio is stiffer against what is unknown. Raises `InputError` for numbers that are not positive or of
-        another shape, and where a joint has no positive inertia.
+        Lambda is the bandwidth; the damping K is the bandwidth times the joint's typical inertia times `ratio` (no
+        unit). The typical inertia is the median of the joint's entry of the mass matrix's diagonal over 200 random
+        configurations. With the true parameters the error e and the sliding variable s obey e' + Lambda e = s and M s'
+        + (C + K) s = 0, M the mass matrix and C that of Coriolis torques. A larger ratio is stiffer against unknown
+        torques. Raises `InputError` for numbers that are not positive or of another shape, and where a joint's typical
+        inertia is not positive.
         """
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         inertia = typical_inertia(mechanism)
@@ -60,10 +63,10 @@ class Gains:
 
 def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, workspace: Workspace | None = None) -> float:
     """The greatest sampled gain T_c lambda_max(M(q)^-1 K), without a unit, over a workspace: 2 is the limit of
-    stability of a torque held over the `period` T_c (s).
+    stability of a torque -K v held over the `period` T_c (s).
 
-    M is the mass matrix. The law feeds back K v alone, `damping` being K in N m s/rad (N s/m), one number or (r,); the
-    search is that of `hold_number`. A `workspace` of None is all that the joints' limits allow. Raises `InputError`
-    unless damping and period are positive, and on a wrong shape.
+    M(q) is the mass matrix at positions q and v the joints' velocities; `damping` is K in N m s/rad (N s/m), one number
+    or one a joint (r,). The search is that of `hold_number`. A `workspace` of None is all that the joints' limits
+    allow. Raises `InputError` unless damping and period are positive and finite, and on a wrong shape.
     """
     return hold_number(mechanism, damping, period, workspace=workspace).value

@@ -26,9 +26,12 @@ DEFINITE = 1e-12
 
 @sent_as_made
 class HoldNumber(NamedTuple):
-    """The hold number T_c max lambda(M^-1 (K + M^ Lambda)), `value` without a unit, the positions `p` (r,), rad or m,
-    where it is found, and the name of the `joint` that moves most there: a held torque is stable while it is below 2.
-    T_c is the control period, M the mass matrix, M^ the estimated one, K the damping and Lambda the bandwidth.
+    """Record of the greatest hold number T_c max lambda(M^-1 (K + M^ Lambda)) found: its `value`, without a unit, the
+    positions `p` (r,), rad or m, of the r joints where it is reached, and the name of the `joint` that moves most
+    there.
+
+    A held torque is stable while the number is below 2. T_c is the control period, M the mass matrix, M^ the estimated
+    one, K the damping and Lambda the bandwidth. Nothing is checked.
     """
 
     value: float
@@ -47,18 +50,20 @@ def hold_number(
     estimate: ArrayLike | None = None,
     workspace: Workspace | None = None,
 ) -> HoldNumber:
-    """The greatest hold number T_c max lambda(M^-1 (K + M^ Lambda)), by local search over a workspace, None for all
-    that the joints' limits allow: a torque held over T_c is stable while it is below 2.
+    """The greatest hold number T_c max lambda(M^-1 (K + M^ Lambda)), without a unit, and where it is, by local search
+    over a `workspace`, None for all that the joints' limits allow: a torque held over T_c is stable while it is below
+    2.
 
-    `damping` K (r,) in N m s/rad (N s/m) and `bandwidth` Lambda (r,) in 1/s, one number or one a joint; `period` T_c in
-    s; M is the mass matrix. Slotine and Li's law feeds back -K v and, within its a_r, -M^ Lambda v, with M^ of the
-    `estimate` (P,), SI units, the mechanism's own parameters where None. Velocities v = (1 - T_c M^-1 (K + M^ Lambda))
-    v then grow from one period to the next, with alternating signs, where the number is above 2. It is infinite where M
-    is not positive definite, and where K + M^ Lambda drives instead of damps.
+    M is the mass matrix, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in 1/s, 0 by default, each one number
+    or one a joint (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v, v the joints' velocities, and
+    within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the `estimate` (P,) of all P inertial
+    parameters, SI units, None for the mechanism's own. From one period to the next v becomes (1 - T_c M^-1 (K + M^
+    Lambda)) v, which grows, with alternating signs, where the number is above 2. The number is infinite where M is not
+    positive definite, and where K + M^ Lambda drives instead of damps.
 
-    Viscous friction B decays within the period: M is then M (X/2) coth(X/2), X = T_c M^-1 B, for which the limit of 2
-    is exact. Raises `InputError` unless damping and period are positive, the bandwidth at least 0 and all finite, and
-    on a wrong shape.
+    Viscous friction with coefficients B acts within the period: M is then replaced by M (X/2) coth(X/2), X = T_c M^-1
+    B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
+    least 0 and all finite, and on a wrong shape.
     """
     require_period(period)
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
@@ -211,10 +216,14 @@ def scaled_eigenvalues(M: Array) -> Array:
 
 
 def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None) -> Worst:
-    """The least eigenvalue `value` of the mass matrix over a workspace, its diagonal scaled to 1, without a unit, and
-    the positions `p` (r,), rad or m, where: M^ of `parameters` (P,), SI units, is positive definite in the workspace if
-    it is above 0, as far as a local search from the worst samples finds. A `workspace` of None is all that the joints'
-    limits allow, in 200 random samples. Raises `InputError` for parameters of another shape or not finite."""
+    """The least eigenvalue of a mass matrix over a workspace, its diagonal scaled to 1: a record of this `value`,
+    without a unit, and the positions `p` (r,), rad or m, where it is found.
+
+    The mass matrix is that of `parameters` (P,), all P inertial parameters of the mechanism in SI units; it is positive
+    definite in the workspace if the value is above 0, as far as a local search from the worst samples finds. A
+    `workspace` of None is all that the joints' limits allow, in 200 random samples. Raises `InputError` for parameters
+    of another shape or not finite.
+    """
     D = _all_parameters(mechanism, parameters)
     found = (workspace or everywhere(mechanism)).highest(
         lambda p: -scaled_eigenvalues(mass_matrix_of(mechanism, p, D))[..., 0]

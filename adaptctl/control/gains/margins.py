@@ -23,12 +23,13 @@ LOWEST = 1e-6
 
 @dataclass(frozen=True)
 class Margins:
-    """Gain, phase and delay margins of a stable sampled loop by itself.
+    """Gain, phase and delay margins of one stable sampled loop. Nothing is checked.
 
-    `gain` is the factor, without a unit, by which the loop's gain may grow (its inertia fall), infinite where any is
-    stable; `gain_reduction` the factor to which it may fall (its inertia grow), 0 where any is stable. `phase` is the
-    lag in rad and `delay` the delay in s that it bears, infinite where the gain crosses 1 nowhere; `crossover` is the
-    frequency in rad/s where a delay makes it unstable first, NaN where there is none.
+    `gain` is the factor, without a unit, by which the loop's gain may grow (its inertia fall), infinite if it may grow
+    without limit; `gain_reduction` is the factor, without a unit, to which it may fall (its inertia grow), 0 if it may
+    fall without limit. `phase` is the lag in rad and `delay` the delay in s that the loop bears, infinite where its
+    gain crosses 1 nowhere; `crossover` is the frequency in rad/s at which a delay makes it unstable first, NaN where
+    there is none.
     """
 
     gain: float
@@ -44,12 +45,12 @@ class Margins:
 
 
 def margins(loop: control.LTI) -> Margins:
-    """The margins of a discrete python-control `loop` with one input and one output, opened, with its sampling time in
-    s; negative feedback understood. Raises `InputError` for a loop in continuous time or without a stated sampling
-    time, and for one with more inputs or outputs.
+    """The gain, phase and delay margins of a `loop`: a discrete-time python-control system with one input, one output
+    and its sampling time in s, open, to be closed by negative feedback. Raises `InputError` for a loop in continuous
+    time or without a stated sampling time, and for one with more inputs or outputs.
 
-    Crossings are sought on python-control's frequency response up to half the sampling rate, that end included,
-    where a sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.
+    Crossings are sought on python-control's frequency response up to half the sampling rate, that end included, where a
+    sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.
     """
     _require_sampled(loop)
     angles = np.concatenate((np.geomspace(LOWEST * np.pi, np.pi, POINTS)[:-1], [np.pi]))

@@ -64,8 +64,8 @@ class Worst(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """A workspace: sampled positions (S, r) of a mechanism, and the bounds `lower` and `upper` (S, r) within which its
-    arm may come about each, in rad or m."""
+    """A workspace: `samples` (S, r), S positions of the r joints of a `mechanism`, and the bounds `lower` and `upper`
+    (S, r) within which the arm may come about each, all in rad or m. Nothing is checked."""
 
     mechanism: Mechanism
     samples: Array
@@ -74,10 +74,10 @@ class Workspace:
 
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
-        """The workspace of all that the joints' limits allow, from a number of random `samples`, drawn by `seed`, equal
-        for equal seeds: pi rad (1 m) to each side of zero where there are none. Samples that loops cannot reach are
-        left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one from 0 to
-        2^32 - 1, and where loops reach none of the samples."""
+        """The workspace of all that the joints' limits allow, with a number of random `samples`, drawn by `seed`, equal
+        for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero. Samples that loops cannot
+        reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one
+        from 0 to 2^32 - 1, and where loops reach none of the samples."""
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
@@ -89,7 +89,8 @@ class Workspace:
 
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
-        """The workspace about a reference: its positions `p` (S, r), rad or m, and `margin` rad (m) to each side.
+        """The workspace about a reference: its S positions `p` (S, r), rad or m, and `margin` rad (m), 0.2 by default,
+        to each side of every joint. Positions that loops cannot reach are left out.
 
         Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
         Raises `InputError` for a negative margin or a wrong shape, and where the mechanism reaches none of the
@@ -105,16 +106,18 @@ class Workspace:
 
     @cached_property
     def mass_matrices(self) -> Array:
-        """Mass matrices M (S, r, r) at the samples, in kg m^2 or kg; kept, since with loops they take seconds."""
+        """Mass matrices M (S, r, r) at the workspace's S samples of r joints, in kg m^2 or kg; computed once, since
+        with loops they take seconds."""
         return frozen(self.mechanism.mass_matrix(self.samples))
 
     def highest(self, value: Callable[[Array], Array]) -> Worst:
-        """The greatest number that a function `value`, from positions (n, r) in rad or m to numbers (n,), has within
-        the bounds, `value`, and the positions `p` (r,) where: found by a pattern search from the samples with the
-        greatest.
+        """The greatest value of a function within the workspace's bounds: a record of this `value` and the positions
+        `p` (r,), rad or m, where it is found. The argument `value` is the function, from positions (n, r), rad or m, to
+        numbers (n,); a pattern search starts at the samples where it is greatest.
 
-        The largest of some hundred samples is no maximum: of the greatest eigenvalue of M^-1 K, mass matrix and
-        damping, it is nine tenths at the median, and less than half for an arm whose wrist folds.
+        The samples alone do not tell: of the greatest eigenvalue of M^-1 K, M the mass matrix and K the damping, the
+        largest of some hundred samples is nine tenths of the maximum at the median, and less than half for an arm whose
+        wrist folds.
         """
         found = value(self.samples)
         start = self._apart(np.argsort(found)[::-1])

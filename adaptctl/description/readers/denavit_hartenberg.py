@@ -52,15 +52,16 @@ class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 def read_denavit_hartenberg(path: str | Path) -> Description:
     """The description of the serial chain that a TOML file gives by Denavit-Hartenberg parameters (m, rad), named after
-    the file unless it says otherwise.
+    the file unless it gives a name.
 
-    The file has ``schema = "adaptctl/denavit-hartenberg/1"``, a convention, and ``[[links]]`` with a, d, alpha and
-    theta (or alpha_deg, theta_deg), the joint's type and limits, the inertia and the drive; of a link only alpha must
-    be given. ``convention = "standard"`` puts a link's frame at its far end: Rz(theta) Tz(d) Tx(a) Rx(alpha) leads from
-    the link before (Denavit and Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d),
-    a and alpha being those before the joint (Craig 1986). Raises FileError for a file that cannot be read and, naming
-    the element, for wrong contents. Warns (SimplificationWarning) of angles that look like degrees and of links that
-    move without mass and carry none.
+    The file has ``schema = "adaptctl/denavit-hartenberg/1"``, a convention, and ``[[links]]`` with length a and offset
+    d (m), twist alpha and angle theta (rad; or alpha_deg, theta_deg), the joint's type and limits, the inertia and the
+    drive; of a link only alpha must be given. ``convention = "standard"`` puts a link's frame at its far end: Rz(theta)
+    Tz(d) Tx(a) Rx(alpha), turns R about and shifts T along the axes z and x, leads from the link before (Denavit and
+    Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d), a and alpha being those
+    before the joint (Craig 1986). Raises `FileError` for a file that cannot be read and, naming the element, for wrong
+    contents. Warns (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and
+    carry no link that has one.
     """
     chain = read_toml(path, Chain)
     try:

@@ -12,13 +12,14 @@ from adaptctl.errors import InputError
 
 
 def to_pinocchio_constraints(description: Description, model: pinocchio.Model) -> list[pinocchio.RigidConstraintModel]:
-    """Constraint models of all closures, on the model that `to_pinocchio` made of the same description; an empty list
-    without loops.
+    """Pinocchio's constraint models of all loop closures of a `description`, on the `model` that `to_pinocchio` made of
+    it; an empty list without loops.
 
-    A common point is a contact of three rows and a weld one of six. Pinocchio knows no common axis: that becomes two
-    common points 1 m apart on it, one row of six being dependent. Rows are in the first link's joint frame, and where a
-    loop is planar some depend on others, as in the mechanism itself: solve with a proximal method. Joints that follow
-    others have no such model; raises InputError for them.
+    A common point is a contact of three rows (scalar constraints) and a weld one of six. Pinocchio knows no common
+    axis: that becomes two models, common points 1 m apart on it, one of whose six rows is dependent. Rows are in the
+    frame of the first link's joint. Where a loop is planar some rows depend on others, as in the mechanism itself:
+    solve with a proximal method. Couplings, joints that follow others, have no such model: raises `InputError` for
+    them. The `model` is not checked.
     """
     if description.loops is None:
         return []

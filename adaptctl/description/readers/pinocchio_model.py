@@ -25,15 +25,15 @@ _LEFT_OUT = "friction other than viscous and Coulomb is left out"
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
-    """The Pinocchio model of a description: the same coordinates in the same order, the same limits, gravity and
-    drives; of loops, the open tree.
+    """The Pinocchio model of a description, with the same coordinates in the same order, the same limits, gravity and
+    drives; with loops, that of the open tree.
 
     A rotor is Pinocchio's armature, which its algorithms use; viscous friction is its damping and Coulomb friction its
     dry friction, which it holds but its inverse dynamics leaves out. Joints stand at the joints' frames and carry the
     links' names as body frames at the links' frames; named frames are there too. Continuous joints become revolute ones
-    without limits, so that q keeps one number a joint. Raises InputError for a link without mass that has a first
-    moment, which Pinocchio cannot hold, and for a drive that turns with other joints. Warns (SimplificationWarning) of
-    friction that Pinocchio has no place for.
+    without limits, so that Pinocchio's q keeps one number a joint. Raises `InputError` for a link without mass that has
+    a first moment (mass times centre of mass), which Pinocchio cannot hold, and for a drive that turns with several
+    joints. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out.
     """
     _require_own_shafts(description)
     model = pinocchio.Model()
@@ -70,13 +70,14 @@ def _bent(description: Description) -> list[str]:
 def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:
     """The description of a Pinocchio model's mechanism, its joints put in depth-first order.
 
-    `name` is the mechanism's, None for the model's own. Link frames are the joints' frames, and the ten parameters are
-    expressed there. A link has the name of the first body frame on its joint, or the joint's. The coordinates follow
-    the joints of the description: look up a joint's place in the model by its name (``model.getJointId``). An unbounded
-    revolute joint, which has (cos, sin) in Pinocchio's q, becomes a continuous one, with the angle. Bodies fixed to the
-    universe do not move and are left out. Armature, damping and dry friction become the joint's drive; where they are
-    zero they are not modelled. Raises InputError for joints with more than one coordinate, helical or mimic ones, for
-    no joints, and for angular gravity; warns (SimplificationWarning) of limits of zero, taken as no limits.
+    `name` is the mechanism's, None for the model's own, or "mechanism" where that is empty. Link frames are the joints'
+    frames, in which the ten inertial parameters of each link are given. A link has the name of the first body frame on
+    its joint, or the joint's. The coordinates follow the joints of the description: look up a joint's place in the
+    model by its name (``model.getJointId``). An unbounded revolute joint, which has (cos, sin) in Pinocchio's q,
+    becomes a continuous one, with the angle. Bodies fixed to the universe do not move and are left out. Armature,
+    damping and dry friction become the joint's drive; where they are zero they are not modelled. Raises `InputError`
+    for joints with more than one coordinate, helical or mimic ones, for no joints, and for angular gravity; warns
+    (`SimplificationWarning`) of limits of zero, taken as no limits.
     """
     if np.any(model.gravity.angular):
         raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")

@@ -73,15 +73,17 @@ def read(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The description of a built-in's name or of a file, which is read by its suffix, .toml, .urdf, .xml or .mjcf
-    (MJCF); of an MJCF scene, that of the body `root` and all on it, None being the one root body that moves.
+    """The description of a built-in robot, by its name, or of the mechanism in a file, read by its suffix: .toml,
+    .urdf, .xml or .mjcf (MJCF).
 
-    With `floating_base`, a URDF file's root link floats instead of being fixed to the ground (`floating`); its meshes
-    are shown from its package and from `mesh_folders`, by default none. With `snap`, angles within 1e-3 rad of right
-    ones are made exact (`snapped`). Raises NotFoundError for a name that is neither, FileError for a file that cannot
-    be used, InputError for a floating base or mesh folders of what is no URDF file, one folder not in a list, or a root
-    of what is no MJCF file. Warns (PhysicalConsistencyWarning) of links that no rigid body can be, and as the file's
-    reader does (SimplificationWarning).
+    `root` names the body of an MJCF scene that the mechanism begins with, all bodies on it included; None is the one
+    root body that moves. With `floating_base`, a URDF file's root link floats, on three slides and three hinges,
+    instead of being fixed to the ground; its meshes are shown from its package and from `mesh_folders`, by default
+    none. With `snap`, angles between joint axes within 1e-3 rad of right ones are made exact (`snapped`). Raises
+    `NotFoundError` for an unknown name, `FileError` for a file that cannot be used, `InputError` for a floating base or
+    mesh folders of what is no URDF file, one folder not in a list, or a root of what is no MJCF file. Warns
+    (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, and (`SimplificationWarning`) of what
+    the file's reader leaves out.
     """
     suffix = Path(source).suffix.lower()
     if floating_base and suffix != ".urdf":

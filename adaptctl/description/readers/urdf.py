@@ -49,18 +49,19 @@ UNREAD_KINDS = ("floating", "planar")
 
 
 def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Sequence[str | Path] = ()) -> Description:
-    """The description of the tree that moves in a URDF file, fixed to the ground by its root link or, with
-    `floating_base`, on six joints of its own (see `floating`).
+    """The description of the tree that moves in a URDF file, its root link fixed to the ground or, with
+    `floating_base`, floating on six joints: three slides and the hinges yaw, pitch and roll, named after it.
 
     Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints become part
-    of the link that carries them. Links without <inertial> are massless. Damping and friction of <dynamics> become the
+    of the link that carries them. Links without <inertial> have no mass. Damping and friction of <dynamics> become the
     joint's viscous and Coulomb friction; where they are zero, as exporters write when nobody knows, none is modelled.
-    <visual> says what is drawn, as far as its meshes are found (`urdf_visuals`) in the file's package or in
-    `mesh_folders`; collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints
-    that follow none are primary; one whose leader does not exist or is fixed is taken as independent. Raises FileError
-    for a file that cannot be read and, naming the element and its line, for wrong contents. Warns
-    (SimplificationWarning) of such joints, of limits of zero, taken as no limits, of angles that look like degrees, of
-    links that move without mass, and of meshes that stand elsewhere.
+    <visual> says what is drawn, as far as its meshes are found in the file's package or in `mesh_folders`, by default
+    none; collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints that
+    follow none are primary; a mimic joint whose leader is fixed or does not exist is taken as independent. Raises
+    `FileError` for a file that cannot be read and, naming the element and its line, for wrong contents. Warns
+    (`SimplificationWarning`) of mimic joints taken as independent, of limits of zero, taken as no limits, of angles
+    that look like degrees, of links that move without mass and carry no link that has one, and of meshes outside these
+    folders.
     """
     try:
         robot = _robot(read_text(path))

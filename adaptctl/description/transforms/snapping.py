@@ -20,12 +20,13 @@ WITHIN = 1e-3
 
 
 def snapped(description: Description, within: float = WITHIN) -> Description:
-    """The mechanism with every angle between successive joint axes, and between gravity and the joints on the ground,
-    that is within `within` (rad, by default 1e-3) of a multiple of 90 degrees made exact.
+    """The description of the same mechanism with its nearly right angles made exact: those between successive joint
+    axes, and between gravity and the axes of joints on the ground, that are within `within` (rad, by default 1e-3) of a
+    multiple of 90 degrees.
 
     Frames and axes that are nearly along their parents' are turned onto them; where they are not, the child's joint is
     turned by the little that is missing. What hangs on it turns with it, its origins move by at most `within` times the
-    chain's length. Limits, inertias in their links' frames and names stay.
+    chain's length. Limits, inertias in their links' frames and names stay. `within` is not checked.
     """
     links: list[Link] = []
     for link in description.links:

@@ -57,20 +57,23 @@ _BODY = ("name", "childclass", "pos", "quat", "axisangle", "xyaxes", "zaxis", "e
 def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     """The description of the mechanism that moves in an MJCF file, and of the loops that its equalities close.
 
-    `root` names the body that it begins with, where the file is a scene: that body, which nothing that moves may carry,
-    and all on it; the rest of the scene is left out. None stands for the one root body that moves. What <include> names
-    is read as part of the file.
+    `root` names the body that the mechanism begins with, where the file is a scene: that body and all on it are read,
+    and the rest of the scene is left out; nothing that moves may carry it. None stands for the one root body that
+    moves. What <include> names is read as part of the file.
 
-    Link frames stand at the joints, turned as their bodies; a link is named after its body. Of several joints of one
-    body, the links between are massless. Bodies without joints become part of the one that carries them. <connect>,
-    <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are then primary, or,
-    where nothing is driven and only joints are coupled, all that follow no other. Armature, damping and dry friction
-    become the joint's drive; where they are zero they are not modelled. Efforts are the actuators' limits. A free joint
-    becomes three slides and three hinges (see `floating`), primary too. Raises FileError for a file that cannot be read
-    and, naming the element, for whatever moves otherwise than is read here, ball joints and more than one root body
-    that moves among it, and for a `root` that is no such body. Warns (SimplificationWarning) of springs, tendons and
-    gravity compensation, which are left out, of actuators that command no torque, of angles that look like degrees, and
-    of links that move without mass and carry none.
+    Link frames stand at the joints, turned as their bodies; a link is named after its body. A body with several joints
+    becomes as many links, massless but the last. Bodies without joints become part of the one that carries them.
+    <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are then
+    primary, or, where nothing is driven and only joints are coupled, all that follow no other. Armature, damping and
+    dry friction become the joint's drive; where they are zero they are not modelled. Effort limits are the actuators'.
+    A free joint becomes three slides and three hinges, named after it or its body with `_x`, `_y`, `_z`, `_yaw`,
+    `_pitch` and `_roll`, primary too.
+
+    Raises `FileError` for a file that cannot be read, for a `root` that is no such body and, naming the element, for
+    wrong contents and for motion that is not read, such as ball joints and, without a `root`, more than one root body
+    that moves. Warns (`SimplificationWarning`) of springs, tendons and gravity compensation, which are left out, of
+    actuators that command no torque, of angles that look like degrees, and of links that move without mass and carry no
+    link that has one.
     """
     try:
         scene = included(parsed(read_text(path), "mujoco"), path)

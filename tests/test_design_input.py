@@ -1,0 +1,161 @@
+"""Input that the design of arms refuses, each with one line that says what would be right."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import adaptctl
+from adaptctl.arrays import Array
+from adaptctl.description import Description, Joint, Link
+from adaptctl.description.inertia import from_center_of_mass
+from adaptctl.description.pose import Pose
+from adaptctl.design import (
+    CostMap,
+    Counterweight,
+    DesignTask,
+    PlaceBounds,
+    added_mass,
+    box,
+    cost_map,
+    cylinder,
+    design_study,
+    optimal_counterweights,
+    point,
+    removals,
+    sphere,
+)
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, NonFiniteError
+
+pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+OTHER: Any = "a"
+NONE: Any = None
+LISTED: Any = [1.0]
+ZERO_D: Any = np.array(1.5)
+
+
+@cache
+def task() -> DesignTask:
+    return DesignTask.within_limits(adaptctl.load("puma560_arm3"), 50)
+
+
+@cache
+def single() -> DesignTask:
+    """An arm of one joint, whose mass matrix has nothing off the diagonal."""
+    ten = from_center_of_mass(2.0, [0.3, 0.0, 0.0], 0.1 * np.eye(3))
+    link = Link("arm", -1, Joint("turn", axis=np.array([0.0, 1.0, 0.0])), Pose.identity(), Pose.identity(), ten)
+    return DesignTask.within_limits(Mechanism(Description("pendulum", (link,))), 50)
+
+
+@cache
+def third() -> PlaceBounds:
+    return PlaceBounds.of(task().mechanism, "link3")
+
+
+def several() -> Array:
+    return np.stack([task().parameters, task().parameters])
+
+
+def with_states(count: int) -> DesignTask:
+    return DesignTask(task().mechanism, task().p[:count], task().v[:count], task().a[:count], "")
+
+
+WRONG: dict[str, tuple[Callable[[], object], str]] = {
+    "seed -1": (lambda: optimal_counterweights(task(), [third()], seed=-1), "seed: expected a whole number from 0"),
+    "seed text": (lambda: optimal_counterweights(task(), [third()], seed=OTHER), "seed: expected a whole number"),
+    "seed none": (lambda: optimal_counterweights(task(), [third()], seed=NONE), "seed: expected a whole number"),
+    "study's seed": (lambda: design_study(task(), seed=-1), "seed: expected a whole number from 0"),
+    "no states": (lambda: with_states(0), "expected one shape (T, 3), T at least 2, got (0, 3)"),
+    "one state": (lambda: with_states(1), "expected one shape (T, 3), T at least 2, got (1, 3)"),
+    "stack": (lambda: task().cost("energy", several()), "parameters: expected shape (30,), got (2, 30)"),
+    "stack's torques": (lambda: task().torques(several()), "parameters: expected shape (30,), got (2, 30)"),
+    "speed": (
+        lambda: DesignTask.within_limits(task().mechanism, 50, speed=1e200),
+        "speed: expected a finite number of at least 0, at most 1e+100",
+    ),
+    "percent text": (lambda: task().components(OTHER), "percent: expected a number, got 'a'"),
+    "percent none": (lambda: task().components(NONE), "percent: expected a number, got None"),
+    "percent nan": (lambda: task().components(np.nan), "percent: expected a percentage of at least 0"),
+    "mass's percent": (lambda: added_mass(task(), "link3", 1.0, percent=OTHER), "percent: expected a number"),
+    "balls' percent": (lambda: optimal_counterweights(task(), [third()], percent=OTHER), "percent: expected a number"),
+    "objective": (lambda: task().matrix(LISTED), "objective: expected one of energy, torque, coupling, components"),
+    "map's mass": (lambda: cost_map(task(), -1.0), "mass: expected a positive number of kg, got -1"),
+    "map's nan": (lambda: CostMap(task(), np.nan, "energy"), "mass: expected a positive number of kg, got nan"),
+    "map's objective": (lambda: cost_map(task(), 1.0, LISTED), "objective: expected one of energy"),
+    "no cost": (lambda: cost_map(single(), 1.0, "coupling"), "objective: expected one that costs something"),
+    "sphere": (lambda: sphere(LISTED), "mass: expected a number, got [1.0]"),
+    "heavy sphere": (lambda: sphere(1e300), "mass: expected a number of at least 0 kg and at most 1e+20"),
+    "thin sphere": (lambda: sphere(1.0, density=1e-320), "density: expected a number above 0, from 1e-100"),
+    "box": (lambda: box(LISTED, (1.0, 1.0, 1.0)), "mass: expected a number, got [1.0]"),
+    "cylinder": (lambda: cylinder(1.0, LISTED, 1.0), "radius: expected a number, got [1.0]"),
+    "wide": (lambda: cylinder(1.0, 1e200, 1.0), "radius: expected a number above 0, from 1e-100 to 1e+100"),
+    "long": (lambda: cylinder(1.0, 1.0, 1e200), "length: expected a number above 0, from 1e-100 to 1e+100"),
+    "bounds' mass": (
+        lambda: PlaceBounds("link3", np.zeros(3), np.ones(3), OTHER),
+        "link3: mass: expected a number, got 'a'",
+    ),
+    "share": (lambda: PlaceBounds.of(task().mechanism, "link3", OTHER), "places: share: expected a number, got 'a'"),
+    "beyond": (lambda: PlaceBounds.of(task().mechanism, "link3", 0.2, OTHER), "places: beyond: expected a number"),
+    "twice": (lambda: removals(task(), [third(), third()]), "expected places on links, each once, got link3, link3"),
+    "link": (
+        lambda: removals(task(), [PlaceBounds("x", np.zeros(3), np.ones(3), 1.0)]),
+        "there is no link 'x' with inertia; links: link1, link2, link3",
+    ),
+    "ball's mass": (lambda: Counterweight("x", -1.0, np.zeros(3), 7850.0), "mass: expected a number of at least 0 kg"),
+    "ball's place": (lambda: Counterweight("x", 1.0, np.zeros(2), 7850.0), "place: expected shape (3,), got (2,)"),
+    "ball's density": (lambda: Counterweight("x", 1.0, np.zeros(3), np.nan), "density: expected a number above 0"),
+    "far": (lambda: added_mass(task(), "link3", 1.0, (1e150, 0.0, 0.0)), "expected inertial parameters of at most"),
+}
+TOO_LARGE: dict[str, tuple[Callable[[], object], str]] = {
+    "cost": (lambda: task().cost("energy", task().parameters * 1e300), "parameters: the cost is too large"),
+    "torques": (lambda: task().torques(task().parameters * 1e300), "parameters: the cost is too large"),
+    "components": (lambda: task().components(1.0, task().parameters * 1e300), "parameters: the cost is too large"),
+    "weights": (lambda: task().weights(task().parameters * 1e300), "parameters: the cost is too large"),
+    "place": (lambda: cost_map(task()).at("link3", (1e200, 0.0, 0.0)), "link3: places: expected nearer ones"),
+}
+
+
+@pytest.mark.parametrize("case", sorted(WRONG))
+def test_wrong_input_is_refused(case: str) -> None:
+    call, told = WRONG[case]
+    with pytest.raises(InputError, match=r"^[^\n]*$") as caught:
+        call()
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize("case", sorted(TOO_LARGE))
+def test_numbers_that_overflow_are_refused(case: str) -> None:
+    call, told = TOO_LARGE[case]
+    with pytest.raises(NonFiniteError, match=r"^[^\n]*$") as caught:
+        call()
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "body", [point, sphere, lambda mass: box(mass, (0.1, 0.1, 0.1)), lambda mass: cylinder(mass, 0.1, 0.1)]
+)
+def test_a_mass_may_be_an_array_of_no_axes(body: Callable[[Any], Any]) -> None:
+    assert body(ZERO_D).mass == 1.5
+    assert added_mass(task(), "link3", ZERO_D).body.mass == 1.5
+    assert cost_map(task(), ZERO_D).mass == 1.5
+
+
+def test_a_percentage_may_be_any_number_from_zero() -> None:
+    assert task().components(0.0) == task().space.rank
+    assert task().components(1e300) == task().components(100.0) == 0
+
+
+def test_what_is_kept_is_read_only() -> None:
+    added = added_mass(task(), "link3", 1.0)
+    ball = Counterweight("link3", 1.0, np.zeros(3), 7850.0)
+    balanced = optimal_counterweights(task(), [third()])
+    kept = [added.change, added.parameters, added.essential, balanced.parameters, ball.place]
+    kept += [task().torque_limits, *(task().matrix(name) for name in ("energy", "torque", "coupling", "components"))]
+    assert not any(array.flags.writeable for array in kept)
+    assert not pickle.loads(pickle.dumps(ball)).place.flags.writeable
