@@ -20,7 +20,7 @@ def control_period_of(given: object) -> float:
 
 
 def steps_of(duration: object, control_period: float) -> int:
-    """How many control periods (s) a duration (s) has. Raises `InputError` for less than one."""
+    """Number of control periods (s) in a duration (s). Raises `InputError` for less than one."""
     what = f"duration: expected at least one control period of {control_period:g} s"
     if (length := positive_number(duration, what)) < control_period:
         raise InputError(f"{what}, got {length}")

@@ -127,7 +127,7 @@ class AdaptationLaws(RoughStart, Learning):
         low=1e-6,
         high=1e9,
     )
-    cutoff: float = setting(5.0, "of the torque filter, 1/s", low=0.1, high=1000.0)
+    cutoff: float = setting(5.0, "of the torque filter, rad/s", low=0.1, high=1000.0)
     forgetting: float = setting(2.0, "of least squares, 1/s", low=0.0, high=100.0)
     recall: float = setting(2.0, "how fast composite learning returns to its memory, 1/s", low=0.0, high=100.0)
     excitation: float = setting(

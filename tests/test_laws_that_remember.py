@@ -270,7 +270,7 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
         (lambda: ConcurrentLearning(ONES, threshold=np.nan), "threshold: expected a positive number of 1/s"),
         (lambda: ConcurrentLearning(ONES, -1.0), "concurrent learning: weight"),  # type: ignore[arg-type]
         (lambda: on(SMALL, ConcurrentLearning(np.ones(30))), "30 parameters, of which the basis keeps 15"),
-        (lambda: on(SMALL, ConcurrentLearning(ONES, cutoff=2000.0)), "use at most 1000 1/s"),
+        (lambda: on(SMALL, ConcurrentLearning(ONES, cutoff=2000.0)), "use at most 1000 rad/s"),
         (lambda: CompositeLearning(ONES, threshold=-1.0), "threshold: expected a finite number of at least 0 1/s"),
         (lambda: CompositeLearning(ONES, threshold=np.inf), "threshold: expected a finite number"),
         (lambda: CompositeLearning(ONES, recall=-1.0), "recall: expected a finite number of at least 0 1/s, got -1"),

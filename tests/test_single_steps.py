@@ -250,7 +250,7 @@ def test_composite_refuses_a_negative_weight_at_once() -> None:
 def test_a_filter_may_be_as_fast_as_its_refusal_says() -> None:
     """A cutoff of one over the period: exactly 1000 1/s for 1 ms, and no more."""
     require_cutoff(1000.0, 1e-3)
-    with pytest.raises(InputError, match=r"1001 1/s is too fast .* use at most 1000 1/s"):
+    with pytest.raises(InputError, match=r"1001 rad/s is too fast .* use at most 1000 rad/s"):
         require_cutoff(1001.0, 1e-3)
 
 

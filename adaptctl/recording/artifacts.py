@@ -26,9 +26,9 @@ STAGED = "artifacts"
 
 
 def shown(comparison: Comparison) -> Result:
-    """The result of an experiment, as the command line shows it, from its comparison: whether it is complete, headline,
-    facts and verdict in words, and a function that writes its folder as `write_artifacts` does. `failed` stays False:
-    `verdict.passed` tells."""
+    """The `Result` of an experiment, as the command line shows it, from the comparison of its runs: whether it is
+    complete, headline, facts and verdict in words, and a function that writes its folder as `write_artifacts` does. Its
+    `failed` stays False: whether the adaptive controller did what was asked is in its `verdict.passed`."""
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),
@@ -39,14 +39,15 @@ def shown(comparison: Comparison) -> Result:
 
 
 def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
-    """Write recording, summary, trace, figures and report of a comparison into a folder, made where it is missing;
-    returns its path.
+    """Write the files of a comparison of runs into a folder, made where it is missing: recording, summary, trace,
+    figures and report; returns the folder's path.
 
-    The files are recording.rrd, summary.json, trace.parquet (the subject's samples) and report.html, figures are PNG
-    files in the folder `figures`; all are written, each over one that is there, or none where one cannot be or
-    `progress` raises. `progress(what, share)` is called with what is being written, and the share of the whole that is
-    done, 0 to 1; nothing is shown unless given. Raises `FileError` where a file cannot be written or a folder cannot be
-    made, and for NaN or infinity among the summary's numbers, such as findings.
+    The files are recording.rrd (for the rerun viewer), summary.json, trace.parquet (all samples of the comparison's
+    first run) and report.html; figures are PNG files in the folder `figures`. All are written, each over one that is
+    there, or none where one cannot be or `progress` raises. `progress(what, share)` is called with the name of what is
+    being written, and the share of the whole that is done, 0 to 1; unless given, nothing is shown. Raises `FileError`
+    where a file cannot be written or a folder cannot be made, and for NaN or infinity among the summary's numbers, such
+    as findings.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

@@ -38,10 +38,10 @@ ALL = slice(None)
 
 @dataclass(frozen=True)
 class TickCost:
-    """Cost of one control tick, the computation of one torque, in time and in operations: `called`, s, called from
-    Python, the median; `native`, s, within a native loop over many states; `flops`, the number of additions,
-    subtractions, multiplications, divisions and negations. The last two are None where not known. Nothing is checked at
-    construction."""
+    """Cost of one control tick, the computation of one torque, in time and in operations. `called`, s, is the median
+    time of a call from Python; `native`, s, the time within a loop over many states in native code; `flops`, the number
+    of additions, subtractions, multiplications, divisions and negations. The last two are None where not known. Nothing
+    is checked at construction."""
 
     called: float
     """s, called from Python"""
@@ -55,10 +55,10 @@ class TickCost:
 class ControllerRun:
     """A closed-loop run of one controller, with its name, label and cost.
 
-    `name` is short, fit for a file, and one run's alone; `label` is for legends and tables; `knows`, what it knew of
-    the arm beforehand, in words or empty; `rollout`, its T samples of r joints; `lyapunov` (T,), J, the Lyapunov
-    function, None where the law has none; `cost`, that of a control tick, None where it was not measured. Nothing is
-    checked at construction.
+    `name` is short, fit for a file, and no other run's in a comparison; `label` is for legends and tables; `knows`,
+    what the controller knew of the arm beforehand, in words or empty; `rollout`, the run's T samples of r joints;
+    `lyapunov` (T,), values of the Lyapunov function, J, None where the control law has none; `cost`, that of a control
+    tick (the computation of one torque), None where it was not measured. Nothing is checked at construction.
     """
 
     name: str
@@ -75,14 +75,14 @@ class ControllerRun:
 
     @property
     def duration(self) -> float:
-        """Duration of the run in closed loop, s, from time zero to its end, that of its `rollout`."""
+        """Duration of the run in closed loop, s, from time zero to its end, rounded up to a whole sample."""
         return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
-        """Root mean square of the tracking errors p - p_d, rad (m), of joints at times t with `start` <= t < `stop`, s,
-        all of the run unless given; None without such samples. `joints` is a slice or a list of indices from 0, all
-        unless given; joints of both kinds go into one number. Raises `IndexError` for an index that is no joint's,
-        `InputError` for no joints."""
+        """Root mean square of the tracking errors p - p_d (positions minus desired ones), rad (m), of joints at times t
+        with `start` <= t < `stop`, s, all of the run unless given; None without such samples. `joints` is a slice or a
+        list of indices from 0, all unless given; joints of both kinds go into one number. Raises `IndexError` for an
+        index that is no joint's, `InputError` for no joints."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         errors = self.rollout.error[inside][:, joints]
         if errors.shape[1] == 0:
@@ -118,9 +118,10 @@ class ControllerRun:
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
-        """Root mean square tracking errors (T,) of all joints, rad or m, over the last `window`, s, up to and with each
-        sample, fewer at the run's start; of the sample alone for a window below its spacing. Raises `InputError` for a
-        window that is not positive and finite."""
+        """Moving root mean square (T,) of the tracking errors of all joints, rad or m, one for each sample: over the
+        `window`, s, that ends with it, over fewer samples at the run's start, and over the sample alone where the
+        window is shorter than the time between samples. Raises `InputError` for a window that is not positive and
+        finite."""
         positive_number(window, "window: expected a positive number of s")
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
@@ -131,8 +132,8 @@ class ControllerRun:
 
     @property
     def lyapunov_max_increase(self) -> float | None:
-        """Largest rise of the Lyapunov function from one sample to the next, J; 0 when it never rises; None where the
-        law has none, and where it holds NaN or infinity, which tells of no fall."""
+        """Largest rise of the Lyapunov function from one sample to the next, J; 0 where it never rises; None where the
+        control law has no such function, or where its values hold NaN or infinity."""
         if self.lyapunov is None or len(self.lyapunov) == 0 or not np.isfinite(self.lyapunov).all():
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
@@ -140,8 +141,8 @@ class ControllerRun:
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of an experiment, for the record: its `name`, its `value` as text, and its `meaning` in words; the unit
-    is in one of these two. Nothing is checked at construction."""
+    """A setting of an experiment, as its summary and report state it: its `name`, its `value` as text, and its
+    `meaning` in words; the unit, if any, is in the value or the meaning. Nothing is checked at construction."""
 
     name: str
     value: str
@@ -150,9 +151,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """A measured quantity besides the runs: `name`, its key in summary.json, which for one of a single run ends in a
-    dot and the run's name; `value`, a number in `unit`, "1" for none; `meaning`, in words. Nothing is checked at
-    construction, but `write_artifacts` raises `FileError` for a value of NaN or infinity."""
+    """A number that an experiment found, besides those that are computed of every run. `name` is its key in
+    summary.json; where it is about one run it ends in a dot and the run's name. `value` is in `unit`, "1" for none;
+    `meaning` is in words. Nothing is checked at construction, but `write_artifacts` raises `FileError` for a value of
+    NaN or infinity."""
 
     name: str
     """the key in summary.json"""
@@ -167,11 +169,12 @@ def _thousandths(value: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Leading:
-    """The leading errors of an experiment, which its pages show before the joints', such as a tool's distance from its
-    path.
+    """The leading errors of an experiment: those that its recording and report show before the joints' errors, such as
+    a tool's distance from its path.
 
-    `meaning` says what is drawn; `errors` maps the name of every run compared to its errors (T,), such as in m; `unit`
-    is that of a thousandth of these, such as mm. Nothing is checked at construction, but by `Comparison`.
+    `meaning` says what they are; `errors` maps the name of every run compared to its errors (T,), one for each of T
+    samples, in a unit such as m; `unit` is a thousandth of that unit, such as mm, in which they are shown. Nothing is
+    checked at construction; `Comparison` checks the shapes of the errors.
     """
 
     meaning: str
@@ -182,9 +185,9 @@ class Leading:
     """(T,) by the name of the run"""
 
     def final_rms(self, run: ControllerRun) -> float | None:
-        """Root mean square of a run's leading error, in the unit of `errors`, such as m (not the thousandth that `unit`
-        names), over the last two seconds that were run; None where the run is shorter. Raises `KeyError` for a run
-        without errors, `IndexError` for errors that are not T."""
+        """Root mean square of the errors that `errors` has for a run, in their unit, such as m (not in `unit`, a
+        thousandth of it), over the last two seconds that were run; None where the run is shorter. Raises `KeyError` for
+        a run without errors, `IndexError` for another number of errors than samples."""
         if run.final_rms_error is None:
             return None
         late = run.rollout.time >= run.duration - SETTLED
@@ -209,22 +212,27 @@ def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTA
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A comparison of runs on one arm, one reference and one seed; the first is the experiment's subject, which adapts.
+    """A comparison of closed-loop runs on one arm, one reference and one seed; the first is the subject, the run of the
+    adaptive controller that the experiment is about.
 
-    `experiment` is its name, `title` and `purpose` are words for the report; `mechanism` has r primary joints; `space`
-    and `basis` are its essential space and the fundamental basis of the estimates; `runs`, at least one, with names
-    that differ; `torque_limits` (r,), N m (N for a prismatic joint), positive and finite; `settings` and `findings`,
-    for the record; `seed`, of the random numbers; `duration`, s asked for; `complete`, False when it was interrupted:
-    what was computed is kept; `without_adaptation`, the name of the run with the subject's gains and adaptation off;
-    `more_drawings`, figures besides those of every comparison; `answer`, the outcome in a sentence or two, None where
-    it is how much adaptation is worth; `truth_known`, False where the mechanism's parameters are not the arm's;
-    `leading`, the errors that a recording shows before the joints', None for none; `expected`, the failures that the
-    experiment expects of its subject, and why; `live`, the subject's closed loop for the report to run, or why there is
-    none.
+    `experiment` is the experiment's name, `title` and `purpose` are words for the report; `mechanism` has r primary
+    joints; `space` is the essential space of its inertial parameters (their directions that change energies and
+    torques), `basis` the fundamental basis of the subject's estimates; `runs`, at least one, with names that differ;
+    `torque_limits` (r,), N m (N for a prismatic joint), positive and finite; `settings` and `findings`, the
+    experiment's settings and further results, for summary and report; `seed`, of the random numbers; `duration`, s, the
+    length asked for; `complete`, False where the experiment was interrupted: the runs hold what was computed until
+    then.
+
+    `without_adaptation` is the name of the run with the subject's gains and adaptation off; `more_drawings`, figures
+    for the report besides those of every comparison; `answer`, the outcome in a sentence or two, None for words made
+    from the errors with and without adaptation; `truth_known`, False where the mechanism's parameters are not the arm's
+    true ones; `leading`, errors that recording and report show before the joints' errors, None for none; `expected`, a
+    mapping from the subject's failures that the experiment expects to the reasons why; `live`, the subject's closed
+    loop for the report to run, or a text that says why there is none.
 
     Raises `InputError` without a run, where the first has no samples, where two have one name, for torque limits of
-    another shape, not above 0 or no numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without (T,)
-    errors of a run; nothing else is checked at construction.
+    another shape, not above 0 or no numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without an
+    error for every sample of every run; nothing else is checked at construction.
     """
 
     experiment: str
@@ -287,26 +295,28 @@ class Comparison:
 
     @cached_property
     def color_places(self) -> dict[str, int]:
-        """Index of every run's colour in the palette, from 0, by the run's name: 0 for the subject, 1 for the run with
-        adaptation off (left free where there is none), then the others in their order."""
+        """Index from 0 of every run's colour in the palette, by the run's name: 0 for the first run, the subject, 1 for
+        the run with adaptation off (left free where there is none), then the others in their order."""
         return color_places(self.runs, self.without_adaptation)
 
     @property
     def baseline(self) -> ControllerRun | None:
-        """The run of the subject's controller with adaptation off, named `without_adaptation`; None where it was not
-        run."""
+        """The run of the subject's (the first run's) controller with adaptation off, the one whose name is
+        `without_adaptation`; None where there is none."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 
     @cached_property
     def model(self) -> ReducedModel:
-        """The reduced model whose k parameters the subject estimates: the fundamental ones, and all friction. Raises
-        `InputError` for a `basis` of another mechanism."""
+        """The reduced model, dynamics on k parameters alone, whose parameters the first run estimates: the fundamental
+        (base) inertial parameters of `basis`, then all friction parameters. Raises `InputError` for a `basis` of
+        another mechanism."""
         return ReducedModel(self.mechanism, self.basis)
 
     @property
     def true_parameters(self) -> Array:
-        """True values (k,) of the model's parameters, in the order of `model.names` and SI units (kg, kg m, kg m^2;
-        friction by its kind, such as N m); NaN where the truth is not known."""
+        """True values (k,) of the k parameters of `model`, fundamental (base) inertial parameters and then friction's,
+        in the order of `model.names` and SI units (kg, kg m, kg m^2; friction by its kind, such as N m); NaN where
+        `truth_known` is False. Raises `InputError` for a `basis` of another mechanism."""
         own = self.model.fundamental_parameters
         return own if self.truth_known else np.full_like(own, np.nan)
 
@@ -327,26 +337,27 @@ class Comparison:
 
     @property
     def error_unit(self) -> str:
-        """Unit, as text, of a thousandth of a joint's position: "mrad", "mm", or "mrad or mm" where joints are of both
-        kinds."""
+        """Unit, as text, in which position errors are shown, a thousandth of the positions' own: "mrad", "mm", or "mrad
+        or mm" where joints are of both kinds."""
         return error_unit(self.mechanism)
 
     @property
     def joints_by_unit(self) -> dict[str, list[int]]:
-        """Indices from 0 of the primary joints, as lists, by the unit of their positions, "rad" or "m": rad before m,
-        and no unit that no joint has."""
+        """Indices from 0 of the primary joints, as lists, by the unit of their positions, "rad" or "m": rad before m; a
+        unit that no joint has is left out."""
         units = self.position_units
         return {unit: [j for j, one in enumerate(units) if one == unit] for unit in sorted(set(units), reverse=True)}
 
     def limited_steps(self, run: ControllerRun) -> int:
-        """Number of samples of a run, each of `every` control periods, in which a torque was clipped, or was at its
-        limit to 1e-9 of it. Raises `ValueError` for a run of another number of joints."""
+        """Number of samples of a run at which any joint's torque was clipped, or was within 1e-9 of its limit (a share
+        of the limit). A run has one sample in `rollout.every` control periods. Raises `ValueError` for a run of another
+        number of joints."""
         largest = np.abs(run.rollout.applied) / self.torque_limits
         at_limit = (largest >= AT_LIMIT).any(axis=1) | (run.rollout.clipped > 0.0)
         return int(np.count_nonzero(at_limit))
 
     @property
     def peak_torque_shares(self) -> Array:
-        """Largest applied torque of the subject's run over its limit, in size, for each joint (r,), no unit: 1 at the
-        limit."""
+        """Largest magnitude of each joint's applied torque (r,) in the first run, as a share of the joint's torque
+        limit, no unit: 1 at the limit."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

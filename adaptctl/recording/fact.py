@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 
 class Whose(Enum):
-    """Enumeration of the runs that a fact can be about, where a page marks it by colour: SUBJECT, the run that a
-    comparison is about; BASELINE, that with adaptation off; NOBODY, no run by itself. The value is the name of the
-    page's style: "subject", "off" or empty."""
+    """Enumeration of the runs that a fact about an experiment can be about, by which a report colours it: SUBJECT, the
+    run that a comparison is about; BASELINE, that with adaptation off; NOBODY, no run by itself. The value is the name
+    of the report's style: "subject", "off" or, for no colour, empty."""
 
     SUBJECT = "subject"
     """the run that a comparison is about"""
@@ -20,8 +20,9 @@ class Whose(Enum):
 
 
 class Fact(NamedTuple):
-    """Fact of a result: `question`, what a person asks first; `answer`, in words, with its unit; and `whose`, the run
-    that it is about, nobody's unless given."""
+    """A fact about an experiment's result: `question`, one that a person asks first; `answer`, in words, with its unit;
+    and `whose`, the run that it is about, `Whose.NOBODY` (no run by itself) unless given. Nothing is checked at
+    construction."""
 
     question: str
     answer: str

@@ -18,13 +18,14 @@ BETTER = 0.9
 
 
 def judged(comparison: Comparison) -> Verdict:
-    """The verdict on a comparison's subject: its failures, each with a sentence, and with the reason where the
-    comparison expects it.
+    """The verdict on the subject of a comparison, its first run: the failures found, each with a sentence, and with the
+    reason where the comparison expects it.
 
-    Failures are STOPPED, the run was ended early; else DIVERGED, a joint's error was 1 rad (m) or more, or NaN, in its
-    last two seconds; SATURATED, a torque was at its limit for over 2 s in all; NO_BETTER, the RMS error of all joints
-    over the last two seconds is not below 0.9 of that with adaptation off, which is not judged where the comparison was
-    interrupted, one of the two was stopped or ran for less than 2 s, or no other run has adaptation off.
+    Failures are STOPPED, the environment ended the run early; else DIVERGED, a joint's position error was 1 rad (m) or
+    more, or NaN, in the run's last two seconds; SATURATED, a torque was at its limit for over 2 s in all; NO_BETTER,
+    the RMS position error of all joints over the last two seconds is not below 0.9 of that with adaptation off. The
+    last is not judged where the comparison was interrupted, where one of the two runs was stopped or is shorter than 2
+    s, or where no other run has adaptation off.
     """
     return Verdict.of(_failures(comparison), comparison.expected)
 

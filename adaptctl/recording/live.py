@@ -35,19 +35,20 @@ CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
 
 
 class Live:
-    """A live view of a `mechanism` of r joints in rerun: `show` takes a sample of a loop and returns within
-    microseconds.
+    """A live view of a control loop on a `mechanism` of r joints, drawn by the rerun viewer: `show` takes a sample of
+    the loop and returns within microseconds.
 
-    At most `rate` samples per second of the loop's time, 100 unless given, are sent, to a process of its own that draws
+    At most `rate` samples per second of the loop's time, 100 unless given, are sent to a process of its own that draws
     them; where it does not keep up, samples are dropped and the loop never waits: `sent` and `dropped` count them. `to`
-    is the address HOST:PORT of a rerun viewer on this computer, None for 127.0.0.1:9876, which with `start_viewer` is
-    started where none is there, waited for up to 10 s, and bound to 127.0.0.1 alone; or a file that ends in .rrd. Of a
-    viewer that cannot be reached one `LiveViewWarning` is given, and the loop goes on unseen. `url` is the viewer's or
-    the file's, None where there is none. A context manager. Raises `InputError` for another address or computer, a `to`
-    that is no text, and a rate that is not positive and finite, `FileError` for a file in no place to write to.
+    is the address HOST:PORT of a viewer on this computer, None for 127.0.0.1:9876, or a file that ends in .rrd. With
+    `start_viewer` (the default) a viewer is started where none is at the address, bound to 127.0.0.1 alone and waited
+    for up to 10 s. Where none can be reached, one `LiveViewWarning` is given, and the loop goes on unseen. `url` is the
+    viewer's or the file's, None where there is none. With `inline` (False by default), for notebooks, what is started
+    is a server without a window, to which what is displayed in a cell connects (`display(live)`; needs rerun-notebook);
+    it ends with Python.
 
-    `inline` is for notebooks: no window is opened, but a server on 127.0.0.1 to which what is displayed in a cell
-    connects (`display(live)`; needs rerun-notebook). It ends with Python, so that a viewer may come late.
+    A context manager, which closes the view at its end. Raises `InputError` for another address or computer, a `to`
+    that is no text, and a rate that is not positive and finite, `FileError` for a file in no place to write to.
     """
 
     def __init__(
@@ -77,15 +78,15 @@ class Live:
 
     @property
     def is_seen(self) -> bool:
-        """True while samples are sent towards a viewer or a file; False where no viewer was reached, and after the
-        view's end. An end that the drawing process came to by itself is noticed by the next `show` alone."""
+        """True while samples are sent to a viewer or a file; False where no viewer was reached, and after the view's
+        end. Where the process that draws has ended by itself, only the next call of `show` notices it."""
         return self._socket is not None
 
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
         """Send a sample to the viewer, without waiting: `time` in s, positions `p` and desired positions `reference_p`
-        (r,), rad (m), and `torque` (r,), N m (N). It is left out where it comes sooner than `rate` allows. What is no
-        number, NaN, infinity and arrays that are not (r,) end the view with a `LiveViewWarning`: for the loop's sake,
-        no error is raised."""
+        (r,), rad (m), and `torque` (r,), N m (N). It is left out where it follows the last one sooner than `rate`
+        (samples a second) allows. What is no number, NaN, infinity and arrays that are not (r,) end the view with a
+        `LiveViewWarning`: for the control loop's sake, no error is raised."""
         try:
             if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
                 return
@@ -98,9 +99,9 @@ class Live:
             self._lose(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
-        """Wait until the samples that were sent are drawn, at most 10 s, or 60 s for a file, and end the process that
-        draws them, with what is not drawn by then. Without a view, or called again, it does nothing; it raises no error
-        of the process."""
+        """Close the live view: wait until the samples that were sent are drawn, at most 10 s, or 60 s for a file, then
+        end the process that draws them, with what is not drawn by then. Without a view, or called again, it does
+        nothing; an error of that process is not raised."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -113,8 +114,8 @@ class Live:
 
     def viewer(self, **options: Any) -> Any:
         """A widget for notebooks, a `rerun.notebook.Viewer`, that shows the view's samples; `options`, such as
-        `height`, are that class's. Raises `MissingExtraError` without rerun-notebook, `InputError` where no viewer
-        could be reached or the view goes to a file."""
+        `height`, are passed to that class. Raises `MissingExtraError` without rerun-notebook, `InputError` where no
+        viewer could be reached or the view goes to a file."""
         try:
             import rerun_notebook  # noqa: F401  # rerun itself asks for it late, in a traceback
             from rerun.notebook import Viewer

@@ -22,11 +22,13 @@ def silent(what: str, share: float) -> None:
 class Result:
     """Result of a finished experiment, as the command line prints and saves it.
 
-    `complete` is False when it was interrupted: what was computed is kept. `headline` is the outcome in a sentence or
-    two; `facts` are the questions that a person asks first, with their answers; `verdict`, whether its controllers did
-    what was asked, which decides the command's exit code; `write(folder, progress)` writes recording, report and
-    figures into a folder that is there; `failed`, True where its subject should have succeeded and did not, False
-    unless given, as by most experiments: `verdict.passed` tells of all. Nothing is checked at construction.
+    `complete` is False where the experiment was interrupted: the result then holds what was computed. `headline` is the
+    outcome in a sentence or two; `facts` are the questions that a person asks first, with their answers; `verdict`, the
+    failures of the controllers that the experiment is about, by which the command's exit code is decided;
+    `write(folder, progress)` writes recording, report and figures into a folder that is there, and calls
+    `progress(what, share)` with what is being written and the share done, 0 to 1. `failed` is True where the experiment
+    itself marks its controller as having failed; False unless given, as by most experiments, whose failures are in
+    `verdict` alone. Nothing is checked at construction.
     """
 
     complete: bool

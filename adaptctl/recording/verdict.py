@@ -9,11 +9,12 @@ from typing import Any
 
 
 class Failure(Enum):
-    """Kinds of a controller's failure, the worst first: STOPPED, the environment ended the run early, a joint's
-    position error having passed its bound, or loops having come near a singularity or left their conditions; DIVERGED,
-    a position error was 1 rad (m) or more in the run's last 2 s; SATURATED, a torque was at its limit for over 2 s in
-    all; NO_BETTER, the RMS position error over the last 2 s is not below 0.9 of that with adaptation off; DIFFERS, a
-    build of exported code does not compile, or does not repeat Python's torques within its tolerance."""
+    """Enumeration of the kinds of a controller's failure in an experiment: STOPPED, the environment ended the run
+    early, a joint's position error having passed its bound, or kinematic loops having come near a singularity or left
+    their conditions; DIVERGED, a position error was 1 rad (m) or more in the run's last 2 s; SATURATED, a torque was at
+    its limit for over 2 s in all; NO_BETTER, the RMS position error over the last 2 s is not below 0.9 of that with
+    adaptation off; DIFFERS, a build of exported code does not compile, or does not repeat Python's torques within its
+    tolerance. The value is a word for it, such as "diverged"."""
 
     STOPPED = "stopped"
     """the environment ended the run, an error having passed its bound"""
@@ -30,8 +31,8 @@ class Failure(Enum):
 @dataclass(frozen=True)
 class Fault:
     """A failure of a controller in a run: `failure`, its kind; `sentence`, an account of it for readers; `expected`,
-    the reason why the experiment expects it, so that it does not count against the controller, None where it does
-    not."""
+    the reason why the experiment expects it, so that it does not count against the controller, None where it does not.
+    Nothing is checked at construction."""
 
     failure: Failure
     sentence: str
@@ -43,31 +44,33 @@ class Fault:
 @dataclass(frozen=True)
 class Verdict:
     """The verdict on the controllers that an experiment is about: `faults`, their failures in the order found, empty,
-    the default, where they did what was asked."""
+    the default, where they did what was asked. Nothing is checked at construction."""
 
     faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(cls, found: Iterable[tuple[Failure, str]], expected: Mapping[Failure, str] | None = None) -> Verdict:
-        """The verdict with a fault for each pair of `found`, a failure and a sentence about it, in their order;
-        `expected` maps failures to the reason why the experiment expects them, None where it expects none."""
+        """The verdict with a `Fault` for each pair of `found`, a kind of failure and a sentence about it, in their
+        order; `expected` maps kinds of failure to the reason why the experiment expects them, None where it expects
+        none."""
         reasons = expected or {}
         return cls(tuple(Fault(failure, sentence, reasons.get(failure)) for failure, sentence in found))
 
     @classmethod
     def together(cls, verdicts: Iterable[Verdict]) -> Verdict:
-        """One verdict of several, for an experiment with several subjects: the faults of all of them, in their
-        order."""
+        """One verdict made of several, for an experiment about several controllers: the faults (failures) of all of
+        them, in their order."""
         return cls(tuple(fault for verdict in verdicts for fault in verdict.faults))
 
     @property
     def passed(self) -> bool:
-        """True where there is no fault, or none but expected ones."""
+        """True where the verdict has no faults (failures of a controller), or only such as the experiment expects."""
         return all(fault.expected is not None for fault in self.faults)
 
     def before(self, answer: str) -> str:
-        """The text `answer`, an experiment's result in words, with the faults' sentences: "Failed:" and the unexpected
-        ones before it, each expected one after it with its reason, if not empty; without faults the answer alone."""
+        """The text `answer`, an experiment's result in words, together with sentences on the verdict's faults: before
+        it "Failed:" and the unexpected ones; after it each expected one, as "As expected (reason): ...", or without the
+        brackets where the reason is empty. Without faults it is the answer alone."""
         failed = [fault.sentence for fault in self.faults if fault.expected is None]
         reasons = [(fault, f" ({fault.expected})" if fault.expected else "") for fault in self.faults]
         expected = [f"As expected{why}: {fault.sentence}" for fault, why in reasons if fault.expected is not None]

@@ -79,7 +79,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Information
 
-    As in `TrackingEnv`, with a leading axis of arms. For every key there is a mask `_key` (N,) of the arms that have it.
+    As in `TrackingEnv`, with a leading axis of arms. For every key a mask `_key` (N,) says which arms have it.
     `parameters` and the masks are read-only.
 
     ## Arguments
@@ -101,8 +101,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     ## Options at reset
 
     Those of `TrackingEnv`, for all arms or one each: `initial_error` also (N, r), `parameters`, P an arm, also (N, P),
-    `payload` and `trajectory` also a list of N. Sums of sinusoids (`Sinusoids`, random ones) are evaluated natively by each arm's
-    own numbers; other references are sampled, which is slower.
+    `payload` and `trajectory` also a list of N. Sums of sinusoids (`Sinusoids`, random ones) are evaluated natively by
+    each arm's own numbers; other references are sampled, which is slower.
 
     ## Version history
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, numbers
+from adaptctl.arrays import Array
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.least_squares import (
@@ -70,8 +70,6 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     bound: float = 2.0
 
     def __post_init__(self) -> None:
-        if (gain := numbers(self.gain, f"{self.called}: gain", "(k,)")).ndim != 1:
-            raise InputError(f"{self.called}: gain: expected Gamma's diagonal (k,), got shape {gain.shape}")
         super().__post_init__()
         if not (np.isfinite(self.bound) and self.bound >= 1.0):
             raise InputError(f"{self.called}: bound: expected at least 1, got {self.bound}")

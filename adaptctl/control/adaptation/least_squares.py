@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, numbers
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.adaptation.prediction import require_cutoff, require_positive
@@ -23,8 +23,8 @@ from adaptctl.scalars import Column, Scalar, column, sqrt
 class ForgettingLeastSquares(AdaptationLaw[Memory]):
     """Base class of least squares that forget, from a first covariance P = Gamma = diag(`gain`) (k,).
 
-    `weight` is R in 1/(N m s), one number or one a joint (r,), `cutoff` the torque filter's and `forgetting` the rate
-    at which the past is forgotten, both in 1/s.
+    `weight` is R in 1/(N m s), one number or one a joint (r,), `cutoff` the torque filter's in rad/s and `forgetting`
+    the rate at which the past is forgotten in 1/s.
     """
 
     called: ClassVar[str]
@@ -36,7 +36,9 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        gain = frozen_array(self.gain, (np.size(self.gain),), f"{self.called}: gain")
+        if (gain := numbers(self.gain, f"{self.called}: gain", "(k,)")).ndim != 1:
+            raise InputError(f"{self.called}: gain: expected Gamma's diagonal (k,), got shape {gain.shape}")
+        gain = frozen_array(gain, gain.shape, f"{self.called}: gain")
         if np.any(gain <= 0.0):
             raise InputError(f"{self.called}: gain: expected positive numbers (k,)")
         object.__setattr__(self, "gain", gain)

@@ -45,7 +45,7 @@ class TorqueFilter:
     With tau = d/dt (H beta) - N beta, H the momenta's regressor, F[Y] = W = lambda H - F[lambda H + N] when
     F[H] starts at H: positions and velocities are enough. The torque is held over each period, for which its
     filter is exact; lambda H + N goes in by the trapezium between samples, exact to T_c^2. `cutoff` is lambda
-    in 1/s, `period` T_c in s.
+    in rad/s, `period` T_c in s.
     """
 
     cutoff: float
@@ -127,7 +127,7 @@ def momentum_columns(model: ReducedModel) -> list[list[int]]:
 
 def require_positive(cutoff: float) -> None:
     """Raise `InputError` for a cutoff that is not positive and finite."""
-    positive_number(cutoff, "torque filter: cutoff: expected a positive number in 1/s")
+    positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
 
 
 def require_cutoff(cutoff: float, period: float) -> None:
@@ -135,6 +135,6 @@ def require_cutoff(cutoff: float, period: float) -> None:
     require_positive(cutoff)
     if cutoff * period > 1.0:
         raise InputError(
-            f"torque filter: cutoff: {cutoff:g} 1/s is too fast for a control period of {period:g} s; "
-            f"use at most {1.0 / period:g} 1/s"
+            f"torque filter: cutoff: {cutoff:g} rad/s is too fast for a control period of {period:g} s; "
+            f"use at most {1.0 / period:g} rad/s"
         )
