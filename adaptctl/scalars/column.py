@@ -13,9 +13,10 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Column:
-    """A column (n,) of scalars of one kind, such as floats or arrays of samples; `of`, any iterable of them, is kept as
-    a tuple. `+`, `-` and `*` of columns are elementwise, a scalar may be a factor on either side, and `@` is the inner
-    product, a scalar; columns of different lengths raise `ValueError`."""
+    """A column (n,) of n scalars of one kind: floats, arrays of samples, dual numbers or nodes of an expression graph.
+    `of`, any iterable of them, is kept as a tuple. `+`, `-` and `*` of two columns are elementwise, a scalar may be a
+    factor on either side, and `@` is the inner product, a scalar; columns of different lengths raise `ValueError`.
+    Nothing is checked at construction."""
 
     __slots__ = ("of",)
     __array_ufunc__ = None
@@ -25,7 +26,7 @@ class Column:
 
     @classmethod
     def zeros(cls, n: int) -> Column:
-        """Column (n,) of zeros."""
+        """Column (n,) of zeros, as floats."""
         return cls((0.0,) * n)
 
     def __add__(self, other: Column) -> Column:
@@ -83,8 +84,9 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """A column (n,) from one scalar of any kind for all entries, or from numbers (n,) or (1,), an array, list or tuple,
-    as floats; a column is returned as it is, not checked. Raises `ValueError` for numbers of another shape."""
+    """A column (n,) from one scalar of any kind (float, dual number, node of an expression graph), the same for all n
+    entries, or from numbers (n,) or (1,), an array, list or tuple, as floats; a column is returned as it is, not
+    checked. Raises `ValueError` for numbers of another shape."""
     if isinstance(values, Column):
         return values
     if isinstance(values, np.ndarray | list | tuple):
@@ -93,9 +95,9 @@ def each(values: Any, n: int) -> Column:
 
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:
-    """Column (size,) with the values (m,) at the indices `columns` (m,), from 0, and exact zeros elsewhere, with which
-    compiled equations do no arithmetic. Raises `InputError` for another number of indices, for one given twice and for
-    one outside 0..size-1."""
+    """Column (size,) with the `values` (m,) at the indices `columns` (m,), from 0, and exact zeros elsewhere, which
+    compiled equations leave out of their arithmetic. Raises `InputError` for another number of indices than values, for
+    an index given twice and for one outside 0..size-1."""
     if not len({*columns}) == len(columns) == len(values) or not all(0 <= i < size for i in columns):
         raise InputError(
             f"spread: expected {len(values)} different indices from 0 to {size - 1}, got {list(map(int, columns))}"

@@ -36,51 +36,60 @@ Condition: TypeAlias = Any
 
 
 def sin(x: Any) -> Any:
-    """Sine of an angle in rad, over scalars of any kind. Raises `ValueError` for an infinite float; NaN in arrays."""
+    """Sine of an angle x in rad (a float, an array, a dual number or a node of an expression graph). Raises
+    `ValueError` for an infinite float; in arrays it is NaN there."""
     return math.sin(x) if isinstance(x, float) else np.sin(x)
 
 
 def cos(x: Any) -> Any:
-    """Cosine of an angle in rad, over scalars of any kind. Raises `ValueError` for an infinite float; NaN in arrays."""
+    """Cosine of an angle x in rad (a float, an array, a dual number or a node of an expression graph). Raises
+    `ValueError` for an infinite float; in arrays it is NaN there."""
     return math.cos(x) if isinstance(x, float) else np.cos(x)
 
 
 def sqrt(x: Any) -> Any:
-    """Square root of a scalar of any kind. Raises `ValueError` for a negative float; NaN where an array is negative."""
+    """Square root of a scalar x (a float, an array, a dual number or a node of an expression graph). Raises
+    `ValueError` for a negative float; in arrays it is NaN there."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
 def exp(x: Any) -> Any:
-    """Exponential e^x of a scalar of any kind; infinity where it is larger than doubles go."""
+    """Exponential e^x of a scalar x without unit (a float, an array, a dual number or a node of an expression graph);
+    infinity where it exceeds the largest double."""
     if isinstance(x, float):
         return math.exp(x) if not x > LARGEST_EXPONENT else math.inf
     return np.exp(x)
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm of a scalar of any kind; minus infinity of zero, NaN of what is negative."""
+    """Natural logarithm of a scalar x without unit (a float, an array, a dual number or a node of an expression graph);
+    minus infinity of zero, NaN of negative numbers."""
     if isinstance(x, float):
         return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
     return np.log(x)
 
 
 def tanh(x: Any) -> Any:
-    """Hyperbolic tangent of a scalar of any kind."""
+    """Hyperbolic tangent of a scalar x without unit (a float, an array, a dual number or a node of an expression
+    graph)."""
     return math.tanh(x) if isinstance(x, float) else np.tanh(x)
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) from the x axis, in rad, from -pi to pi, over scalars of any kind."""
+    """Angle of the point (x, y) from the x axis, in rad, from -pi to pi; x and y, in one unit, are each a float, an
+    array, a dual number or a node of an expression graph."""
     return math.atan2(y, x) if isinstance(x, float) and isinstance(y, float) else np.arctan2(y, x)
 
 
 def nearest_whole(x: Any) -> Any:
-    """The whole number that is nearest to a scalar of any kind; of two equally near, the even one."""
+    """The whole number nearest to a scalar x (a float, an array, a dual number or a node of an expression graph), as a
+    scalar of the same kind; of two equally near, the even one."""
     return float(np.rint(x)) if isinstance(x, float) else np.rint(x)
 
 
 def angle(sine: Any, cosine: Any, near: Any) -> Any:
-    """Angle in rad with this `sine` and `cosine`: of all such, whole turns apart, the nearest to `near` (rad).
+    """Angle in rad with this `sine` and `cosine`: of all such, whole turns apart, the nearest to `near` (rad). Each is
+    a float, an array, a dual number or a node of an expression graph.
 
     The squares of sine and cosine add up to 1, which is not checked. In compiled equations the sine and cosine of the
     angle are then those given, and are not computed again.
@@ -91,30 +100,34 @@ def angle(sine: Any, cosine: Any, near: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Magnitude |x| of a scalar of any kind."""
+    """Magnitude |x| of a scalar x (a float, an array, a dual number or a node of an expression graph), elementwise in
+    arrays."""
     return np.absolute(x)
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """The smaller of two scalars of any kind, elementwise in arrays; NaN where either is NaN."""
+    """The smaller of two scalars x and y, each a float, an array, a dual number or a node of an expression graph,
+    elementwise in arrays; NaN where either is NaN."""
     return np.minimum(x, y)
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """The larger of two scalars of any kind, elementwise in arrays; NaN where either is NaN."""
+    """The larger of two scalars x and y, each a float, an array, a dual number or a node of an expression graph,
+    elementwise in arrays; NaN where either is NaN."""
     return np.maximum(x, y)
 
 
 def where(condition: Condition, yes: Any, no: Any) -> Any:
     """The value `yes` where the `condition` holds, else `no`, elementwise in arrays, all of which broadcast: the only
-    branch an equation may take. The condition is a comparison of scalars: a bool, an array of bools, or a node of an
-    expression graph. Both values are computed."""
+    way for an equation over scalars to branch. The condition is a comparison of scalars: a bool, an array of bools, or
+    a node of an expression graph. Both values are computed in any case."""
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
     return np.where(condition, yes, no)
 
 
 def clip(x: Any, lower: Any, upper: Any) -> Any:
-    """The scalar x clipped to [lower, upper], to the nearest value within, elementwise in arrays; `upper` where `lower`
-    is above it, NaN where any is NaN."""
+    """The scalar x brought into the range from `lower` to `upper`, to the nearer end where it is outside, elementwise
+    in arrays; `upper` where `lower` is above it, NaN where any is NaN. Each is a float, an array, a dual number or a
+    node of an expression graph."""
     return minimum(maximum(x, lower), upper)

@@ -19,8 +19,9 @@ from adaptctl.scalars.column import Column
 
 
 class Structure:
-    """The structure of an object: its class and all its values but its tunable numbers, as a hashable `key`. Objects of
-    equal structure have one equation, whose native code they share. `of` is an object that has it."""
+    """The structure of an object `of`: its class and all its values except its tunable numbers (arguments of native
+    code), given as a hashable `key`, by which structures are compared. Objects of equal structure have one equation,
+    whose native code they share. Raises `TypeError` for a key that cannot be hashed; nothing else is checked."""
 
     __slots__ = ("_hash", "_key", "of")
 
@@ -35,29 +36,32 @@ class Structure:
 
 
 class Keyed:
-    """Base class of frozen dataclasses without tunable numbers, whose `structure`, by which native code is shared, is
-    computed once and kept."""
+    """Base class of frozen dataclasses without tunable numbers (arguments of native code). Their `structure`, the class
+    and the values of all fields, is computed once; objects of equal structure share native code. Nothing is checked at
+    construction."""
 
     @cached_property
     def structure(self) -> Structure:
         """Structure of this object: its class and the values of all its fields, to be compared and hashed. Objects of
-        equal structure share an equation and its native code."""
+        equal structure share one equation and its native code."""
         return Structure(self, _fields_key(self))
 
 
 class Tunable:
-    """Base class of settings, most often a frozen dataclass, some of whose numbers are tunable: arguments of the native
-    code of its equations, which settings share that differ in these numbers alone.
+    """Base class of settings, most often a frozen dataclass, some of whose numbers are tunable. Tunable numbers are
+    arguments of the native code of the settings' equations: settings that differ in them alone share that code.
 
-    A class names these attributes in the property `tunable`; each is a number, an array (n,) or (m, n), or None. Its
-    equations read them with `column` and `each`, or as they are where they are one number: then they may be scalars of
-    any kind. A class that names none has all its numbers compiled in, also where the class it derives from names some,
-    for it may read them in other ways.
+    A class names the attributes that hold them in the property `tunable`; each is a number, an array (n,) or (m, n), or
+    None. Its equations read them with `column` and `each`, or as they are where they are one number: then they may be
+    scalars of any kind (floats, arrays of samples, dual numbers, nodes of an expression graph). A class that names none
+    has all its numbers compiled in; a subclass must name them anew, for it may read them in other ways. Nothing is
+    checked at construction, unless by a subclass.
     """
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the attributes that hold tunable numbers; () unless a class names them."""
+        """Names of the attributes that hold tunable numbers (arguments of native code), empty unless a class names
+        them."""
         return ()
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -67,14 +71,14 @@ class Tunable:
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The attributes that are themselves `Tunable` settings, by name."""
+        """The attributes that are themselves `Tunable` settings (with tunable numbers of their own), by name."""
         return {name: value for name, value in self._settings() if isinstance(value, Tunable)}
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """The tunable numbers by name, as float arrays (), (n,) or (m, n) in the units of their attributes: those named
-        in `tunable`, then those of parts (attributes that are `Tunable` themselves), as in ``adaptation.gain``.
-        Attributes that are None are left out."""
+        """The tunable numbers (arguments of native code) by name, as float arrays (), (n,) or (m, n) in the units of
+        their attributes: those named in the property `tunable`, then those of parts (attributes that are `Tunable`
+        themselves), as in ``adaptation.gain``. Attributes that are None are left out."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()
@@ -82,19 +86,20 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All g tunable numbers in one float array (g,), in the order of `numbers`, matrices row by row."""
+        """All g tunable numbers (arguments of native code) in one float array (g,), in the order of the property
+        `numbers`, matrices row by row."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
-        """A copy of these settings whose tunable numbers are those of the column `packed` (g,), in the order of the
-        property `packed`; scalars of any kind, whose values are not checked. Raises `InputError` for another number of
-        them."""
+        """A copy of these settings whose g tunable numbers are those of the column `packed` (g,), in the order of the
+        property `packed`: scalars of any kind (float, array, dual number, node of an expression graph), whose values
+        are not checked. Raises `InputError` for another number of them."""
         return self._having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
         """The g tunable numbers of a column `packed` (g,), in the order of the property `packed`, by their names in
-        `numbers`: each a scalar, a column (n,), or a tuple of a matrix's rows, m columns (n,). Raises `InputError` for
-        another number of them."""
+        `numbers`: each a scalar, a column (n,), or for a matrix (m, n) a tuple of its m rows, columns (n,). Raises
+        `InputError` for another number of them."""
         if len(packed) != self.packed.size:
             raise InputError(f"{type(self).__name__}: packed: expected {self.packed.size} numbers, got {len(packed)}")
         ends = accumulate(array.size for array in self.numbers.values())
@@ -103,8 +108,9 @@ class Tunable:
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
         """A copy of these settings with other tunable numbers, given by their names in the property `numbers`, such as
-        "adaptation.gain": scalars of any kind, or arrays of which leading axes are samples. The others stay. Values
-        are not checked. Raises `NotFoundError` for a name that is not there."""
+        "adaptation.gain": scalars of any kind (float, dual number, node of an expression graph), or arrays of which
+        leading axes are samples. The others stay. Values are not checked. Raises `NotFoundError` for a name that is not
+        there."""
         self._require_named(numbers, self._names)
         return self._having(numbers)
 
@@ -118,8 +124,8 @@ class Tunable:
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
         """A copy of these settings with other tunable numbers, given by their names in the property `numbers`, such as
-        "adaptation.gain", in the shapes and units of the attributes; the others stay. They are checked as in new
-        settings.
+        "adaptation.gain", in the shapes and units of the attributes; the others stay. The values are checked as those
+        of new settings are.
 
         Raises `NotFoundError` for a name that is not there, and what the class itself raises for its attributes.
         """
@@ -142,8 +148,9 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of these settings, to be compared and hashed: their class, the shapes of the tunable numbers, and
-        all other values. Settings of equal structure share an equation and its native code."""
+        """Structure of these settings, to be compared and hashed: their class, the names and shapes of the tunable
+        numbers (arguments of native code), and all other values. Settings of equal structure share one equation and its
+        native code."""
         parts, shapes = self.tunable_parts, tuple((name, array.shape) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)

@@ -13,8 +13,9 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Vec:
-    """A vector (3,) of scalars `x`, `y` and `z` of one kind, in the coordinates of one frame. `+` and `-` are
-    elementwise, and a scalar may be a factor on the left."""
+    """A vector (3,) of scalars `x`, `y` and `z` of one kind (floats, arrays of samples, dual numbers or nodes of an
+    expression graph), in the coordinates of one frame. `+` and `-` are elementwise, and a scalar may be a factor on the
+    left. Nothing is checked at construction."""
 
     __slots__ = ("x", "y", "z")
     __array_ufunc__ = None  # lets `array * Vec` reach __rmul__
@@ -49,8 +50,9 @@ def cross(a: Vec, b: Vec) -> Vec:
 
 
 class Mat:
-    """A 3 by 3 matrix of scalars of one kind, given by its rows `x`, `y` and `z`, each a `Vec` (3,). `+` and `-` are
-    elementwise, and `@` multiplies it with a `Vec`, which gives a `Vec`, or with a `Mat`, which gives a `Mat`."""
+    """A 3 by 3 matrix of scalars of one kind (floats, arrays of samples, dual numbers or nodes of an expression graph),
+    given by its rows `x`, `y` and `z`, each a `Vec` (3,). `+` and `-` are elementwise, and `@` multiplies it with a
+    `Vec`, which gives a `Vec`, or with a `Mat`, which gives a `Mat`. Nothing is checked at construction."""
 
     __slots__ = ("x", "y", "z")
 

@@ -53,9 +53,10 @@ class ClosedLoop:
     """A closed loop of a `plant` and a `controller` as one step, a control period: at its beginning the controller
     ticks on the plant's measured positions and velocities, and the plant holds its torque until the end.
 
-    What passes from one period to the next are columns, in this order: those of `Plant.sizes` (q, v, drives, sensors),
-    the last measurement where there are sensors, and the controller's memory. Loops are equal, and share native code,
-    that differ in tunable gains alone. Raises `InputError` where plant and controller differ in their number of joints.
+    These columns pass from one period to the next, in this order: q, positions of all joints of the plant's tree; v,
+    velocities of the primary joints; the memories of the plant's drives and sensors; where there are sensors, the last
+    measurement; and the controller's memory. Loops that differ in tunable gains alone are equal, and share native code.
+    Raises `InputError` where plant and controller differ in their number of joints.
     """
 
     plant: Plant
@@ -69,9 +70,10 @@ class ClosedLoop:
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next, by name: "q", "v", "drives" and
-        "sensors" as in `Plant.sizes`, "measured_p" and "measured_v" (r joints, or 0 without sensors), and the arrays of
-        the controller's memory, "memory_0" and so on."""
+        """Lengths of the columns that pass from one control period to the next, by name: "q", the n joints of the
+        plant's tree, "v", its r primary joints, "drives" and "sensors", memories of the plant, "measured_p" and
+        "measured_v", r each, or 0 where nothing is measured, and "memory_0" and so on, the arrays of the controller's
+        memory."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
@@ -85,22 +87,24 @@ class ClosedLoop:
     @property
     def reference(self) -> dict[str, int]:
         """Lengths of a reference point's columns "reference_p", "reference_v" and "reference_a" (positions, velocities,
-        accelerations), by name: the number of joints r each, or that of the task-space coordinates for a controller
-        there."""
+        accelerations), by name: the number of joints r each, or for a task-space controller that of its task-space
+        coordinates."""
         return dict.fromkeys(REFERENCE, self.controller.reference_size)
 
     @property
     def noise(self) -> dict[str, int]:
         """Length of the column "noise", the sensors' standard normal numbers (no unit) in a control period, by its
-        name: 2r for r joints, or 0 without sensors."""
+        name: 2r for r joints, or 0 where there are no sensor effects and no encoders on motors of elastic joints."""
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """The new columns, in the order of `state`, and the `Sample` recorded (positions, torques, J of energy and so
-        on, in columns), of one control period over scalars of any kind.
+        """The columns after one control period, as a list in the order of the property `state`, and the `Sample`
+        recorded of it (positions, torques, J of energy and so on, in columns), over scalars of any kind (floats, arrays
+        of samples, dual numbers, nodes of an expression graph).
 
-        `columns` are, by name, those of `state`, `held`, `reference` and `noise`, of the lengths given there and in SI
-        units; without "gains" the controller's own are taken. Raises `KeyError` where another is missing.
+        `columns` are, by name, those of the properties `state`, `held`, `reference` and `noise`, of the lengths given
+        there and in SI units; without "gains" the controller's own are taken. Raises `KeyError` where another is
+        missing.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
@@ -119,9 +123,9 @@ class ClosedLoop:
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Names of the marks in a `Sample`, in their order, each 1 in a period in which that effect or guard acted,
-        else 0: the actuator effects of `Plant.marks`, then the guards of a `Guarded` controller, such as
-        "torque_limited"."""
+        """Names of the marks in a `Sample`, the record of a control period, in their order. Each is 1 in a period in
+        which its effect or guard acted, else 0: first the plant's actuator effects that mark a change of a torque, then
+        the guards of a `Guarded` controller, such as "torque_limited"."""
         return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
@@ -137,23 +141,25 @@ class ClosedLoop:
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:
-        """The compiled step of the loop, one control period in native code, one arm at a time: its `ensemble` makes
-        arms, which take reference and noise as signals. The code of the 8 loops used last is kept. Raises `TraceError`
-        where the controller's law cannot be traced."""
+        """The compiled step of the loop, one control period in native code, one arm at a time, as a `Stepper`: its
+        method `ensemble` makes arms, which take reference and noise as signals. The code of the 8 loops used last is
+        kept. Raises `TraceError` where the controller's law cannot be traced into an expression graph."""
         shared, name = self.reference | self.noise, type(self.controller).__name__
         return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
-        """The results of `equation` in one tuple, from the same `columns` by name: the new ones, in the order of
-        `state`, then the fields of the `Sample`. Raises `KeyError` where one is missing."""
+        """The results of `equation` for the same `columns` by name, in one tuple: the columns after one control period,
+        in the order of the property `state`, then the fields of the `Sample` recorded. Raises `KeyError` where one is
+        missing, but for "gains"."""
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
-        """Set `arms`, M copies of the compiled step, to the plants' `state` and the controller's `memory`, as `init` of
-        either gives them, arrays (length,) for all arms or (M, length), and their tunable gains, if any, to the
-        controller's. The plants' parameters, `arms.held["parameters"]`, are left alone. Raises `InputError` for arms of
-        another loop and where arrays do not fit the arms, `ValueError` for a memory of another number of arrays."""
+        """Set `arms`, M copies of the compiled step, to the plants' `state` and the controller's `memory`, as
+        `Plant.init` and `Controller.init` give them, each array (length,) for all arms or (M, length), and their
+        tunable gains, if any, to the controller's. The plants' inertial parameters, `arms.held["parameters"]`, are left
+        alone. Raises `InputError` for arms of another loop and where arrays do not fit the arms, `ValueError` for a
+        memory of another number of arrays."""
         self._require_own(arms)
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
@@ -163,9 +169,10 @@ class ClosedLoop:
             arms.held[name] = self.controller.packed
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
-        """The plant's state and the controller's memory of one of the `arms`, the number `member`, from 0, the default.
-        `time` (s) is put into the state as it is; its `applied`, `clipped` and `marks`, which arms do not keep, are
-        zero. Raises `InputError` for a number that no arm has and for arms of another loop."""
+        """The plant's state and the controller's memory of one of the `arms` (copies of the compiled step), that of
+        index `member`, from 0, the default. `time` (s) is put into the state as it is; its `applied`, `clipped` and
+        `marks`, which arms do not keep, are zero. Raises `InputError` for an index that no arm has and for arms of
+        another loop."""
         self._require_own(arms)
         member = whole_number(member, "closed loop: member", 0, arms.members - 1)
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)

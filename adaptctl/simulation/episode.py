@@ -21,16 +21,19 @@ rewards (...) and whether the episode ends there (...)."""
 
 @sent_as_made
 class Episode(NamedTuple):
-    """A running episode in parts, which `simulate` takes from an environment by `hand_over()`, and gives back by
-    `take_back(state, steps, clipped, terminated)`: the state reached, the control periods it took, how many of them had
-    a clipped torque, and True if the episode ended there. That returns the environment's `info` of this state.
+    """Parts of a running episode of an environment, which `simulate` runs to its end in native code. Nothing is
+    checked.
 
-    `plant` at `state`; `parameters` (P,), the true inertial ones, SI units, without what effects load on them;
-    `reference`, the trajectory, a function of time (s); `rng`, which draws the sensors' noise, `Plant.noise_size`
-    standard normal numbers a control period; `steps`, the number of control periods left; `judge`, which maps
-    configurations q (..., n) of the tree's joints, rad (m), velocities (..., r), rad/s (m/s), the `ReferencePoint`
-    there and the torques applied before (..., r), N m (N), to rewards (...), no unit, and a mask (...), True where the
-    episode ends.
+    `plant` is the arm, now at `state`; `parameters` (P,) are its P true inertial parameters, SI units, without the
+    loads of effects such as payloads; `reference` is the trajectory, a function of time (s); `rng` draws the sensors'
+    noise, `Plant.noise_size` standard normal numbers a control period; `steps` is the number of control periods left.
+    `judge` gives rewards (...), no unit, and a mask (...), True where the episode ends, from what was reached:
+    configurations q (..., n) of the n joints of the tree, rad (m), velocities (..., r) of the r primary joints, rad/s
+    (m/s), the `ReferencePoint` there and the torques applied before (..., r), N m (N).
+
+    An environment hands the episode over by `hand_over()` and has it back by `take_back(state, steps, clipped,
+    terminated)`: the state reached, the control periods it took, how many of them had a clipped torque, and True if the
+    episode ended there. That returns the environment's `info` of this state.
     """
 
     plant: Plant

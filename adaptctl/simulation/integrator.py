@@ -16,8 +16,8 @@ Rates: TypeAlias = Callable[[Column, Column], Column]
 
 
 def own(q: Column, v: Column) -> Column:
-    """The rates q' (n,) of a tree's configuration, rad/s (m/s): its velocities v (n,), whatever the configuration q
-    (n,) in rad (m); the default `rates` of an `Integrator`."""
+    """The rates q' (n,) of the configuration of a tree of n joints, rad/s (m/s): its velocities v (n,), whatever the
+    configuration q (n,) in rad (m); the default `rates` of an `Integrator`."""
     return v
 
 
@@ -26,8 +26,8 @@ class Integrator(Protocol):
     configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s).
 
     `stages` is the number of accelerations that it evaluates a step; `implicit` is True if these have the friction of
-    the step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has n joints, more
-    than the r primary ones.
+    the step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has all n joints of
+    the tree, more than the r primary ones.
     """
 
     stages: ClassVar[int]
@@ -38,11 +38,11 @@ class Integrator(Protocol):
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, as new
-        columns.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
+        seconds after the q and v given, as new columns.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
-        default v itself, as for a tree, whose configuration is its positions. No number is checked: NaN goes through.
+        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through.
         """
         ...
 
@@ -58,11 +58,11 @@ class RungeKutta4:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
-        error in this step of order dt^5.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
+        seconds after the q and v given, with an error in this step of order dt^5.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
-        default v itself, as for a tree, whose configuration is its positions. No number is checked: NaN goes through.
+        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through.
         """
         half = 0.5 * dt
         u1, a1 = rates(q, v), acceleration(q, v)
@@ -92,12 +92,12 @@ class SemiImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
-        error in this step of order dt^2.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
+        seconds after the q and v given, with an error in this step of order dt^2.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), at (q, the new
-        velocities): by default those velocities themselves, as for a tree, whose configuration is its positions. No
-        number is checked: NaN goes through.
+        velocities): by default those velocities themselves, as for a tree, where all joints are primary. No number is
+        checked: NaN goes through.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
@@ -110,11 +110,11 @@ class LinearlyImplicitEuler:
 
         (M + dt B) (v_1 - v) = dt (torque - C v - g - B v),  p_1 = p + dt (v + v_1)/2
 
-    A step of `dt` s takes positions p (r,) and velocities v (r,) to p_1 and v_1. M (r, r) is the mass matrix in kg m^2
-    (kg), C v the velocity torques and g gravity's, N m (N), and B v the friction at v, B (r,) in N m s/rad (N s/m):
-    Coulomb friction by the secant of its curve, whose value it keeps at steady speed. One acceleration (`stages`) a
-    step, `implicit` in friction alone. With torque and gravity held, friction alone never reverses a velocity (a
-    Rosenbrock method of one stage: Hairer and Wanner 1996, section IV.7).
+    A step of `dt` s takes positions p, rad (m), and velocities v, rad/s (m/s), of r joints to p_1 and v_1, (r,) each. M
+    (r, r) is the mass matrix in kg m^2 (kg); torque, the velocity torques C v and gravity's g are in N m (N), and B v
+    is the friction at v, B (r,) in N m s/rad (N s/m): Coulomb friction by the secant of its curve, whose value it keeps
+    at steady speed. One acceleration (`stages`) a step, `implicit` in friction alone. With torque and gravity held,
+    friction alone never reverses a velocity (a Rosenbrock method of one stage: Hairer and Wanner 1996, section IV.7).
     """
 
     stages: ClassVar[int] = 1
@@ -123,12 +123,12 @@ class LinearlyImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s), `dt` seconds after those given, with an
-        error in this step of order dt^2.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v_1 (r,) of the r primary ones, rad/s (m/s),
+        `dt` seconds after the q and v given, with an error in this step of order dt^2.
 
         `acceleration` gives (v_1 - v)/dt (r,), rad/s^2 (m/s^2), at (q, v), friction of the step's end included; `rates`
-        gives q' (n,), rad/s (m/s), at (q, (v + v_1)/2): by default that velocity itself, as for a tree, whose
-        configuration is its positions. No number is checked: NaN goes through.
+        gives q' (n,), rad/s (m/s), at (q, (v + v_1)/2): by default that velocity itself, as for a tree, where all
+        joints are primary. No number is checked: NaN goes through.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, 0.5 * (v + after)), after

@@ -42,14 +42,14 @@ class Plant(Tunable):
 
     `control_period` (s) is integrated in `substeps` equal steps of the `integrator`; `torque_limits`, N m (N), one
     number or one a joint (r,), bound the torques' magnitudes, infinity meaning no bound, None the mechanism's effort
-    limits. `effects`, in any order, none by default, are what real arms have besides rigid links and drives: between
-    controller and joints, in the joints, in the sensors, and loads. Joints have no stops.
+    limits. `effects`, in any order, none by default, are what real arms have besides rigid links and drives: delays and
+    limits of torques, friction and springs in the joints, sensors, and loads. Joints have no stops.
 
     The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
-    noise, and equal calls give equal bits. Mechanisms of at most LARGEST_COMPILED (100) links run as native code,
-    longer ones in Python. Raises `InputError` for a period or limits that are not positive, `substeps` that are no
-    whole number from 1 to MOST_SUBSTEPS (1 000 000) or too few for springs, a mechanism without mass, and effects that
-    do not fit.
+    noise, and equal calls give equal bits. Up to LARGEST_COMPILED (100) links run as native code, more in Python.
+    Raises `InputError` for a period that is not positive and finite, limits that are not positive, `substeps` that are
+    no whole number from 1 to MOST_SUBSTEPS (1 000 000) or too few for springs, massless links that carry none, effects
+    that do not fit.
     """
 
     mechanism: Mechanism
@@ -88,7 +88,7 @@ class Plant(Tunable):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names (m,) of the actuator effects that mark where they change a torque, in `PlantState.marks`' order."""
+        """Names (m,) of the actuator effects that mark where they change a torque, ordered as `PlantState.marks`."""
         return self._effects.marks
 
     @cached_property
@@ -99,37 +99,36 @@ class Plant(Tunable):
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns "q", "v", "drives" and "sensors" that `equation` passes from one control period to the
-        next."""
+        """Lengths of the columns that pass from one control period to the next, by name: configuration "q" (n joints),
+        velocities "v" (r primary joints), and the memories "drives" and "sensors" of actuator and sensor effects."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
-        """The true inertial parameters (..., P), SI units, at a `time` (s): those of the arms alone, `own` (..., P),
-        with the effects' loads added. Raises `InputError` where payloads do not fit."""
+        """The P true inertial parameters (..., P) at `time` (s): `own` (..., P), those of the arms alone, with the
+        effects' loads added; SI units. Raises `InputError` for too few parameters for a payload's link."""
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
-        """The time (s) until which the true parameters at `time` (s) stay as they are; infinity if for ever."""
+        """The time (s) until which the true inertial parameters stay as at `time` (s); infinity if for ever."""
         return min((load.until(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
-        """The total mass of the effects' loads at `time` (s), kg; 0 without loads."""
+        """The total mass of the effects' loads, such as payloads, at `time` (s), kg; 0 without loads."""
         return sum(load.mass(time) for load in self.loads)
 
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """The state at time zero, from positions, rad (m), and velocities, rad/s (m/s), (..., r), of as many arms as
-        there are.
+        """The state of one arm or many at time zero from positions p, rad (m), and velocities v, rad/s (m/s), (..., r).
 
-        The joints have been held still by the torque that gravity asks for on `parameters` (..., P), unless given the
-        mechanism's own and the effects' loads; it stretches the springs of elastic joints, whose motors move as the
-        links do. `noise` (..., 2r) is that of the first measurement, standard normal, zero unless given. Raises
-        `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN
-        or infinity; `parameters` are read with actuator effects or elastic joints alone, `noise` with sensor effects.
+        The joints have been held still by the torque that gravity asks for on the true inertial `parameters` (..., P),
+        SI units, None for the mechanism's own with the effects' loads; it stretches elastic joints' springs, whose
+        motors move as the links do. `noise` (..., 2r) is the first measurement's, standard normal, None for zero.
+        Raises `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError`
+        on NaN or infinity; `parameters` are read with actuator effects or elastic joints alone, `noise` with sensors.
         """
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
@@ -156,12 +155,12 @@ class Plant(Tunable):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """The state of one arm a control period later, under a torque (r,), N m (N), clipped to the limits and held.
+        """The state of one arm a control period later, the torque (r,), N m (N), being held and clipped to the limits.
 
-        `parameters` (P,) are the true ones in this period; unless given, the mechanism's own with what the effects load
-        on them at the state's time. `noise` (2r,) is standard normal, zero unless given. Raises `InputError` on a wrong
-        shape and `NonFiniteError` on NaN or infinity in positions, velocities, torque or parameters, or when the motion
-        itself runs away; the noise is not checked for it.
+        `parameters` (P,), SI units, are the true inertial ones in this period, None for the mechanism's own with the
+        effects' loads at the state's time. `noise` (2r,) is the sensors', standard normal, None for zero. Raises
+        `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity in positions, velocities, torque or
+        parameters, or when the motion itself runs away; the noise is not checked for it.
         """
         true = self._true(state.time) if parameters is None else parameters
         moving = state.q, state.v, self._finite(torque), true
@@ -178,14 +177,14 @@ class Plant(Tunable):
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,), N m (N), clipped to plus and minus the limits. Raises `InputError` on a wrong shape and
+        """The torque (r,), N m (N), clipped to plus and minus `torque_limits`. Raises `InputError` on a wrong shape and
         `NonFiniteError` on NaN or infinity."""
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
-        """Kinetic plus potential energy of one arm, J, zero at the base's origin, with springs and motors of elastic
-        joints; `parameters` (P,) are the true ones, unless given the mechanism's own and the effects' loads. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Kinetic plus potential energy of one arm, J, the latter zero at the base's origin, with elastic joints'
+        springs and motors; `parameters` (P,), SI units, are the true inertial ones, None for the mechanism's own with
+        the effects' loads. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
         ((energy,),) = self._energy(state.q, state.v, true, *motors)
@@ -194,16 +193,16 @@ class Plant(Tunable):
         return float(energy)
 
     def compile(self) -> None:
-        """Compile the control period, the energy and the sensors now instead of at their first use."""
+        """Compile the equations of a control period, the energy and the sensors now instead of at their first use."""
         _ = self._advance, self._energy, self._sense
 
     def positions(self, q: Array) -> Array:
-        """Positions (..., r), rad (m), of the primary joints among all the tree's joints q (..., n)."""
+        """Positions (..., r), rad (m), of the r primary joints among those of all n joints of the tree, q (..., n)."""
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of the configurations q (..., n), rad (m), at which loops are away from singularities and p is
-        within the description's loop conditions; all true for a tree."""
+        """Mask (...) of the configurations q (..., n), rad (m), at which loops are away from singularities and
+        positions p within the bounds that the description sets for its loops; all true for a tree."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -211,16 +210,17 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """Equation of a control period over scalars of any kind: maps columns by name, q (n,), v (r,), drives and
-        sensors (`sizes`), torque (r,), noise (2r,) and parameters (P,), to a `PeriodOutcome`, which `step` uses."""
+        """Equation of a control period over scalars of any kind, from columns by name to a `PeriodOutcome`, SI units: q
+        (n,), v (r,), torque (r,), parameters (P,), noise (2r,), and `drives` and `sensors` as in `PlantState`."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, J, of springs and motors too, over scalars of any kind: at q (n,), rad (m), v
-        (r,), rad/s (m/s), true parameters (P,), SI units, and `drives` (`sizes`), as in `PlantState.drives`."""
+        """Kinetic plus potential energy, J, with springs and motors, over scalars of any kind: at q (n,), rad (m), of
+        all n joints of the tree and v (r,), rad/s (m/s), of the r primary ones. `parameters` (P,) are the true inertial
+        ones, SI units; `drives` is the column of that name in `PlantState`."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -231,7 +231,7 @@ class Plant(Tunable):
         return elastic
 
     def primary(self, q: Column) -> Column:
-        """Positions p (r,), rad (m), of the primary joints among all the tree's joints q (n,)."""
+        """Positions p (r,), rad (m), of the r primary joints among those of all n joints of the tree, q (n,)."""
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property

@@ -8,16 +8,20 @@ from adaptctl.arrays import Array
 
 
 class PlantState(NamedTuple):
-    """State of an arm of r joints at one `time` (s), what was measured of it, and the memory of its drives and sensors;
-    of many arms with leading axes.
+    """State of an arm of r primary joints at one `time` (s), what was measured of it, and the memory of its drives and
+    sensors; for many arms, arrays have leading axes. Nothing is checked.
 
-    Positions `p` (r,) of the primary joints and `q` (n,) of all the tree's joints (p itself without loops), rad (m);
-    velocities `v` (r,), rad/s (m/s); `measured_p` and `measured_v` (r,), in the same units: without sensors the true
-    ones, of the motors where encoders sit there. Of the last period: `applied` (r,), N m (N), the torques that reached
-    the joints, at time zero those that held them where actuator effects or springs ask, else 0; `clipped`, True if the
-    torque commanded was beyond the plant's limits; `marks` (m,), 1 for each effect named in `Plant.marks` that changed
-    a torque, else 0. `drives` (d,) is the memory of the actuator effects, with `ElasticJoints` then the motors'
-    positions (r,), rad (m), and velocities (r,), rad/s (m/s); `sensors` (s,) that of the sensor effects; d and s are in
+    Positions `p` (r,) of the primary joints and `q` (n,) of all n joints of the tree (p itself without loops), rad (m);
+    velocities `v` (r,), rad/s (m/s); `measured_p` and `measured_v` (r,), in the same units: the true ones if there are
+    no sensors, the motors' where encoders sit on these.
+
+    Of the last control period: `applied` (r,), N m (N), the torques that reached the joints, at time zero those that
+    held them if there are actuator effects or springs, else 0; `clipped`, True if the torque commanded was beyond the
+    plant's limits; `marks` (m,), one for each of the m effects named in `Plant.marks`, 1 if it changed a torque, else
+    0.
+
+    `drives` (d,) is the memory of the actuator effects, followed, with `ElasticJoints`, by the motors' positions (r,),
+    rad (m), and velocities (r,), rad/s (m/s); `sensors` (s,) is that of the sensor effects. The lengths d and s are in
     `Plant.sizes`.
     """
 

@@ -38,14 +38,15 @@ def rollout(
     """The run of an environment driven by a controller, from reset to termination or truncation.
 
     Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` (s) and `observation_slices`,
-    a mapping from PARTS to slices of the observation: p, v, reference_p, reference_v and reference_a, r each, rad (m)
-    and per s and s^2. `seed` and `options` are passed to `env.reset`, None for its own defaults. `info` may have
-    `applied_torque` (r,), N m (N), `energy` (J), `clipped` (periods with a clipped torque so far) and `time` (s);
-    without them they are the torque commanded, NaN, 0, and periods counted from zero. It may have the true positions
-    `p` and velocities `v`, and `marks`, a mapping from names of events to numbers; the controller's state may have a
-    NamedTuple `marks` of arrays (1,), as `Guarded` has. `progress`, if given, is called about a hundred times with the
-    share done, 0 to 1, where the run's length is known. A sample of `every` so many control periods is kept, and with
-    `last` (s) only those of the last so many seconds, all if None: memory for no more is taken.
+    a mapping from the names p, v, reference_p, reference_v and reference_a to slices of the observation: measured
+    positions and velocities and the reference's positions, velocities and accelerations, r joints each, in rad (m) and
+    per s and s^2. `seed` and `options` are passed to `env.reset`, None for its own defaults. `info` may have
+    `applied_torque` (r,), N m (N), `energy` (J), `clipped` (the number of control periods with a clipped torque so far)
+    and `time` (s); in their place the torque commanded, NaN, 0 and the periods counted from zero are taken. It may have
+    the true positions `p` and velocities `v`, and `marks`, a mapping from names of events to numbers; the controller's
+    state may have a NamedTuple `marks` of arrays (1,), as `Guarded` has. `progress`, if given, is called about a
+    hundred times with the share done, 0 to 1, where the run's length is known. The run has one sample of `every` so
+    many control periods, and with `last` (s) only the last so many seconds, None for all: memory for no more is taken.
 
     Ctrl-C ends the run but keeps what was computed, marked `complete=False`. Raises `InputError` for an environment
     that cannot be driven or has another number of joints than the controller, an `every` that is no whole number of at

@@ -36,17 +36,19 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """A closed-loop run of r joints as T samples; every array is read-only.
+    """A closed-loop run of r joints as T samples; every array is read-only. Nothing is checked at construction.
 
     Sample k is the state at `time[k]` and the torque commanded on it, one in `every` control periods. Positions are in
     rad (m), velocities and accelerations those per s and s^2, torques in N m (N).
 
     (T,): `time`, s; `clipped`, 1 where a torque was clipped, else 0; `energy`, J, NaN where not known; `reward` of the
-    period after, no unit; and each of `marks`, events by name, such as "torque_limited", 1 where one was, else 0, and
-    "payload", kg. (T, r): positions `p` and velocities `v`, the true ones where the environment gives them;
-    `reference_p`, `reference_v`, `reference_a`; `torque` commanded and `applied`, after the limits; `measured_p` and
-    `measured_v`, None where these are p and v. `estimate` (T, k), the controller's parameter estimates in SI units, k =
-    0 where it has none; `learning` (T, l), the adaptation law's record of its memory, l = 0 where it keeps none.
+    period after, no unit. `marks` maps names of events to arrays (T,): 1 where there was one, such as "torque_limited",
+    else 0; "payload" is the mass held, kg. (T, r): positions `p` and velocities `v`, the true ones where the
+    environment gives them; `reference_p`, `reference_v`, `reference_a`; `torque` commanded and `applied`, after the
+    limits; `measured_p` and `measured_v`, None where these are p and v. `estimate` (T, k) is the controller's k
+    parameter estimates in SI units, k = 0 where it has none; `learning` (T, l) the l numbers that the adaptation law
+    records of its memory, l = 0 where it records none.
+
     `control_period`, s; `wall_time`, s, that the run took; `complete`, False if it was interrupted; `terminated`, True
     if the environment ended it early; `info`, the environment's last.
     """
@@ -109,22 +111,23 @@ class Rollout:
 
     @property
     def error(self) -> Array:
-        """Tracking errors p - p_d (T, r), rad or m: positions minus the reference's, of each sample."""
+        """Tracking errors p - p_d (T, r), rad or m: the positions of T samples of r joints minus the reference's."""
         return self.p - self.reference_p
 
     @property
     def velocity_error(self) -> Array:
-        """Velocity errors v - v_d (T, r), rad/s or m/s: velocities minus the reference's, of each sample."""
+        """Velocity errors v - v_d (T, r), rad/s or m/s: the velocities of T samples of r joints minus the
+        reference's."""
         return self.v - self.reference_v
 
     @needed("Rollout.save")
     def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run as Parquet at `path`, whole or not at all: a row a sample, columns of float64 such as
-        `p.joint1`, with their units as metadata, which `adaptctl identify` reads. `joints` (r,) names them, joint1,
-        joint2, ... by default.
+        """Write the run to a Parquet file at `path`, whole or not at all: a row for each sample, columns of float64
+        such as `p.joint1`, with their units as metadata, which `adaptctl identify` reads. `joints` (r,) names the r
+        joints, None for joint1, joint2, ...
 
-        The environment's last `info` is not kept. Raises `InputError` for another number of names, `FileError` where
-        the place cannot be written, and `MissingExtraError` without pyarrow.
+        The environment's last `info` is left out. Raises `InputError` for another number of names, `FileError` where
+        the file cannot be written, and `MissingExtraError` without pyarrow.
         """
         with RolloutFile(path, self.p.shape[1], joints) as file:
             file.append(self._columns, self.marks)
@@ -132,9 +135,9 @@ class Rollout:
 
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
-        """The run as an Arrow table: a row a sample, columns of float64 such as `p.joint1`, with their units as
-        metadata. `joints` (r,) names them, joint1, joint2, ... by default. Raises `InputError` for another number of
-        names, `MissingExtraError` without pyarrow."""
+        """The run as an Arrow table: a row for each sample, columns of float64 such as `p.joint1`, with their units as
+        metadata. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number
+        of names, `MissingExtraError` without pyarrow."""
         return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
 
     @property
@@ -146,17 +149,18 @@ class Rollout:
         return {name: getattr(self, name) for name in KEPT}
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
-        """The run as a pandas data frame: a row a sample, columns such as `p.joint1`, in rad (m), N m (N) and s.
-        `joints` (r,) names the joints, joint1, joint2, ... by default. Raises `InputError` for another number of names,
-        `MissingExtraError` without pandas or pyarrow."""
+        """The run as a pandas data frame: a row for each sample, columns such as `p.joint1`, in SI units: rad (m), s, N
+        m (N), J. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number
+        of names, `MissingExtraError` without pandas or pyarrow."""
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 
     @needed("Rollout.plot")
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
-        """A Matplotlib figure of the run over time (s): positions (rad or m) on the reference, errors (mrad or mm),
-        applied torques (N m or N), and estimates where there are any. `joints` (r,) names the curves, joint1, joint2,
-        ... by default. Raises `InputError` for another number of names, `MissingExtraError` without matplotlib."""
+        """A Matplotlib figure of the run over time (s): positions (rad or m) on the reference, tracking errors (mrad or
+        mm), applied torques (N m or N), and parameter estimates (SI units) if there are any. `joints` (r,) names the
+        curves of the r joints, None for joint1, joint2, ... Raises `InputError` for another number of names,
+        `MissingExtraError` without matplotlib."""
         from adaptctl.simulation.run_plot import run_figure
 
         return run_figure(self, joints)
@@ -184,15 +188,16 @@ class Rollout:
         time: ArrayLike | None = None,
         complete: bool = True,
     ) -> Rollout:
-        """A run that was not simulated here, from positions, rad (m), torques, N m (N), and the reference's positions,
-        rad (m), each (T, r) with T of at least 2, and the `control_period` (s).
+        """A run that was not simulated here, from positions `p`, rad (m), torques commanded, N m (N), and the
+        reference's positions, rad (m): arrays (T, r) of T samples, at least 2, of r joints, one a `control_period` (s).
 
-        Velocities `v`, and the reference's derivatives, (T, r) each, rad (m) per s and s^2, are differences of the
-        positions where they are not given; `applied` (T, r) is the torque commanded, `time` (T,), s, counts control
-        periods from zero, unless given. `estimate` (T, k) are the controller's parameter estimates, none unless given;
-        `complete` is False for a run that was cut off. Energy and reward are not known: NaN, and zero; `clipped` is 1
-        where `applied` is not `torque`. Raises `InputError` on shapes that do not fit, a period that is not positive or
-        times that do not increase, `NonFiniteError` on NaN and infinity.
+        Velocities `v` and the reference's velocities and accelerations `reference_v` and `reference_a`, (T, r) each, in
+        rad (m) per s and s^2, are differences of the positions unless given; `applied` (T, r), N m (N), the torque at
+        the joints, is that commanded unless given; `time` (T,), s, counts control periods from zero unless given.
+        `estimate` (T, k) is the controller's k parameter estimates, SI units, None for none; `complete` is False for a
+        run that was cut off. Energy and reward are not known: NaN, and zero; `clipped` is 1 where `applied` is not
+        `torque`. Raises `InputError` on shapes that do not fit, a period that is not positive or times that do not
+        increase, `NonFiniteError` on NaN and infinity.
         """
         from adaptctl.simulation.logged_run import logged_run
 
@@ -202,8 +207,8 @@ class Rollout:
     @classmethod
     @needed("Rollout.load")
     def load(cls, path: str | Path) -> Rollout:
-        """The run that `save` wrote at `path`. Raises `FileError` for another file, and one that is not whole, and
-        `MissingExtraError` without pyarrow."""
+        """The run that `Rollout.save` wrote to the Parquet file `path`. Raises `FileError` for a file that cannot be
+        read, is no such run or is damaged, and `MissingExtraError` without pyarrow."""
         columns, marks, about = read_rollout(path)
         try:
             return cls(**columns, marks=marks, **{name: about[name] for name in KEPT if name in about or name in WHOLE})

@@ -25,18 +25,19 @@ SHARE_OF_MEMORY = 0.5
 class RunLogger:
     """A log of a control loop of `dof` joints (r), one sample a `control_period` (s), that becomes a `Rollout`.
 
-    `capacity` samples are kept, unless given 300 000, those of the last 300 s at 1 kHz, in memory that is all taken at
-    the start; older ones are overwritten, counted in `lost`. `append` neither allocates nor touches files, so a loop at
-    1 kHz can call it. As a context manager it warns at the end of samples overwritten or left out
-    (`LostSamplesWarning`), and saves the run as Parquet at `path`, unless that is None, the default, or there are fewer
-    than two samples, also when the loop ends by an exception; the run is then marked incomplete.
+    The last `capacity` samples are kept, 300 000 unless given, which is 300 s at 1 kHz, in memory that is all taken at
+    the start; older ones are overwritten, and `lost` counts them. `append` neither allocates nor touches files, so a
+    loop at 1 kHz can call it. `count` is the number of samples appended, `faulty` of those left out for a wrong length,
+    NaN or infinity. `estimates` is the number k of the controller's parameter estimates, 0 unless given; `joints` (r,)
+    names the joints in the file, None for joint1, joint2, ...
 
-    `estimates` is the number k of the controller's parameter estimates, 0 unless given; `joints` (r,) names the joints
-    in the file, joint1, joint2, ... unless given. `count` is the number of samples appended, `faulty` of those left out
-    for a wrong length, NaN or infinity. Raises `InputError` for a period that is not positive, counts that are no whole
-    numbers or too small (`dof` 1, `estimates` 0, `capacity` 2), another number of `joints`, and a capacity that takes
-    over half of the computer's memory; `FileError` for a `path` that cannot be written, and `MissingExtraError` without
-    pyarrow where one is given.
+    As a context manager it warns (`LostSamplesWarning`) at the end if samples were overwritten or left out, and saves
+    the run to a Parquet file at `path`, None for no file, if there are at least two samples. It also does so when an
+    exception ends the loop; the run is then marked incomplete.
+
+    Raises `InputError` for a period that is not positive, counts that are no whole numbers of at least 1 (`dof`), 0
+    (`estimates`) or 2 (`capacity`), another number of `joints`, and a capacity that takes over half of the computer's
+    memory. With a `path`, raises `FileError` if it cannot be written, `MissingExtraError` without pyarrow.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class RunLogger:
 
     @property
     def lost(self) -> int:
-        """Number of samples that have been overwritten, as more were appended than `capacity`."""
+        """Number of samples that have been overwritten by later ones, since more were appended than `capacity`."""
         return max(0, self.count - len(self._rows))
 
     def append(
@@ -78,13 +79,13 @@ class RunLogger:
         applied: ArrayLike | None = None,
         estimate: ArrayLike = (),
     ) -> None:
-        """Keep a sample: `time` in s, and (r,) each the measured positions p, rad (m), and velocities v, rad/s (m/s),
-        the `reference`'s positions, velocities and accelerations in the same units and per s^2, and the `torque`
-        commanded, N m (N).
+        """Append a sample at `time` (s) to the log: the measured positions `p`, rad (m), and velocities `v`, rad/s
+        (m/s), the positions, velocities and accelerations of the `reference` in the same units and per s^2, and the
+        `torque` commanded, N m (N), (r,) each for r joints.
 
-        `applied` (r,) is the torque applied, N m (N), None where that is the one commanded; `estimate` (k,) the
-        controller's parameter estimates, which may be left out only where k = 0. A sample of another length or with NaN
-        or infinity never stops a loop: it is left out and counted in `faulty`.
+        `applied` (r,) is the torque applied, N m (N), None where that is the one commanded; `estimate` (k,) is the
+        controller's k parameter estimates, SI units, which may be left out only where k = 0. A sample with an array of
+        another length or with NaN or infinity never stops a loop: it is left out and counted in `faulty`.
         """
         row: Any = self._rows[self.count % len(self._rows)]
         given = (p, v, *reference, torque, torque if applied is None else applied, estimate)
@@ -100,8 +101,8 @@ class RunLogger:
             self.faulty += 1
 
     def rollout(self, complete: bool = True) -> Rollout:
-        """The run so far, its oldest sample first, marked as `complete` or cut off. Raises `InputError` where there are
-        fewer than two samples or their times do not increase."""
+        """The run so far, its oldest sample first, marked as `complete` (True, the default) or cut off. Raises
+        `InputError` where there are fewer than two samples or their times do not increase."""
         if self.count < 2:
             raise InputError(f"a run needs at least 2 samples, got {self.count} ({self.faulty} faulty)")
         first = self.count % len(self._rows) if self.lost else 0

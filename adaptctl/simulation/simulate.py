@@ -45,25 +45,26 @@ def simulate(
     last: float | None = None,
     stream: str | Path | None = None,
 ) -> Rollout:
-    """The run that `rollout` returns for the same arguments, to round-off, computed in native code as a whole: a
-    controller drives an environment from reset to termination or truncation.
+    """The run of an environment driven by a controller, from reset to termination or truncation, computed in native
+    code: to round-off what `rollout`, which goes step by step, returns for the same arguments.
 
     Controller, effects and plant are compiled into one step, which is taken thousands of times in each call; in between
     `progress`, if given, is called with the share done, 0 to 1, and Ctrl-C is heard, which keeps what was computed. The
     environment is left where `rollout` leaves it. `seed` and `options` are passed to `env.reset`, None for its own
     defaults.
 
-    However long a run is, with `every` (one sample in so many control periods) and `last` (s at the end, the whole run
-    if None) it takes no more memory than the samples that are kept. With `stream`, a path, none if None, samples are
-    written to a Parquet file as they come, all that are not thinned out, also those before the last. `Rollout.load`
-    reads it; it appears when the run ends.
+    The run has one sample of `every` so many control periods, and only those of the `last` so many seconds, None for
+    the whole run: however long it is, it takes no more memory than these. `stream` is the path of a Parquet file, None
+    for none, to which all samples that `every` chooses are written as they come, also those before the `last`. It
+    appears when the run ends, and `Rollout.load` reads it.
 
     It takes a `TrackingEnv`, or another environment that hands over its `Episode`, in no wrappers but those of
-    `gymnasium.make`; a controller whose torque is that of its `law`; and at most LARGEST_COMPILED (100) links. Anything
-    else is driven by `rollout`, with a `NotCompiledWarning` that says why; `stream` then has only the samples that are
-    kept. Raises `InputError` for an environment that cannot be driven by this controller, an `every` that is no whole
-    number of at least 1, and a `last` that is not positive and finite; `NonFiniteError` where the motion runs away; and
-    for `stream` `FileError` where its place cannot be written.
+    `gymnasium.make`; a controller that has a `law` and no `step` of its own; and at most LARGEST_COMPILED (100) links.
+    Anything else is driven by `rollout`, with a `NotCompiledWarning` that says why; `stream` then has only the samples
+    of the run returned. Raises `InputError` for an environment that cannot be driven by this controller, an `every`
+    that is no whole number of at least 1, and a `last` that is not positive and finite; `NonFiniteError` where the
+    motion runs away; and for `stream` `FileError` where its place cannot be written, `MissingExtraError` without
+    pyarrow.
     """
     _, period = interface(env, controller)
     if reason := _obstacle(env, controller):

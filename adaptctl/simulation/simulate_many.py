@@ -40,24 +40,30 @@ RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estima
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """Many closed-loop runs (M) of r joints, as samples and summaries of errors; every array is read-only.
+    """Many closed-loop runs (M) of r joints, as T samples each and summaries of errors; every array is read-only.
+    Nothing is checked at construction.
 
-    Sample k has the states at `time[k]` and the torques commanded on them; T samples. The errors are of all control
-    periods until a run diverged, whether or not they are sampled. Runs never see each other: where one is not finite,
-    the others are.
+    Sample k has the states at `time[k]` and the torques commanded on them. The errors are of all control periods until
+    a run diverged, whether or not they are sampled. Runs never see each other: where one is not finite, the others are.
 
     `time` (T,), s. (T, M, r): positions `p` and `reference_p`, rad (m), velocities `v` and `reference_v`, rad/s (m/s),
-    `torque` commanded and `applied` at the joints, N m (N). `estimate` (T, M, k), the controllers' parameter estimates,
-    k = 0 where they have none; `parameters` (M, P), the true ones without what effects load on them, both in SI units.
-    (M, r), rad (m), of p - reference_p: `rms_error`, `largest_error` (magnitude), and `final_rms_error` over the last
-    SETTLED (2) s, NaN in shorter runs; the first two are NaN in a run that diverged where no bound was asked for. (M,):
-    `return_time`, s, after which every error stayed within the bounds asked for, NaN where none did; `diverged_at`, s,
-    at which an error was first not finite or beyond the bound asked for, NaN where none was, and `diverged_joint`, the
-    first joint whose error was, from 0, else -1; `lyapunov_rise`, J, the largest rise of Slotine and Li's V = s'Ms/2 +
-    error' Gamma^-1 error/2 (or the adaptation law's own term), s = v - v_d + Lambda (p - p_d), from one control period
-    to the next, 0 where it never rose, NaN where it is not known: in single precision, for other laws, and with loads
-    or elastic joints. `control_period`, s; `wall_time`, s, that the runs took; `complete`, False if they were
-    interrupted.
+    `torque` commanded and `applied` at the joints, N m (N). `estimate` (T, M, k), the controllers' k parameter
+    estimates, k = 0 where they have none; `parameters` (M, P), the P true inertial parameters without what effects load
+    on them, both in SI units.
+
+    (M, r), rad (m), of the tracking errors p - reference_p: `rms_error`, `largest_error` (magnitude), and
+    `final_rms_error` over the last SETTLED (2) s, NaN in shorter runs; the first two are NaN in a run that diverged
+    where no bound was asked for. (M,): `return_time`, s, after which every error stayed within the bounds asked for,
+    NaN where none did; `diverged_at`, s, at which an error was first not finite or beyond the bound asked for, NaN
+    where none was, and `diverged_joint`, the index from 0 of the first joint whose error was, else -1.
+
+    `lyapunov_rise` (M,), J, is the largest rise from one control period to the next of Slotine and Li's Lyapunov
+    function V = s'M s/2 + e' Gamma^-1 e/2, 0 where it never rose. s = v - v_d + Lambda (p - p_d) is the sliding
+    variable, p_d and v_d the reference, Lambda the bandwidth, M the mass matrix, e the estimate minus the true
+    parameters, Gamma the adaptation gain; an adaptation law may have a second term of its own. It is NaN where V is not
+    known: in single precision, for other controllers, and with loads or elastic joints.
+
+    `control_period`, s; `wall_time`, s, that the runs took; `complete`, False if they were interrupted.
     """
 
     time: Array
@@ -103,13 +109,15 @@ class Rollouts:
 
     @property
     def error(self) -> Array:
-        """Tracking errors p - p_d (T, M, r), rad or m: positions minus the reference's, of each sample."""
+        """Tracking errors p - p_d (T, M, r), rad or m: the positions of T samples of M runs of r joints minus the
+        reference's."""
         return self.p - self.reference_p
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of the runs whose `largest_error` is finite: those that stayed finite, and, where `simulate_many`
-        was given bounds `beyond`, also runs that diverged, which have a finite `diverged_at`."""
+        """Mask (M,) of the M runs whose `largest_error` is finite: those that did not diverge, and, where
+        `simulate_many` was given bounds `beyond`, also those that did, which `diverged_at` tells by the time (s), NaN
+        for the others."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -133,34 +141,32 @@ def simulate_many(
     progress: Callable[[float], object] | None = None,
     precision: Precision = "double",
 ) -> Rollouts:
-    """The runs of one controller on one plant, M at once, of `duration` s each, that differ in what is given as a row
-    each.
+    """Closed-loop runs of a controller on a plant of r joints, M at once, of `duration` (s) each; they differ in the
+    arguments that are given with one row for each run.
 
-    Instead of one controller there may be a sequence of M that differ in their `numbers`, such as gains, alone.
-
+    `controller` is one for all runs or a sequence of M, which may differ in their `numbers`, such as gains, alone;
     `reference` is one for all or a sequence of M; those that are `Sinusoids` alike in their number of terms cost no
-    memory. `parameters` (P,) or (M, P), SI units, are the true ones, the mechanism's own when not given; `p`, rad (m),
-    and `v`, rad/s (m/s), (r,) or (M, r), are where the arms start, on their references when not given; `memory` is what
-    the controllers remember, changed from what `controller.init` gives for one arm or for M, such as estimates, and
-    that itself when not given; `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the
-    controller by their names in `controller.numbers`, as they are there or with a leading axis of M, the controller's
-    own when not given. `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not
-    depend on who else runs; None draws another noise each time.
+    memory. `parameters` (P,) or (M, P), SI units, are the P true inertial ones, the mechanism's own when not given;
+    `p`, rad (m), and `v`, rad/s (m/s), (r,) or (M, r), are where the arms start, on their references when not given;
+    `memory` is the controllers' first memory, such as estimates, in the form in which `controller.init` gives it for
+    one arm or for M, and that itself when not given; `members` is M, needed where nothing else has M rows, else 1.
+    `gains` are numbers of the controller by their names in `controller.numbers`, as they are there or with a leading
+    axis of M, the controller's own when not given. `seed` is that of the sensors' noise, one for all or M: with one
+    each, an arm's noise does not depend on who else runs; None draws another noise each time.
 
-    Every `every`-th control period is recorded, the first one included: memory goes with T M over it; None records
-    nothing but the errors' summaries, which are of all control periods: `within` (rad or m, a number or (r,), infinite
-    unless given) is the bound that `return_time` is about, and `beyond` (the same) that from which a run counts as
-    diverged, besides where it is not finite. `threads` share the arms. `precision` is "double" or "single": twice as
-    many arms then fit a register, but the rise of the Lyapunov function V is not known, for it would be round-off's.
-    `progress`, if given, is called in between with the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing
-    ends a run early.
+    Every `every`-th control period is recorded as a sample, the first one included; None records no samples. Summaries
+    of the errors are of all control periods. `within` (rad or m, a number or (r,), infinite unless given) bounds the
+    errors for `return_time`; a run counts as diverged where an error is not finite or beyond `beyond` (the same).
+    `threads` share the arms. `precision` is "double" or "single": twice as many arms then fit a register, but the rise
+    of the Lyapunov function is not known, for it would be round-off's. `progress`, if given, is called in between with
+    the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing ends a run early.
 
-    Raises `InputError` for a duration below a control period, an `every`, `threads` or `members` that is no whole
-    number of at least 1, shapes or numbers of rows that do not fit together, controllers that differ in more than
-    numbers or come with `gains`, a controller with a task-space reference or a `step` of its own, what single precision
-    cannot do, and for more than LARGEST_COMPILED (100) links; `NonFiniteError` for NaN or infinity in `parameters`, `p`
-    or `v` and NaN in a bound, `NotFoundError` for an unknown name in `gains` and what a new controller raises for
-    theirs, and `SingularityError` where loops cannot be followed to `p`.
+    Raises `InputError` for a duration that is below a control period or infinite, an `every`, `threads` or `members`
+    that is no whole number of at least 1, shapes or numbers of rows that do not fit together, controllers that differ
+    in more than numbers or come with `gains`, a controller with a task-space reference or a `step` of its own, what
+    single precision cannot do, and for more than LARGEST_COMPILED (100) links; `NonFiniteError` for NaN or infinity in
+    `parameters`, `p` or `v` and NaN in a bound, `NotFoundError` for an unknown name in `gains` and what a new
+    controller raises for theirs, and `SingularityError` where loops cannot be followed to `p`.
     """
     law, own = alike(controller)
     run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)

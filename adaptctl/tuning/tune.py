@@ -45,18 +45,21 @@ def tune(
     """A tuning: reference, gains and integration with which Slotine and Li's law learns a mechanism of r joints from
     zero.
 
-    The law is torque = Y estimate - K s, s = v - v_d + Lambda (p - p_d), estimate' = -Gamma Y' s, with the regressor Y
-    (r, P), gains Lambda (1/s) and K (N m s/rad, N s/m) of each joint, and Gamma in the parameters' units squared per J.
+    The law is torque = Y estimate - K s, s = v - v_d + Lambda (p - p_d), d estimate/dt = -Gamma Y' s. p and v (r,) are
+    positions and velocities, p_d and v_d the reference's, Y (r, P) is the regressor of the P inertial parameters and Y'
+    its transpose; Lambda (1/s) and K (N m s/rad, N s/m) are gains of each joint, Gamma (P, P) is the adaptation gain in
+    the parameters' units squared per J.
 
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
     limits; the `initial_error` (rad or m, one number or (r,)), unless given, is 0.1 rad or m, and less where a range or
-    a torque limit is small. Lambda is `bandwidth` (1/s) where the torques can follow; K is the largest that T
-    lambda_max((M + T B)^-1 K) of at most `hold` (no unit) allows along the reference, joint by joint, with the mass
-    matrix M and the viscous friction B; Gamma, a diagonal, is half in proportion to the squares of the parameters'
-    prior ranges and half alike in effect for all links, with T lambda_max(K^-1 Y Gamma Y') of `adaptation` (no unit).
-    With `search`, zero for none, as many settings about these are run, each on links whose parameters are 30 % off,
-    with torques in time and a period late, and the one is taken whose error (RMS over the last 2 s, of the worse run)
-    is least. What is found is verified in closed loop.
+    a torque limit is small. Lambda is `bandwidth` (1/s) where the torques can follow. K is the largest, joint by joint,
+    with T lambda_max((M + T B)^-1 K) of at most `hold` (no unit) along the reference, M the mass matrix and B the
+    viscous friction. Gamma, a diagonal, is half in proportion to the squares of the parameters' prior ranges and half
+    alike in effect for all links, with T lambda_max(K^-1 Y Gamma Y') of `adaptation` (no unit).
+
+    `search` is the number of other settings about these that are tried, zero for none. Each is run on links whose
+    parameters are 30 % off, with torques in time and a period late; the setting is taken whose error (RMS over the last
+    2 s, of the worse run) is least. The gains found are verified in closed loop.
 
     Raises `InputError` for settings that are out of range (above 0 and at most: `period` 0.1, `bandwidth` 1000, `hold`
     1.5, `adaptation` 1; `search` and `seed` whole numbers of at least 0; `initial_error` finite and of r joints), and

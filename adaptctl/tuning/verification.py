@@ -26,14 +26,14 @@ LINKS_OFF = 0.3
 
 @dataclass(frozen=True)
 class Verification:
-    """Errors p - p_d of a verifying run of 20 s with the gains found, and of the same with adaptation off; RMS over all
-    joints and the samples of a stretch of time, rad or m.
+    """Tracking errors of a verifying run of 20 s with the gains found, and of the same run with adaptation off; rad or
+    m, RMS over all joints and a stretch of time. Nothing is checked.
 
-    `name` is the run: "as described", "torque late" (by a period), "links off" (each link's ten parameters 30 % up or
-    down) or "both". `first` is the error over the first second, `last` that over the last two, `off` the last one with
-    adaptation off, infinite where the arm then strayed by 1 rad or m, `largest` the largest magnitude of any joint's
-    error at any time, not RMS, and `limited` the share, 0 to 1, of the second half of the run in which a torque was at
-    its limit. Errors are infinite in a run that was not finite.
+    `name` is the run: "as described", "torque late" (by a control period), "links off" (each link's ten inertial
+    parameters 30 % up or down) or "both". `first` is the error over the first second, `last` that over the last two,
+    and `off` that over the last two with adaptation off, infinite where the arm then strayed by 1 rad or m. `largest`
+    is the largest magnitude of any joint's error at any time, not RMS. `limited` is the share, 0 to 1, of the second
+    half of the run in which a torque was at its limit. Errors are infinite in a run that was not finite.
     """
 
     name: str
@@ -50,15 +50,15 @@ class Verification:
 
     @property
     def stayed(self) -> bool:
-        """True if no joint's error reached 1 rad or m, and in at most 5 % of the second half of the run a torque was at
-        its limit."""
+        """True if no joint's tracking error reached 1 rad or m, and in at most 5 % of the second half of the run a
+        torque was at its limit."""
         return self.largest < ASTRAY and self.limited <= CLIPPED
 
     @property
     def learns(self) -> bool:
         """True if the run stayed near the reference (no joint's error reached 1 rad or m, and in at most 5 % of its
-        second half a torque was at its limit), and the RMS error of its last 2 s is at most a third of that of its
-        first second and of that with adaptation off."""
+        second half a torque was at its limit), and the RMS tracking error of its last 2 s is at most a third of that of
+        its first second and of that of the last 2 s with adaptation off."""
         return self.stayed and self.last <= LEARNED * min(self.first, self.off)
 
     def __str__(self) -> str:

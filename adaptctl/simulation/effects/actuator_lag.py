@@ -15,12 +15,12 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, require_positive
 @dataclass(frozen=True)
 class ActuatorLag(ActuatorEffect):
     """First-order lag of a drive's torque x behind the commanded torque u, both N m (N for a prismatic joint), as of a
-    current loop: time_constant x' = u - x. `time_constant` is in s, one number for all joints.
+    current loop: time_constant dx/dt = u - x. `time_constant` is in s, one number for all joints.
 
-    Under a u held over a control period x is an exponential. The joints get its mean over the period, so that the
-    impulse is exact: what is left out is of third order in the period. `rank` 3: it comes last, after a delay, a torque
-    limit and a rate limit; it leaves no marks in a rollout. Raises `InputError` for a time constant that is not a
-    positive finite number, such as a bool.
+    While u is held over a control period, x is an exponential. The joints get its mean over the period, so that the
+    impulse is exact; the error of doing so is of third order in the period. `rank` 3: the lag comes last, after a
+    delay, a torque limit and a rate limit. It leaves no marks in a rollout. Raises `InputError` unless the time
+    constant is a positive finite number, which a bool is not.
     """
 
     time_constant: float
@@ -36,8 +36,8 @@ class ActuatorLag(ActuatorEffect):
         """Raise nothing: a lag fits any number of joints `dof`, any `links` and any control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., r): `torque` (..., r) itself, not a copy, the torque that held the joints, N m (N
-        for a prismatic joint). `control_period` (s) is not used."""
+        """The initial memory (..., r) of the lag, the drives' torques, N m (N for a prismatic joint): `torque` (..., r)
+        itself, not a copy, the torque that held the joints. `control_period` (s) is not used."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:

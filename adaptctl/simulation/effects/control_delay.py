@@ -23,8 +23,8 @@ class ControlDelay(ActuatorEffect):
 
     Sampling and hold alone delay by half a period; a controller that needs the period to compute delays by one more
     (Astrom and Wittenmark, Computer-Controlled Systems, 1997, section 2.3). Before the first torque arrives, the joints
-    get the torque that held them. `rank` 0: it comes first of the actuator effects; it leaves no marks in a rollout.
-    Raises `InputError` unless `ticks` (unitless) is an integer from 0 to 64, which a bool is not.
+    get the torque that held them. `rank` 0: the delay comes first of the actuator effects. It leaves no marks in a
+    rollout. Raises `InputError` unless `ticks` (unitless) is an integer from 0 to 64, which a bool is not.
     """
 
     ticks: int
@@ -53,8 +53,8 @@ class ControlDelay(ActuatorEffect):
         """The torque (r,) that was commanded `ticks` control periods ago, and the memory (ticks r,) of those commanded
         since, the oldest first and `torque` (r,), the one commanded now, last; all N m (N for a prismatic joint).
 
-        `memory` (ticks r,) is the one before; its length is not checked. With `ticks` 0 both arguments are returned as
-        they are. `control_period` (s) is not used.
+        `memory` (ticks r,) is that before this period; its length is not checked. With `ticks` 0 both arguments are
+        returned as they are. `control_period` (s) is not used.
         """
         if self.ticks == 0:
             return torque, memory

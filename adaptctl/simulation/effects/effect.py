@@ -15,7 +15,7 @@ from adaptctl.scalars import Column
 
 class Effect(ABC):
     """Abstract base class of plant effects, which are what real plants have besides rigid links and ideal drives, such
-    as delays or friction. A subclass is a frozen dataclass of its own parameters.
+    as delays or friction. A subclass is a frozen dataclass of its own parameters, which it checks itself.
 
     Its equations are written over scalars of any kind: floats, or symbols that become native code. What changes over
     time is its memory, one column (m,) of numbers passed in and out.
@@ -30,7 +30,7 @@ class Effect(ABC):
 
 class ActuatorEffect(Effect):
     """Abstract base class of actuator effects, which change torques on their way from the controller to the joints,
-    such as a delay.
+    such as a delay. Nothing is checked at construction, unless by a subclass.
 
     `rank`, an integer, is the effect's place on that way, lower ones first; `mark` is the name under which a rollout
     marks the control periods in which the effect passed on another torque than it was given, None (the default) for no
@@ -49,14 +49,15 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) that is passed on over one control period (s), and the effect's memory (m,) after it, from
-        the `torque` (r,) given and the `memory` (m,) before. Torques are in N m (N for a prismatic joint), scalars of
-        any kind."""
+        """The torque (r,) that is passed on over one control period (s), and the effect's memory (m,) after it, m
+        numbers of its own, from the `torque` (r,) given and the `memory` (m,) before. Torques are in N m (N for a
+        prismatic joint); all are scalars of any kind: floats, or symbols that become native code."""
 
 
 class SensorEffect(Effect):
     """Abstract base class of sensor effects, which change positions and velocities on their way from the joints to the
-    controller, such as encoders. `rank`, an integer, is the effect's place on that way, lower ones first."""
+    controller, such as encoders. `rank`, an integer, is the effect's place on that way, lower ones first. Nothing is
+    checked at construction, unless by a subclass."""
 
     rank: ClassVar[int]
     """Place on the way from the joints to the controller, an integer: lower ones come first."""
@@ -71,22 +72,24 @@ class SensorEffect(Effect):
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
         """The measured positions (r,), rad or m, the measured velocities (r,), rad/s or m/s, and the effect's memory
-        (m,) after them; scalars of any kind.
+        (m,) after them, m numbers of its own; all are scalars of any kind: floats, or symbols that become native code.
 
-        `p` and `v` (r,), in the same units, are the true ones or as measured by the effects before, `memory` (m,) is
-        the one before, and `noise` (2r,) holds standard normal numbers (unitless), the positions' first;
-        `control_period` is in s.
+        `p` and `v` (r,), in the same units, are the true positions and velocities, or as measured by the effects
+        before; `memory` (m,) is that before this measurement, and `noise` (2r,) holds standard normal numbers
+        (unitless), the positions' first; `control_period` is in s.
         """
 
 
 class JointEffect(Effect):
     """Abstract base class of joint effects, which are torques in the joints that resist their motion and dissipate
-    energy, such as friction; they depend on the joints' velocities alone."""
+    energy, such as friction; they depend on the joints' velocities alone. Nothing is checked at construction, unless by
+    a subclass."""
 
     @abstractmethod
     def torque(self, v: Column) -> Column:
-        """The resisting torque (r,), N m (N for a prismatic joint), at joint velocities v (r,), rad/s (m/s): of the
-        sign of v, for the equations of motion subtract it from the drives' torque. Scalars of any kind."""
+        """The resisting torque (r,), N m (N for a prismatic joint), at joint velocities v (r,), rad/s (m/s), of r
+        joints. It has the sign of v: in the equations of motion it is subtracted from the drives' torque. Both are
+        scalars of any kind: floats, or symbols that become native code."""
 
     @abstractmethod
     def steepest(self, dof: int) -> Array:
@@ -96,7 +99,7 @@ class JointEffect(Effect):
 
 class LoadEffect(Effect):
     """Abstract base class of load effects, which change the mechanism's inertial parameters in mid-motion, such as a
-    payload that is picked up."""
+    payload that is picked up. Nothing is checked at construction, unless by a subclass."""
 
     @abstractmethod
     def mass(self, time: float) -> float:
@@ -109,14 +112,15 @@ class LoadEffect(Effect):
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) with the load at `time` (s) added to `parameters` (..., P), those without
+        """The P inertial parameters (..., P) with the load at `time` (s) added to `parameters` (..., P), those without
         it. The first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives' follow, SI units."""
+        I_xz, I_yz, I_zz (mass, first moments of mass, inertia tensor), in kg, kg m, kg m^2 about the origin of the
+        link's frame; the drives' follow, SI units."""
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
     """Numbers (r,) of at least zero, from `values`, one for all `dof` (r) joints or one each (r,): a read-only float64
-    copy, in the unit of `values`. Infinity is allowed; `what` names them in errors.
+    copy, in the unit of `values`. Infinity is allowed. `what` is the name of the values in errors.
 
     Raises `InputError` for what holds no numbers, on a wrong shape, on numbers below zero and on NaN.
     """

@@ -17,25 +17,28 @@ LINK, MOTOR = "link", "motor"
 
 @dataclass(frozen=True, eq=False)
 class ElasticJoints(Effect):
-    """Elastic joints: their motors, at positions theta with velocities w, turn the links, at p with v, through springs
-    and dampers (Spong 1987); (r,) each, rad and rad/s (m and m/s of a prismatic joint).
+    """Plant effect of elastic joints: the motors of r joints turn the links through springs and dampers (Spong 1987).
 
         J w' = torque - f,   M(q) v' + C v + g + friction = f,   f = stiffness (theta - p) + damping (w - v)
 
-    `stiffness` is in N m/rad (N/m of a prismatic joint) and `damping` in N m s/rad (N s/m), each one number or one a
-    joint (r,). M is the links' mass matrix at the configuration q, C v the velocity torques, g gravity's. J (kg m^2, or
-    kg, behind the gears) is the rotor inertia of the mechanism's drives, which then no longer turns with the links, and
-    `motor_inertia`, in the same unit, one number or (r,), besides: with ever greater stiffness the plant becomes the
-    rigid one with that much rotor inertia. Friction stays with the links. Rotors turn about their joints' axes alone,
-    as Spong assumes: their energy does not depend on how the links that carry them move.
+    The motors, seen behind their gears, have positions theta and velocities w, the joints p and v: (r,) each, in rad
+    and rad/s (m and m/s for a prismatic joint); a prime is a time derivative. `torque` (r,) is the motors' and f the
+    springs', N m (N). M is the links' mass matrix at the configuration q (n,) of all n joints of the tree, C v the
+    velocity torques, g gravity's. J is the motors' inertia, kg m^2 (kg): the rotor inertia of the mechanism's drives,
+    which then no longer turns with the links, plus `motor_inertia`. The stiffer the springs, the nearer is the plant to
+    the rigid one with that rotor inertia. Friction stays with the links. Rotors turn about their joints' axes alone, as
+    Spong assumes: their energy does not depend on how the links that carry them move.
 
-    `encoders` sit behind the spring, on the "link", or before it, on the "motor": there controllers measure theta and
-    w, as on most robots. The state of the motors is the last 2r numbers of `PlantState.drives`: theta, then w.
+    `stiffness` (N m/rad, N/m), `damping` (N m s/rad, N s/m) and `motor_inertia` are one number or one a joint (r,), the
+    last two zero unless given. `encoders` is the place of the encoders: "link" (the default), behind the spring, or
+    "motor", before it, where controllers measure theta and w, as on most robots. The last 2r numbers of
+    `PlantState.drives` are theta, then w.
 
-    Construction raises `InputError` for another place of `encoders` and checks nothing else. A `Plant` raises it unless
-    stiffness is positive and finite, the other numbers are at least 0 and finite, all fit its r joints and every J is
-    positive; and for a rotor that turns with several joints, relations among the inertial parameters, a mass matrix
-    that is singular without the rotors, and too few substeps for an explicit integrator.
+    Construction raises `InputError` for another place of the encoders and checks nothing else. A `Plant` raises it
+    unless stiffness is positive, damping and motor inertia are at least 0, all are finite and fit its r joints, and
+    every J is positive. A `Plant` also raises it for a rotor that turns with several joints, relations among the
+    inertial parameters, a mass matrix that is singular without the rotors, and too few substeps for an explicit
+    integrator.
     """
 
     stiffness: ArrayLike
@@ -49,7 +52,8 @@ class ElasticJoints(Effect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless stiffness is positive, damping and motor inertia are at least 0, all are finite,
-        and each is one number or one for each of `dof` (r) joints. `links` and `control_period` (s) may be any."""
+        and each is one number or one for each of `dof` (r) joints. The names `links` and `control_period` (s) are not
+        used."""
         stiffness = self.each("stiffness", dof)
         if not np.all(stiffness > 0.0):
             raise InputError(f"elastic joints: stiffness: expected positive numbers, got {stiffness.tolist()}")

@@ -26,10 +26,11 @@ class Encoder(SensorEffect):
     Gaussian noise of standard deviation `noise` (rad or m).
 
     Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s or m/s), as of a tachometer; use
-    `FilteredDifferences` where they come from the positions. Each setting is one number or one a joint (r,), zero for
-    none. An encoder of n counts a turn behind a gear of ratio g has a resolution of 2 pi/(n g) rad at the joint. `rank`
-    0: encoders come before other sensor effects. The class itself checks nothing; a `Plant` raises `InputError` for
-    settings that are negative, not finite or do not fit its r joints, and for a resolution below 1e-12, unless 0.
+    `FilteredDifferences` where they come from the positions. Each setting is one number or one a joint (r,), zero, the
+    default, for none. An encoder of n counts a turn behind a gear of ratio g has a resolution of 2 pi/(n g) rad at the
+    joint. `rank`, 0, is the effect's place on the way from the joints to the controller: before other sensor effects.
+    The class itself checks nothing; a `Plant` raises `InputError` for settings that are negative, not finite or do not
+    fit its r joints, and for a resolution below 1e-12 rad (m), unless 0.
     """
 
     resolution: ArrayLike = 0.0
@@ -40,8 +41,8 @@ class Encoder(SensorEffect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless each of `resolution`, `noise` and `velocity_noise` is one finite number of at least
-        0 or one for each of `dof` (r) joints, and a resolution 0 or at least 1e-12. `links` and `control_period` (s)
-        may be any."""
+        0 or one for each of `dof` (r) joints, and each resolution is 0 or at least 1e-12 rad (m). The names `links` and
+        `control_period` (s) are not used."""
         for name in ("resolution", "noise", "velocity_noise"):
             if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
@@ -50,19 +51,19 @@ class Encoder(SensorEffect):
             raise InputError(f"encoder: resolution: expected 0 or at least {FINEST:g}, got {steps.tolist()}")
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """An empty memory (0,), one for all arms: encoders remember nothing. Positions p (..., r), velocities v (...,
-        r) and `control_period` (s) are not used."""
+        """An empty memory (0,), one for all arms: encoders remember nothing. Positions `p` and velocities `v` (..., r)
+        of the r joints and `control_period` (s) are not used."""
         return np.zeros(0)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured positions (r,), rad or m, in whole counts, the noisy velocities (r,), rad/s or m/s, and the
-        `memory` (0,) as it was.
+        """The measured positions (r,) of r joints, rad or m, in whole counts, the noisy velocities (r,), rad/s or m/s,
+        and the `memory` (0,) as it was.
 
-        `p` and `v` (r,), in the same units, are the true ones, and `noise` (2r,) holds standard normal numbers
-        (unitless), the positions' first; `control_period` (s) is not used. Raises `InputError` for settings that are
-        negative, NaN or do not fit r joints, `ValueError` for columns of other lengths.
+        `p` and `v` (r,), in the same units, are the true positions and velocities, and `noise` (2r,) holds standard
+        normal numbers (unitless), the positions' first; `control_period` (s) is not used. Raises `InputError` for
+        settings that are negative, NaN or do not fit r joints, `ValueError` for columns of other lengths.
         """
         dof = len(p)
         jitter, steps, shake = (

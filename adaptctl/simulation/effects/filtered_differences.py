@@ -21,12 +21,12 @@ class FilteredDifferences(SensorEffect):
 
         w_k = a w_(k-1) + (1 - a) (p_k - p_(k-1))/T_c,   a = exp(-2 pi cutoff T_c)
 
-    w (r,) is the estimate in rad/s (m/s of a prismatic joint), p (r,) the measured position in rad (m), k counts
-    control periods, T_c is their length in s, and `cutoff` is in Hz, one number for all joints. This is the derivative
-    that controllers use in practice (Astrom and Hagglund, Advanced PID Control, 2006, section 3.3); it is late by about
-    T_c/2 + 1/(2 pi cutoff) s. An encoder's counts of q rad (m) make it jump by (1 - a) q/T_c. `rank` 1: it comes after
-    encoders. Raises `InputError` for a cutoff that is not positive and finite, and in a `Plant` for one of at least
-    half the sampling rate, 0.5/T_c.
+    w (r,) is the estimate for r joints in rad/s (m/s of a prismatic joint), p (r,) the measured position in rad (m), k
+    counts control periods, T_c is their length in s, and `cutoff` is in Hz, one number for all joints. This is the
+    derivative that controllers use in practice (Astrom and Hagglund, Advanced PID Control, 2006, section 3.3); it is
+    late by about T_c/2 + 1/(2 pi cutoff) s. An encoder's count of c rad (m) makes it jump by (1 - a) c/T_c. `rank`, 1,
+    is the effect's place on the way from the joints to the controller: after encoders. Raises `InputError` for a cutoff
+    that is not positive and finite, and in a `Plant` for one of at least half the sampling rate, 0.5/T_c.
     """
 
     cutoff: float
@@ -38,7 +38,7 @@ class FilteredDifferences(SensorEffect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless the cutoff (Hz) is below half the sampling rate, 0.5/`control_period` (s), which is
-        taken to be positive; `dof` and `links` may be any."""
+        taken to be positive. The number of joints `dof` and the names `links` are not used."""
         if self.cutoff >= 0.5 / control_period:
             raise InputError(
                 f"filtered differences: a cutoff of {self.cutoff:g} Hz is not below half the sampling rate, "
@@ -46,19 +46,19 @@ class FilteredDifferences(SensorEffect):
             )
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial memory (..., 2r) of arms at positions p (..., r), rad or m, with velocities v (..., r), rad/s or
-        m/s: the positions one `control_period` (s) earlier, p - control_period v, then the settled state of the filter,
-        v."""
+        """The filter's initial memory (..., 2r) for arms of r joints at positions p (..., r), rad or m, with velocities
+        v (..., r), rad/s or m/s: the positions one `control_period` (s) earlier, p - control_period v, then the settled
+        velocity estimate, v."""
         return np.concatenate((p - control_period * v, v), axis=-1)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions p (r,), rad or m, as they are, the velocities (r,), rad/s or m/s, estimated from them, and the
-        memory (2r,) after them: p, then the estimate.
+        """The positions p (r,) of r joints, rad or m, as they are, the velocities (r,), rad/s or m/s, estimated from
+        them, and the filter's memory (2r,) after them: p, then the estimate.
 
-        `memory` (2r,) is the one before and `control_period` is in s; v (r,) and `noise` (2r,) are not used. Raises
-        `ValueError` for a memory of another length.
+        `memory` (2r,) is the one before and `control_period` is in s; the velocities v (r,) and `noise` (2r,) are not
+        used. Raises `ValueError` for a memory of another length.
         """
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
         before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])

@@ -22,14 +22,15 @@ class Friction(JointEffect):
         torque = viscous v + (coulomb + stribeck/(1 + (v/speed)^2)) sign(v)
 
     (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) v are the joints' velocities
-    in rad/s (m/s of a prismatic joint); `stribeck` is how much static friction exceeds Coulomb friction, `speed`
-    (rad/s, m/s), one number, where half of that is gone. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m,
+    in rad/s (m/s of a prismatic joint). `stribeck` is the excess of static over Coulomb friction, half of which is gone
+    at `speed` (rad/s, m/s), one number, 0.1 unless given. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m,
     N) are one number or one a joint (r,), zero unless given. The sign is smoothed as that of a drive's Coulomb friction
     is, v/sqrt(v^2 + 0.01^2), so the arm creeps where a real one sticks.
 
-    It is in the plant alone, of the primary joints. What the mechanism's drives have is in the plant and in the model,
-    and can be adapted; this comes on top. Raises `InputError` for a speed that is not positive and finite; a `Plant`
-    raises it for other numbers that are negative, not finite or do not fit its r joints.
+    This friction acts on the r primary joints of the plant alone; the controller's model has none of it. The friction
+    of the mechanism's drives is in the plant and in the model, where it can be adapted; this comes on top. Raises
+    `InputError` for a speed that is not positive and finite; a `Plant` raises it for other numbers that are negative,
+    not finite or do not fit its r joints.
     """
 
     viscous: ArrayLike = 0.0
@@ -42,14 +43,14 @@ class Friction(JointEffect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless each of `viscous`, `coulomb` and `stribeck` is one finite number of at least 0 or
-        one for each of `dof` (r) joints. `links` and `control_period` (s) may be any."""
+        one for each of `dof` (r) joints. The names `links` and `control_period` (s) are not used."""
         if not np.isfinite(self._each(dof)).all():
             raise InputError("friction: expected finite numbers")
 
     def torque(self, v: Column) -> Column:
-        """The friction torque (r,), N m (N for a prismatic joint), at joint velocities v (r,), rad/s (m/s): of the sign
-        of v, for the equations of motion subtract it from the drives' torque. Raises `InputError` for settings that are
-        negative, NaN or do not fit r joints."""
+        """The friction torque (r,) of r joints, N m (N for a prismatic joint), at their velocities v (r,), rad/s (m/s).
+        It has the sign of v, so the equations of motion subtract it from the drives' torque. Raises `InputError` for
+        settings that are negative, NaN or do not fit r joints."""
         viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))
         signs = Column(map(_sign, v))
         film = Column(1.0 / (1.0 + (x / self.speed) * (x / self.speed)) for x in v)

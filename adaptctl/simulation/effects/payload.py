@@ -28,8 +28,9 @@ class Payload:
     unless given.
 
     Raises `InputError` for a mass that is no number or negative, a wrong shape, numbers that are not finite or that
-    make an inertial parameter above 1e20, and an inertia, unless zero, that no body has: not symmetric within 1e-9 of
-    its largest entry, or principal moments that break the triangle inequality. `inertia` is kept symmetric exactly.
+    make an inertial parameter above 1e20, and an inertia, unless zero, that no rigid body has: not symmetric within
+    1e-9 of its largest entry, or principal moments that break the triangle inequality. `inertia` is made exactly
+    symmetric.
     """
 
     mass: float
@@ -51,11 +52,13 @@ class Payload:
 
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
-        """A payload from a mass in kg, or from a mapping with `mass` (kg) and perhaps `center` of mass (3,) in m and
-        `inertia` tensor (3, 3) in kg m^2 about it, zero unless given; a `Payload` is returned as it is.
+        """A payload, a rigid body held by a link, from a mass in kg, or from a mapping with `mass` (kg) and perhaps
+        `center` of mass (3,) in m and `inertia` tensor (3, 3) in kg m^2 about it, zero unless given; a `Payload` is
+        returned as it is.
 
-        Raises `InputError` for anything else, a missing mass and values that no payload can have, `NotFoundError`, a
-        subclass of it, for an unknown entry.
+        Raises `InputError` for anything else, for a mass that is missing or negative, a wrong shape, numbers that are
+        not finite or too large, and an inertia that no rigid body has; `NotFoundError`, a subclass of it, for an
+        unknown entry.
         """
         if isinstance(given, Payload):
             return given
@@ -69,12 +72,14 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The inertial parameters (..., P) with the payload added to the ten of one link: a copy of `parameters` (...,
-        P), whose first are ten a link (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2 about
-        the origin of the link's frame). `link` is its index, counted from 0; all others stay as they are.
+        """The P inertial parameters (..., P) of a mechanism with the payload added to one link: a copy of `parameters`
+        (..., P), SI units, in which the ten of the link of index `link`, counted from 0, are changed and the others are
+        not.
 
-        Raises `InputError` for parameters that are no numbers or do not reach to that link, and for an index that is no
-        whole number of at least 0; NaN and infinity among the parameters pass.
+        The parameters begin with ten a link: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg
+        m^2 about the origin of the link's frame. Raises `InputError` for parameters that are no numbers or too few to
+        include that link's, and for an index that is no whole number of at least 0; NaN and infinity among the
+        parameters pass.
         """
         loaded = numbers(parameters, "payload: parameters").copy()
         whole_number(link, "payload: link", 0, (loaded.shape[-1] if loaded.ndim else 0) // 10 - 1)

@@ -15,17 +15,17 @@ from adaptctl.simulation.effects.payload import Payload
 
 @dataclass(frozen=True, eq=False)
 class PayloadHeld(LoadEffect):
-    """A payload held from `start` until `stop` (s), from the beginning and for ever unless given: by the link named
-    `link`, or, if that is None, by the last one that has mass.
+    """Plant effect of a payload, a rigid body, that the link named `link` holds from `start` until `stop` (s); unless
+    given, from the beginning, for ever, and by the last link that has mass (`link` None).
 
     `payload` is a `Payload`, a mass in kg, or a mapping with `mass` (kg) and perhaps `center` of mass (3,) in m, in the
-    link's frame, and `inertia` tensor (3, 3) in kg m^2 about it; it is kept as a `Payload`. When it is picked up it
+    link's frame, and `inertia` tensor (3, 3) in kg m^2 about it; it is stored as a `Payload`. When it is picked up it
     already moves with the link, and when it is dropped it moves on: the arm's velocities do not jump.
 
-    Raises `InputError` for what is no payload, such as a mapping without `mass`, and unless `start` is finite and
-    before `stop`; `NotFoundError`, a subclass of it, for a mapping with unknown entries. A `Plant` raises
+    Raises `InputError` for what is no payload, such as a mapping without `mass` or a negative mass, and unless `start`
+    is finite and before `stop`; `NotFoundError`, a subclass of it, for a mapping with unknown entries. A `Plant` raises
     `NotFoundError` for a link that it does not have or that has no mass, `InputError` for a mechanism with relations
-    among its parameters.
+    among its inertial parameters.
     """
 
     payload: Payload | float | Mapping[str, Any]
@@ -40,8 +40,9 @@ class PayloadHeld(LoadEffect):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `NotFoundError` unless the payload's `link` is None or among the names `links`, those of the links with
-        ten inertial parameters each. `dof` and `control_period` (s) may be any."""
+        """Raise `NotFoundError` unless the name of the payload's link, `link`, is None or among `links`, the names of
+        the links with ten inertial parameters each. The number of joints `dof` and `control_period` (s) are not
+        used."""
         self._place(links)
 
     def mass(self, time: float) -> float:
@@ -53,13 +54,14 @@ class PayloadHeld(LoadEffect):
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) with the payload's ten added to those of its link while it is held at `time`
-        (s), a copy; otherwise `parameters` (..., P) itself, unchecked. The first are ten for each of the `links`, named
-        in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of
-        the link's frame; all others stay as they are.
+        """The P inertial parameters (..., P) of a mechanism at `time` (s): while the payload is held, a copy of
+        `parameters` (..., P), SI units, with the payload added to the ten of its link; otherwise `parameters` itself,
+        unchecked.
 
-        While it is held, raises `NotFoundError` for a link that is none of them, `InputError` for parameters that are
-        no numbers or do not reach to it.
+        The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
+        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame. While the payload is held,
+        raises `NotFoundError` where its link is not among `links`, `InputError` for parameters that are no numbers or
+        too few to include that link's.
         """
         if not self.start <= time < self.stop:
             return parameters

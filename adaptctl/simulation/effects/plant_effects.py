@@ -20,10 +20,10 @@ class PlantEffects:
     """The effects of one plant, sorted by where they act; each tuple is empty unless given.
 
     `actuators` change torques between controller and joints, and `sensors` measurements between joints and controller,
-    each in the order of the signal's way; `joints` are torques in the joints, `loads` change the inertial parameters,
-    and `elastic` makes the joints elastic, None for rigid ones. A torque is delayed, then limited, then limited in
-    rate, then lags; positions are read by encoders, then velocities are found from them. `PlantEffects.of` sorts and
-    checks them; the class itself checks nothing.
+    each in the order in which the signal passes them; `joints` are torques in the joints, `loads` change the inertial
+    parameters, and `elastic` makes the joints elastic, None for rigid ones. A torque is delayed, then limited, then
+    limited in rate, then lags; positions are read by encoders, then velocities are found from them. `PlantEffects.of`
+    sorts and checks them; the class itself checks nothing.
     """
 
     actuators: tuple[ActuatorEffect, ...] = ()
@@ -53,9 +53,9 @@ class PlantEffects:
         )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` where an effect does not fit `dof` (r) joints, the names of the `links` with ten inertial
-        parameters each, or a control period (s); for a payload's link that is none of them `NotFoundError`, a subclass
-        of it."""
+        """Raise `InputError` where an effect does not fit `dof` (r) joints, the `links`, names of those with ten
+        inertial parameters each, or a `control_period` (s); for a payload's link that is none of them `NotFoundError`,
+        a subclass of it."""
         elastic = () if self.elastic is None else (self.elastic,)
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
             effect.require(dof, links, control_period)
@@ -73,38 +73,38 @@ class PlantEffects:
         return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The inertial parameters (..., P) with all loads at `time` (s) added to `parameters` (..., P), those of the
-        arms alone, which are returned as they are where there is no load. The first are ten for each of the `links`,
-        named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the
-        origin of the link's frame; all others stay as they are.
+        """The P inertial parameters (..., P) of a mechanism with all loads at `time` (s), such as payloads, added to
+        `parameters` (..., P), SI units, those without loads; these themselves where there is no load.
 
-        Raises `NotFoundError` for the link of a payload, held at that time, that is none of them, `InputError` for
-        parameters that are no numbers or do not reach to it.
+        The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
+        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame. While a payload is held,
+        raises `NotFoundError` where its link is not among `links`, `InputError` for parameters that are no numbers or
+        too few to include that link's.
         """
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., m) of all actuator effects, m numbers one effect after another, after the joints
-        were held by `torque` (..., r), N m (N for a prismatic joint); `control_period` is in s. Without actuator
-        effects m is 0."""
+        """The initial memory (..., m) of all actuator effects, m numbers one effect after another, after the r joints
+        of arms were held by `torque` (..., r), N m (N for a prismatic joint); `control_period` is in s. Without
+        actuator effects m is 0."""
         return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
         """The initial memory (..., m) of all sensor effects, m numbers one effect after another, before the first
-        measurement of arms at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period`
-        is in s. Without sensor effects m is 0."""
+        measurement of arms of r joints at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s;
+        `control_period` is in s. Without sensor effects m is 0."""
         return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
-        """The torque (r,) over one control period (s) after all actuator effects, N m (N for a prismatic joint), their
-        memory (m,) after it, and marks (k,), one for each of the k names in `PlantEffects.marks`: 1 where that effect
-        changed any joint's torque, else 0.
+        """The torque (r,) that all actuator effects together pass on to r joints over one `control_period` (s), N m (N
+        for a prismatic joint), their memory (m,) after it, and marks (k,), one for each of the k names in
+        `PlantEffects.marks`: 1 where that effect changed any joint's torque, else 0.
 
-        `torque` (r,) is the one commanded, in the same unit, `memory` (m,) the one before; scalars of any kind. Raises
-        `InputError` for settings that do not fit r joints; a lag or a rate limit raises `ValueError` for a memory that
-        is too short.
+        `torque` (r,) is the one commanded, in the same unit, `memory` (m,) the m numbers that the effects remember from
+        the period before; scalars of any kind. Raises `InputError` for settings that do not fit r joints; a lag or a
+        rate limit raises `ValueError` for a memory that is too short.
         """
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
@@ -121,14 +121,14 @@ class PlantEffects:
     def measured(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions (r,), rad or m, and velocities (r,), rad/s or m/s, as all sensor effects measure them, and
-        their memory (m,) after it.
+        """The positions (r,), rad or m, and velocities (r,), rad/s or m/s, of r joints as all sensor effects together
+        measure them, and the effects' memory (m,) after it.
 
-        `p` and `v` (r,), in the same units, are the true ones, of the motors if `senses_motors`, `memory` (m,) is the
-        one before, and `noise` (2r,) holds standard normal numbers (unitless), the positions' first, each effect
-        getting the same ones; `control_period` is in s; scalars of any kind. Raises `InputError` for settings that do
-        not fit r joints, `ValueError`, with filtered differences, for a memory that is too short and, with encoders,
-        for noise of another length.
+        `p` and `v` (r,), in the same units, are the true ones, of the motors where encoders sit on these
+        (`senses_motors`); `memory` (m,) holds the m numbers that the effects remember from before, and `noise` (2r,)
+        standard normal numbers (unitless), the positions' first, each effect getting the same ones; `control_period` is
+        in s; scalars of any kind. Raises `InputError` for settings that do not fit r joints, `ValueError`, with
+        filtered differences, for a memory that is too short and, with encoders, for noise of another length.
         """
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])

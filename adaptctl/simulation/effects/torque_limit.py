@@ -18,10 +18,10 @@ class TorqueLimit(ActuatorEffect):
     """Torque limit (saturation) of the drives: each joint's torque is at most `limit` in magnitude, N m (N of a
     prismatic joint), whatever is asked of it; one number or one a joint (r,), infinity for no limit.
 
-    The environment's own limits are those of its actions, which a controller can know; these are the plant's. `rank` 1:
-    after a delay; `mark` is the name under which a rollout marks the control periods in which it cut a torque. The
-    class itself checks nothing; a `Plant` raises `InputError` for limits that are no numbers, negative, NaN or do not
-    fit its r joints.
+    An environment's own torque limits are those of its actions, which a controller can know; this one is hidden in the
+    plant. `rank`, 1, is the effect's place on the way from the controller to the joints: after a delay. `mark` is the
+    name under which a rollout marks the control periods in which the limit cut a torque. The class itself checks
+    nothing; a `Plant` raises `InputError` for limits that are no numbers, negative, NaN or do not fit its r joints.
     """
 
     limit: ArrayLike
@@ -31,17 +31,17 @@ class TorqueLimit(ActuatorEffect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless the limit, N m (N for a prismatic joint), is one number of at least 0 or one for
-        each of `dof` (r) joints; infinity is allowed. `links` and `control_period` (s) may be any."""
+        each of `dof` (r) joints; infinity is allowed. The names `links` and `control_period` (s) are not used."""
         at_least_zero(self.limit, dof, "torque limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """An empty memory (0,), one for all arms: a limit remembers nothing. `torque` (..., r) and `control_period` (s)
-        are not used."""
+        """An empty memory (0,), one for all arms: a limit remembers nothing. The `torque` (..., r) on the r joints and
+        `control_period` (s) are not used."""
         return np.zeros(0)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) clipped to the limits, N m (N for a prismatic joint), from the `torque` (r,) asked for, and
-        the `memory` (0,) as it was. `control_period` (s) is not used. Raises `InputError` for limits that are negative,
-        NaN or do not fit r joints."""
+        """The torque (r,) of r joints clipped to the limits, N m (N for a prismatic joint), from the `torque` (r,)
+        asked for, and the `memory` (0,) as it was. `control_period` (s) is not used. Raises `InputError` for limits
+        that are negative, NaN or do not fit r joints."""
         limits = at_least_zero(self.limit, len(torque), "torque limit").tolist()
         return Column(clip(x, -most, most) for x, most in zip(torque, limits, strict=True)), memory

@@ -18,9 +18,10 @@ class TorqueRateLimit(ActuatorEffect):
     prismatic joint), as the supply voltage over the winding's inductance limits it; one number or one a joint (r,),
     infinity for no limit.
 
-    `rank` 2: after a delay and a torque limit; `mark` is the name under which a rollout marks the control periods in
-    which it changed a torque. The class itself checks nothing; a `Plant` raises `InputError` for rates that are no
-    numbers, negative, NaN or do not fit its r joints.
+    `rank`, 2, is the effect's place on the way from the controller to the joints: after a delay and a torque limit.
+    `mark` is the name under which a rollout marks the control periods in which the rate limit changed a torque. The
+    class itself checks nothing; a `Plant` raises `InputError` for rates that are no numbers, negative, NaN or do not
+    fit its r joints.
     """
 
     rate: ArrayLike
@@ -30,18 +31,18 @@ class TorqueRateLimit(ActuatorEffect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless the rate, N m/s (N/s for a prismatic joint), is one number of at least 0 or one for
-        each of `dof` (r) joints; infinity is allowed. `links` and `control_period` (s) may be any."""
+        each of `dof` (r) joints; infinity is allowed. The names `links` and `control_period` (s) are not used."""
         at_least_zero(self.rate, dof, "torque rate limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., r): `torque` (..., r) itself, not a copy, the torque that held the joints, N m (N
+        """The initial memory (..., r): `torque` (..., r) itself, not a copy, the torque that held the r joints, N m (N
         for a prismatic joint). `control_period` (s) is not used."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The rate-limited torque (r,), N m (N for a prismatic joint), and the same column as the memory (r,) after it:
-        the torque nearest to the `torque` (r,) asked for that differs from the last one, `memory` (r,), by at most the
-        rate times the control period (s).
+        """The rate-limited torque (r,) of r joints, N m (N for a prismatic joint), and the same column as the memory
+        (r,) after it: the torque nearest to the `torque` (r,) asked for that differs from the last one, `memory` (r,),
+        by at most the rate times `control_period` (s).
 
         Raises `InputError` for rates that are negative, NaN or do not fit r joints, `ValueError` for a memory of
         another length.
