@@ -157,7 +157,7 @@ def on(law: AdaptationLaw, initial: Array | None) -> SlotineLi:
         (lambda: ConsistentLift(0.1, TRUE, -1.0), "consistent lift: weight"),
         (lambda: lifted(NAME, TRUE, weight=np.ones(99)), "consistent lift: weight"),
         (lambda: ConsistentLift(0.1, np.full(50, np.nan)), "consistent lift: lift"),
-        (lambda: lifted(NAME, TRUE, weight=1.0, cutoff=2000.0), "use at most 1000 1/s"),
+        (lambda: lifted(NAME, TRUE, weight=1.0, cutoff=2000.0), "use at most 1000 rad/s"),
     ],
 )
 def test_what_cannot_be_is_refused(make: object, says: str) -> None:

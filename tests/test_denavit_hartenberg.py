@@ -230,7 +230,10 @@ INCOMPLETE = "the inertia is incomplete or given twice: give mass, first_moment 
         (HEAD + "links = [{ alpha = 0, range_deg = [0, 1], type = 'prismatic' }]", "write range instead of range_deg"),
         (HEAD + "links = [{ alpha = 0, velocity = 0 }]", r"expected positive velocity and effort, got 0"),
         (HEAD + "links = [{ alpha = 0, effort = -1 }]", r"expected positive velocity and effort, got inf, -1"),
-        (HEAD + "links = [{ alpha = 0, drive = { viscous = -1 } }]", r"links\[0\]: viscous: expected a finite number of at least 0 .*, got -1"),
+        (
+            HEAD + "links = [{ alpha = 0, drive = { viscous = -1 } }]",
+            r"links\[0\]: viscous: expected a finite number of at least 0 .*, got -1",
+        ),
         (HEAD + "links = [{ alpha = 0, drive = { damping = 1 } }]", r"unknown field `damping` - at `\$.links\[0\].dr"),
         (HEAD + "links = [{ alpha = 0, mass = 1 }]", INCOMPLETE),
         (HEAD + "links = [{ alpha = 0, inertia = {} }]", INCOMPLETE),

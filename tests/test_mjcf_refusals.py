@@ -45,7 +45,10 @@ EQUAL = CLOSED["connect"]
         (mjcf(chain('pos="0 0 nan"')), "joint 'j1': pos of <joint>: expected 3 finite numbers, got '0 0 nan'"),
         (mjcf(chain('range="1 -1"')), r"joint 'j1': position limits: expected lower < upper, got 0\.01"),
         (mjcf(chain('limited="true"')), "joint 'j1': limited, but no range is given"),
-        (mjcf(chain('armature="-1"')), r"joint 'j1': rotor_inertia: expected a finite number of at least 0 and at most 1e.20, got -1\.0"),
+        (
+            mjcf(chain('armature="-1"')),
+            r"joint 'j1': rotor_inertia: expected a finite number of at least 0 and at most 1e.20, got -1\.0",
+        ),
         (mjcf(chain('damping="1 2"')), "joint 'j1': damping: only the first coefficient is understood, got '1 2'"),
         (mjcf(chain().replace('"j2"', '"j1"')), "some: joint names must be unique, got 'j1' more than once"),
         (mjcf(chain().replace('"b"', '"a"')), "two bodies are named 'a': names must be unique"),
