@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -207,6 +208,14 @@ def test_shafts_speak_of_other_joints_once() -> None:
     with pytest.warns(SimplificationWarning, match="friction other than viscous .*: joint0, joint1, joint2"):
         changed = tree.with_drives(BENT).in_pinocchio(tree.to_pinocchio())
     np.testing.assert_array_equal(changed.damping, np.full(3, BENT.viscous))
+
+
+@pytest.mark.parametrize("joint", [-1, 3, "a", 1.0])
+def test_a_shaft_is_of_a_joint_that_there_is(joint: Any) -> None:
+    description = random_tree(2, 3).description
+    with pytest.raises(InputError, match=f"joint: expected a whole number from 0 to 2, got {joint!r}"):
+        description.shaft(joint)
+    assert description.shaft(2) == ((2, 1.0),)
 
 
 def test_coulomb_friction_fades_below_the_speed_that_the_docs_name() -> None:

@@ -50,7 +50,7 @@ def test_scales_of_zero_are_refused(tmp_path: Path) -> None:
     basis = fundamental_basis(essential_space(ARM))
     none = np.array(basis.scales)
     none[3] = 0.0
-    with pytest.raises(InputError, match="scales and gap: expected positive numbers"):
+    with pytest.raises(InputError, match="scales: expected positive numbers"):
         replace(basis, scales=none)
     basis.save(tmp_path / "basis.json")
     content = json.loads((tmp_path / "basis.json").read_text())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, cast
 
 import control
 import numpy as np
@@ -16,6 +17,8 @@ from adaptctl.control import ErrorFeedback
 from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.control.gains.margins import margins
 from adaptctl.errors import GainError, InputError
+
+TEXT = cast(Any, "a")
 
 periods = st.floats(1e-4, 1e-2)
 
@@ -140,6 +143,15 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
         (lambda: ErrorFeedback.from_poles([-1.0, 2.0], 1e-3), InputError, "poles: expected two in the left"),
         (lambda: ErrorFeedback.from_poles([-1 + 1j, -1 + 1j], 1e-3), InputError, "real or conjugate"),
         (lambda: ErrorFeedback.from_poles([-1 + 1j, -2 - 1j], 1e-3), InputError, "real or conjugate"),
+        (lambda: ErrorFeedback.from_poles(TEXT, 1e-3), InputError, "poles: expected two in the left .*, got 'a'"),
+        (lambda: ErrorFeedback.from_poles([TEXT, TEXT], 1e-3), InputError, r"poles: .*, got \['a', 'a'\]"),
+        (lambda: ErrorFeedback.from_poles(cast(Any, None), 1e-3), InputError, "poles: .*, got None"),
+        (lambda: ErrorFeedback.from_poles([-(10**400), -1], 1e-3), InputError, "poles: expected two in the left"),
+        (lambda: ErrorFeedback.from_poles([-1.0, -2.0], TEXT), InputError, "control period: .* in s, got 'a'"),
+        (lambda: ErrorFeedback.from_bandwidth(TEXT, 1.0, 1e-3), InputError, "bandwidth: expected a number, got 'a'"),
+        (lambda: ErrorFeedback.from_bandwidth(8.0, TEXT, 1e-3), InputError, "damping ratio: expected a number, got"),
+        (lambda: ErrorFeedback.from_lqr(TEXT, 0.0, 1.0, 1e-3), InputError, "weights: position: expected a number"),
+        (lambda: ErrorFeedback(TEXT, 1.0, 1e-3), InputError, "gains: stiffness: expected a number, got 'a'"),
         (lambda: ErrorFeedback.from_lqr(0.0, 0.0, 1.0, 1e-3), InputError, "weights: expected positive ones"),
         (lambda: ErrorFeedback.from_bandwidth(8.0, 0.7, 1e-3).cascaded, InputError, "needs a ratio of at least 1"),
     ],
@@ -147,6 +159,12 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
 def test_gains_that_cannot_be_are_refused(make: object, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("factor", [math.nan, math.inf, 0.0, -1.0, "a", None])
+def test_poles_are_not_made_faster_by_what_is_no_factor(factor: Any) -> None:
+    with pytest.raises(InputError, match=f"^factor: expected a positive finite number, got {factor!r}$"):
+        ErrorFeedback.from_bandwidth(8.0, 1.0, 1e-3).faster(factor)
 
 
 @pytest.mark.parametrize(("gain", "more", "less"), [(-0.5, 2.0, 0.0), (-1.0, math.inf, 1.0), (-4.0, math.inf, 0.25)])

@@ -386,7 +386,7 @@ def test_states_keep_within_limits() -> None:
 
 
 def test_bad_input(puma: Mechanism, space: EssentialSpace) -> None:
-    with pytest.raises(InputError, match="samples: expected at least twice the 60 parameters, got 119"):
+    with pytest.raises(InputError, match="at least twice the 60 parameters, got 119"):
         essential_space(puma, samples=119)
     assert essential_space(puma, samples=120).certificate.samples == 120
     with pytest.raises(InputError, match=r"states: expected p and v .* got \(5, 6\) and \(4, 6\)"):

@@ -32,6 +32,18 @@ def test_ranges_of_another_shape_are_refused(scale: Array) -> None:
         _checked(MODEL, 0.2, 1, 1.0, scale, None)
 
 
+@pytest.mark.parametrize("scale", [-1.0, 0.0, np.append(0.0, np.ones(K - 1)), -np.ones(K), np.nan, "a"])
+def test_ranges_are_positive_numbers(scale: Any) -> None:
+    with pytest.raises(InputError, match=r"^scale: expected "):
+        exciting_reference(MODEL, scale=scale)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "a", None, np.nan])
+def test_seeds_are_whole_numbers(seed: Any) -> None:
+    with pytest.raises(InputError, match=f"^seed: expected a whole number of at least 0, got {seed!r}$"):
+        exciting_reference(MODEL, seed=seed)
+
+
 @pytest.mark.parametrize(("harmonics", "share"), [(0, 0.5), (-1, 0.5), (1.5, 0.5), (1, 0.0), (1, 1.1)])
 def test_harmonics_are_whole_and_at_least_one_and_shares_at_most_all(harmonics: float, share: float) -> None:
     with pytest.raises(InputError, match="harmonics" if share == 0.5 else "share"):

@@ -18,6 +18,7 @@ from adaptctl.errors import FileError, InputError, NonFiniteError
 from adaptctl.identifiability import (
     Constraints,
     EssentialSpace,
+    FundamentalBasis,
     Priority,
     ReducedModel,
     Relation,
@@ -36,6 +37,7 @@ from adaptctl.identification.validation import Validation
 from adaptctl.recording import compared_runs, write_artifacts
 
 TEXT = cast(Any, "a")
+NONE = cast(Any, None)
 PAIR = ["link1.m", "link2.m"]
 GENERATOR = np.random.default_rng(0)
 
@@ -46,6 +48,10 @@ def puma() -> adaptctl.Mechanism:
 
 def space() -> EssentialSpace:
     return essential_space(puma())
+
+
+def basis(**other: Any) -> FundamentalBasis:
+    return replace(fundamental_basis(space()), **other)
 
 
 def states(samples: int = 5) -> States:
@@ -95,12 +101,34 @@ def run_and_nothing() -> Mapping[str, adaptctl.Rollout]:
         (lambda: Priority().indices(["elbow"]), "'elbow': expected an inertial parameter"),
         (lambda: Constraints.of([1.0, 2.0], ["link1.m"] * 2), "names: expected each once, got 'link1.m' more often"),
         (lambda: Constraints.of(np.ones((1, 2, 2)), PAIR), r"expected a matrix \(m, 2\) .*, got \(1, 2, 2\)"),
+        (lambda: Priority().indices(["link1.m"] * 2), "parameter 'link1.m' is given more than once"),
+        (lambda: Constraints(NONE), "known: expected a mapping from parameters' names to numbers, got None"),
+        (lambda: Constraints(TEXT), "known: expected a mapping from parameters' names to numbers, got 'a'"),
+        (lambda: Constraints({cast(Any, 1): 1.0}), "known: expected a mapping from parameters' names to numbers"),
+        (lambda: Constraints(relations=NONE), "relations: expected Relations, got None"),
+        (lambda: Constraints(relations=TEXT), "relations: expected Relations, got 'a'"),
+        (
+            lambda: Constraints(relations=cast(Any, Relation({"link1.m": 1.0}, name="fork"))),
+            "relations: expected Relations, got Relation",
+        ),
+        (lambda: Relation(NONE), "relation: weights: expected a mapping from parameters' names to numbers, got None"),
+        (lambda: Relation(NONE, name="fork"), "relation 'fork': weights: expected a mapping"),
+        (lambda: constrained(puma(), Constraints(), TEXT), "priority: expected a Priority or None, got 'a'"),
         (lambda: Relation({"link1.m": TEXT}), "relation: weight of 'link1.m': expected a number, got 'a'"),
         (lambda: Relation({"link1.m": cast(Any, [1.0, 2.0])}), "relation: weight of 'link1.m': expected a number"),
         (lambda: Relation({"link1.m": 1.0}, TEXT), "relation: value: expected a number, got 'a'"),
         (lambda: Relation({"link1.m": 1.0}, TEXT, "fork"), "relation 'fork': value: expected a number, got 'a'"),
         (lambda: essential_space(puma(), seed=-1), "seed: expected a whole number from 0 to .*, got -1"),
         (lambda: essential_space(puma(), seed=cast(Any, 0.5)), "seed: expected a whole number"),
+        (lambda: essential_space(puma(), samples=TEXT), "samples: expected a whole number, .*, got 'a'"),
+        (
+            lambda: essential_space(puma(), samples=cast(Any, 1000.0)),
+            "samples: expected a whole number, at least twice the 30 parameters, got 1000.0",
+        ),
+        (lambda: essential_space(puma(), samples=cast(Any, np.nan)), "samples: expected a whole number, .*, got nan"),
+        (lambda: essential_space(puma(), states=TEXT), "states: expected States or None, got 'a'"),
+        (lambda: essential_space(puma(), prove=TEXT), "prove: expected True, False or None, got 'a'"),
+        (lambda: essential_space(puma(), prove=cast(Any, 1)), "prove: expected True, False or None, got 1"),
         (lambda: random_states(puma(), -3, GENERATOR), "samples: expected a whole number from 2 to .*, got -3"),
         (lambda: random_states(puma(), cast(Any, 5.5), GENERATOR), "samples: expected a whole number"),
         (lambda: states_within_limits(puma(), -3), "samples: expected a whole number from 2 to .*, got -3"),
@@ -116,9 +144,28 @@ def run_and_nothing() -> Mapping[str, adaptctl.Rollout]:
             lambda: reduce(space(), puma(), components=2).parameters(cast(Any, 1.5)),
             "components: expected a whole number from 0 to .*, got 1.5",
         ),
+        (
+            lambda: reduce(space(), puma(), components=True),
+            "components: expected a whole number from 0 to .*, got True",
+        ),
+        (lambda: reduce(space(), puma(), components=2).parameters(True), "components: expected a whole number"),
+        (lambda: reduce(space(), puma(), energy_error=TEXT), "energy_error: expected a number, got 'a'"),
+        (lambda: basis(gap=np.inf), "gap: expected a positive finite number, got inf"),
+        (lambda: basis(gap=0.0), "gap: expected a positive finite number, got 0.0"),
+        (lambda: basis(gap=TEXT), "gap: expected a positive finite number, got 'a'"),
+        (lambda: basis(gap=np.ones(2)), "gap: expected a positive finite number, got array"),
+        (lambda: basis(columns=TEXT), r"columns: expected rising indices in 0\.\.29, got 'a'"),
+        (lambda: basis(columns=None), r"columns: expected rising indices in 0\.\.29, got None"),
+        (lambda: basis(columns=(0.0, 1.0)), r"columns: expected rising indices in 0\.\.29, got \(0.0, 1.0\)"),
+        (lambda: ReducedModel(puma(), TEXT), "basis: expected a FundamentalBasis or None, got 'a'"),
+        (lambda: fundamental_basis(space(), TEXT), "priority: expected a Priority or None, got 'a'"),
+        (lambda: fundamental_basis(space(), cast(Any, [])), r"priority: expected a Priority or None, got \[\]"),
         (lambda: fundamental_basis(space(), tolerance=TEXT), "tolerance: expected a number, got 'a'"),
         (lambda: validation(np.eye(4)).autocorrelation(-1), "lags: expected a whole number from 0 to .*, got -1"),
         (lambda: validation(np.eye(4)).autocorrelation(cast(Any, 1.5)), "lags: expected a whole number"),
+        (lambda: validation(np.zeros((0, 2))), r"validation: .* of one shape \(n, r\), n and r at least 1, got"),
+        (lambda: validation(np.zeros(2)), r"validation: .* of one shape \(n, r\)"),
+        (lambda: replace(validation(np.eye(4)), predicted=np.ones((3, 4))), r"validation: .* and \(3, 4\)"),
         (
             lambda: nearest_consistent(without_one("puma560_arm3"), np.ones(29)),
             "puma560_arm3: expected a mechanism without constraints, .*, got 29 of 30 parameters",
@@ -126,6 +173,9 @@ def run_and_nothing() -> Mapping[str, adaptctl.Rollout]:
         (lambda: compared_runs(two_link(), run_and_nothing()), "run 'two': expected at least one sample, got none"),
         (lambda: drives(transmission=np.eye(3)), r"drives: transmission: expected shape \(2, 2\), got \(3, 3\)"),
         (lambda: drives(transmission=TEXT), "drives: transmission: expected numbers"),
+        (lambda: drives(transmission=np.ones((2, 2))), "drives: transmission: the joints do not follow"),
+        (lambda: drives(transmission=np.zeros((2, 2))), r"drives: transmission\[0\]: motor 'a' must turn its own"),
+        (lambda: drives(transmission=1.0 - np.eye(2)), r"transmission\[0\]: .* must turn its own joint 'a'"),
         (lambda: drives(offsets=0.0), r"drives: offsets: expected shape \(2,\), got \(\)"),
         (lambda: drives(motors=()), "drives: motors: expected one for each of 2 joints, got 0"),
         (lambda: drives().position(np.zeros(3)), r"drives: positions: expected shape \(..., 2\), got \(3,\)"),
@@ -153,6 +203,22 @@ def test_drives_take_lists_and_turn_back_what_they_turn() -> None:
     np.testing.assert_allclose(of_lists.position((p - drives().offsets) @ T.T), p, rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(of_lists.velocity(v @ T.T), v, rtol=0.0, atol=1e-15)
     np.testing.assert_array_equal(of_lists.torque(tau.tolist()), tau @ T)
+
+
+def test_a_joint_that_nothing_was_measured_of_has_no_relative_error_unless_it_is_without_one() -> None:
+    found = replace(validation(np.zeros((3, 3))), measured=np.zeros((3, 3)), predicted=np.eye(3) * [0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(found.joint_relative_errors, [0.0, np.inf, np.inf])
+    assert found.relative_error == np.inf
+    assert replace(found, predicted=found.measured).relative_error == 0.0
+
+
+def test_samples_may_be_counted_by_numpy() -> None:
+    assert essential_space(puma(), samples=cast(Any, np.int64(61))).certificate.samples == 61
+
+
+def test_the_arrays_of_a_reduction_are_read_only() -> None:
+    found = reduce(space(), puma(), components=2)
+    assert not any(array.flags.writeable for array in (found.components, found.weights, found.percent_errors))
 
 
 @pytest.mark.parametrize("value", [0.0, 0.1, -1e3])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from hypothesis import strategies as st
 
 from adaptctl.compilation import compile_function
 from adaptctl.control import MinimumJerk, Reference, ReferencePoint, Sinusoids, Spline
-from adaptctl.control.references import SinusoidNumbers, sinusoids_at
+from adaptctl.control.references import Halted, SinusoidNumbers, sinusoids_at
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
+
+TEXT, RAGGED = cast(Any, "a"), cast(Any, ((0.0,), (1.0, 2.0)))
 
 sinusoids = st.builds(
     Sinusoids,
@@ -100,6 +103,17 @@ def test_a_spline_rests_before_its_first_time_and_after_its_last() -> None:
         (lambda: Sinusoids((0.0, 0.0), (1.0,), (1.0, 1.0)), r"amplitude: expected shape \(1, 2\), got \(1, 1\)"),
         (lambda: Sinusoids((0.0,), (np.nan,), (1.0,)), "amplitude: expected finite"),
         (lambda: Sinusoids((0.0,), (1.0,), (1.0,), start_time=-1.0), "start_time"),
+        (lambda: Sinusoids(TEXT, (1.0,), (1.0,)), "center: expected numbers, got 'a'"),
+        (lambda: Sinusoids((0.0,), TEXT, (1.0,)), "amplitude: expected numbers, got 'a'"),
+        (lambda: Sinusoids((0.0,), (1.0,), TEXT), "frequency: expected numbers, got 'a'"),
+        (lambda: Sinusoids((0.0,), (1.0,), (1.0,), TEXT), "phase: expected numbers, got 'a'"),
+        (lambda: Sinusoids((0.0,), RAGGED, (1.0,)), "amplitude: expected numbers, got "),
+        (lambda: Sinusoids((0.0,), (1.0,), (1.0,), RAGGED), "phase: expected numbers, got "),
+        (lambda: Sinusoids((0.0,), (1.0,), (1.0,), start_time=TEXT), "start_time: expected a number, got 'a'"),
+        (lambda: Spline(TEXT, (0.0,)), "positions: expected numbers, got 'a'"),
+        (lambda: MinimumJerk(TEXT, (0.0,)), "waypoints: expected numbers, got 'a'"),
+        (lambda: MinimumJerk(RAGGED, (0.0, 1.0)), "waypoints: expected numbers, got "),
+        (lambda: Halted(MinimumJerk(((0.0,), (1.0,)), (0.0, 1.0)), TEXT), "halted: stop: expected a number, got 'a'"),
         (lambda: MinimumJerk(((0.0,),), (0.0,)), "at least two waypoints"),
         (lambda: MinimumJerk(((0.0,), (1.0,)), (1.0, 1.0)), "increasing times"),
     ],

@@ -202,6 +202,8 @@ def test_the_first_tick_learns_nothing(reduced: ReducedModel, gains: Gains) -> N
         ({"adaptation": np.full(36, np.nan)}, "adaptation gain: expected finite"),
         ({"adaptation": 0.01}, r"adaptation gain: expected numbers \(k,\).* got shape \(\)"),
         ({"period": -1.0}, "control period"),
+        ({"prior": "a"}, "prior: expected numbers"),
+        ({"prior": np.ones(35)}, r"prior: expected shape \(36,\), got \(35,\)"),
     ],
 )
 def test_bad_settings_are_refused(reduced: ReducedModel, gains: Gains, options: dict[str, object], says: str) -> None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, numbers, real_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation import compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
@@ -156,7 +156,7 @@ class Sinusoids:
     `center` (r,) in rad or m; `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero) are (r,) for one
     harmonic or (h, r) for h; `start_time`, 2 s by default, is the length of the fade 10u^3 - 15u^4 + 6u^5, u =
     t/start_time, from 0 to 1, and 0 for none. With a fade the arm starts at rest in the centre. Raises `InputError` for
-    other shapes, numbers that are not finite and a negative start time.
+    other shapes, what is no number or not finite, and a negative start time.
     """
 
     center: Array
@@ -166,14 +166,14 @@ class Sinusoids:
     start_time: float = 2.0
 
     def __post_init__(self) -> None:
-        center = np.atleast_1d(np.asarray(self.center, dtype=np.float64))
+        center = np.atleast_1d(numbers(self.center, "center"))
         object.__setattr__(self, "center", frozen_array(center, center.shape[:1], "center"))
-        terms = np.atleast_2d(np.asarray(self.amplitude, dtype=np.float64)).shape[0]
+        terms = np.atleast_2d(numbers(self.amplitude, "amplitude")).shape[0]
         for name in ("amplitude", "frequency", "phase"):
             given = getattr(self, name)
-            rows = np.zeros((terms, center.size)) if given is None else np.atleast_2d(given)
+            rows = np.zeros((terms, center.size)) if given is None else np.atleast_2d(numbers(given, name))
             object.__setattr__(self, name, frozen_array(rows, (terms, center.size), name))
-        if not (np.isfinite(self.start_time) and self.start_time >= 0.0):
+        if not 0.0 <= real_number(self.start_time, "start_time") < math.inf:
             raise InputError(f"start_time: expected a finite time of at least 0 s, got {self.start_time}")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
@@ -215,15 +215,15 @@ class Spline:
     are the spline's own derivatives. Before the first time and after the last the arm rests, with a jump unless the
     samples rest there.
 
-    Raises `InputError` for fewer positions, another number of times, numbers that are not finite and times that do not
-    increase; `MissingExtraError` at the first use without SciPy.
+    Raises `InputError` for fewer positions, another number of times, what is no number or not finite, and times that do
+    not increase; `MissingExtraError` at the first use without SciPy.
     """
 
     positions: Array
     times: Array
 
     def __post_init__(self) -> None:
-        positions = np.atleast_2d(np.asarray(self.positions, dtype=np.float64))
+        positions = np.atleast_2d(numbers(self.positions, "positions"))
         object.__setattr__(self, "positions", frozen_array(positions, positions.shape, "positions"))
         object.__setattr__(self, "times", frozen_array(self.times, (len(positions),), "times"))
         if len(positions) <= DEGREE or np.any(np.diff(self.times) <= 0.0):
@@ -282,14 +282,14 @@ class MinimumJerk:
 
     `waypoints` (w, r) are w >= 2 positions of r joints in rad or m, `times` (w,) when they are reached, in s,
     increasing. Before the first time and after the last the arm rests. Raises `InputError` for fewer waypoints, another
-    number of times, numbers that are not finite and times that do not increase.
+    number of times, what is no number or not finite, and times that do not increase.
     """
 
     waypoints: Array
     times: Array
 
     def __post_init__(self) -> None:
-        waypoints = np.atleast_2d(np.asarray(self.waypoints, dtype=np.float64))
+        waypoints = np.atleast_2d(numbers(self.waypoints, "waypoints"))
         object.__setattr__(self, "waypoints", frozen_array(waypoints, waypoints.shape, "waypoints"))
         object.__setattr__(self, "times", frozen_array(self.times, (len(waypoints),), "times"))
         if len(waypoints) < 2 or np.any(np.diff(self.times) <= 0.0):
@@ -328,7 +328,7 @@ class Halted:
 
     After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
     1 to 0, so that positions, velocities and accelerations stay continuous: motion that excites for an interval, and no
-    longer. Raises `InputError` for a negative stop, an `over` that is not positive, or either not finite.
+    longer. Raises `InputError` for a negative stop, an `over` that is not positive, or either no number or not finite.
     """
 
     of: Reference
@@ -336,7 +336,8 @@ class Halted:
     over: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite([self.stop, self.over]).all() and self.stop >= 0.0 and self.over > 0.0):
+        stop, over = (real_number(getattr(self, name), f"halted: {name}") for name in ("stop", "over"))
+        if not (0.0 <= stop < math.inf and 0.0 < over < math.inf):
             raise InputError(
                 f"halted: expected a stop at 0 s or later, and a positive time to come to rest, got {self.stop} and "
                 f"{self.over} s"

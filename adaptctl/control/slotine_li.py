@@ -6,10 +6,9 @@ import warnings
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
@@ -83,7 +82,7 @@ class SlotineLi(AdaptiveController):
         self._settle()
         self._require_carried()
         if self.prior is not None:
-            self._warn_of_estimates(np.asarray(self.prior, dtype=np.float64))
+            self._warn_of_estimates(frozen_array(self.prior, (len(self.model.columns),), "prior"))
 
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState

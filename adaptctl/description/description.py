@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, whole_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
@@ -229,9 +229,9 @@ class Description:
 
     def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
         """Pairs (index of a joint, unitless ratio), joint number `joint` from 0 first, with ratio 1: velocities times
-        ratios add up to the speed of that joint's shaft, rad/s (m/s). Raises `IndexError` past the last joint."""
-        others = self.links[joint].joint.drive.turns_with
-        return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in others)
+        ratios add up to the speed of that joint's shaft, rad/s (m/s). Raises `InputError` for no joint's number."""
+        drive = self.links[whole_number(joint, f"{self.name}: joint", 0, len(self.links) - 1)].joint.drive
+        return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in drive.turns_with)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -35,13 +35,16 @@ class LinkCost:
 
 @dataclass(frozen=True, eq=False)
 class CostMap:
-    """Map of the effect of a point `mass` (kg) on an objective's cost over a `task`: relative changes (unitless) of the
-    cost, over places on links. `objective` is "energy", "torque", "coupling" or "components": the root mean square over
-    the task's states of the energy about its mean (J), the torques (shares of their limits, unitless) or the mass
-    matrix's entries off the diagonal (kg m^2), or the energy of the essential components (J). Made by `cost_map`.
+    """Map of the relative changes (unitless) that a point `mass` (kg), fixed at any place of any link, makes of a cost
+    of a mechanism's motion over a `task`.
 
-    At construction raises `InputError` for a mass that is not positive and finite, an unknown objective, and one whose
-    cost is zero, `RankError` for "components" where the rank cannot be certified."""
+    `objective` names the cost, a root mean square over the task's states: "energy" of the kinetic plus potential energy
+    about its mean (J), "torque" of the joint torques as shares of their limits (unitless), "coupling" of the mass
+    matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
+    combinations of inertial parameters that matter (J). Made by `cost_map`. Raises `InputError` at construction for a
+    mass that is not positive and finite, for an unknown objective and for a cost that is zero without the mass,
+    `RankError` for "components" where the mechanism's rank cannot be certified.
+    """
 
     task: DesignTask
     mass: float
@@ -55,9 +58,10 @@ class CostMap:
             )
 
     def at(self, link: str, places: ArrayLike) -> Array:
-        """Relative changes (...) of the objective's cost, unitless, 0.1 for 10 % more, by the point mass at places
-        (..., 3), m in the frame of the link of that name. Raises `InputError` for unknown links and wrong shapes,
-        `NonFiniteError` for places that are not finite, or so far that the cost is too large for numbers."""
+        """Relative changes (...), unitless, 0.1 for 10 % more, of the cost that the map's `objective` names, by its
+        point mass at `places` (..., 3), m in the frame of the link named `link`. Raises `InputError` for unknown links
+        and wrong shapes, `NonFiniteError` for places that are not finite, or so far that the cost is too large for
+        numbers."""
         x = checked(places, 3, f"{link}: places")
         M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
         before = M @ self.task.parameters
@@ -72,14 +76,14 @@ class CostMap:
         return np.asarray((after - size) / size)
 
     def over(self, places: PlaceBounds, each: int = EACH) -> LinkCost:
-        """The least and the greatest relative change (unitless) of the objective's cost, 0.1 for 10 % more, on a grid
-        of places on a link, and where they are, as a `LinkCost`.
+        """The least and the greatest relative change (unitless), 0.1 for 10 % more, of the cost that the map's
+        `objective` names, by its point mass on a grid of places on a link, and the places of both, as a `LinkCost`.
 
-        The grid has `each` places, 9 by default, along each edge of the box of `places`, which names the link. The
+        The grid has `each` places, 9 by default, along each edge of the box of `places`, which also names the link. The
         `LinkCost` has the link's name, the changes `least` and `most`, their places `cheapest` and `dearest` (3,) in m
-        in the link's frame, and the change `at_center`, at the link's centre of mass. Raises `InputError` for unknown
-        links and `each` other than a whole number from 1 to 100, `NonFiniteError` for bounds so far that the cost is
-        too large for numbers.
+        in the link's frame, and the change `at_center`, for the mass at the link's centre of mass. Raises `InputError`
+        for unknown links and `each` other than a whole number from 1 to 100, `NonFiniteError` for bounds so far that
+        the cost is too large for numbers.
         """
         grid = places.grid(each)
         changes = self.at(places.link, grid)
@@ -89,14 +93,15 @@ class CostMap:
 
 
 def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
-    """The map, a `CostMap`, of the relative changes that a point mass (kg; 1 by default) makes of an objective's cost
-    over a task.
+    """The map, a `CostMap`, of the relative changes (unitless) that a point mass (kg; 1 by default), fixed at any place
+    of any link, makes of a cost of a mechanism's motion over a task.
 
-    The cost is a root mean square over the task's states: "energy", the default, of the arm's kinetic and potential
-    energy about its mean (J), "torque" of the joints' torques as shares of their limits (unitless), "coupling" of the
-    mass matrix's entries off the diagonal (kg m^2); "components" is the energy of the essential components (J). Raises
-    `InputError` for a mass that is not positive and finite, for an unknown objective or one that is zero in all states,
-    and for a task with constant energy, and `RankError` for "components" where the rank cannot be certified.
+    `objective` names the cost, a root mean square over the task's states: "energy", the default, of the kinetic plus
+    potential energy about its mean (J), "torque" of the joint torques as shares of their limits (unitless), "coupling"
+    of the mass matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
+    combinations of inertial parameters that matter (J). Raises `InputError` for a mass that is not positive and finite,
+    for an unknown objective, for a cost that is zero without the mass and for a task with constant energy, and
+    `RankError` for "components" where the mechanism's rank cannot be certified.
     """
     task.require_energy()
     return CostMap(task, mass, objective)

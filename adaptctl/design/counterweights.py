@@ -31,7 +31,9 @@ class Counterweight:
     `place` (3,), m in the link's frame.
 
     Raises `InputError` for a mass below zero or above 1e20 kg, a density not from 1e-100 to 1e100, a place that is not
-    of shape (3,), and numbers that are not finite. The link's name is checked only where it is used."""
+    of shape (3,), inertial parameters about the frame's origin above 1e20 (SI units), and numbers that are not finite.
+    The link's name is checked only where it is used.
+    """
 
     link: str
     mass: float
@@ -53,13 +55,14 @@ class Counterweight:
 
 @dataclass(frozen=True, eq=False)
 class Counterweights:
-    """Result of `optimal_counterweights`: the counterweights that make an objective's cost least, within bounds, and
-    the costs with and without them.
+    """Result of `optimal_counterweights`: the counterweights that make a cost of a mechanism's motion least, within
+    bounds, and the costs with and without them.
 
-    `task`, `objective` ("energy", "torque", "coupling" or "components"), `within` (the bounds, one for each link) and
-    `percent` (the energy error, %, at which components are counted) are those asked for. `weights` are the
-    counterweights found, without those of less than 1e-6 of the mass allowed, and `evaluations` the number of designs
-    evaluated. P counts ten parameters a link and rotor inertias. Nothing is refused at construction.
+    `task`, `objective` (the cost: "energy", "torque", "coupling" or "components"), `within` (the bounds of masses and
+    places, one `PlaceBounds` for each link) and `percent` (the energy error, %, that the number of essential components
+    allows, for "components") are those asked for. `weights` are the counterweights found, without those of at most 1e-6
+    of the mass allowed on their link, and `evaluations` is the number of designs evaluated. Nothing is refused at
+    construction.
     """
 
     task: DesignTask
@@ -72,9 +75,10 @@ class Counterweights:
 
     @cached_property
     def parameters(self) -> Array:
-        """The inertial parameters (P,) with the counterweights: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz
-        of each link (kg, kg m, kg m^2, about the origin of its frame), then rotor inertias (kg m^2, or kg for a
-        prismatic joint). Raises `InputError` for a counterweight on an unknown link. Read-only."""
+        """The P inertial parameters (P,) with the counterweights, without friction: of each link its mass m (kg), first
+        moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about
+        the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic joint). Raises `InputError` for a
+        counterweight on an unknown link. Read-only."""
         D = np.array(self.task.parameters)
         for weight in self.weights:
             first = 10 * self.task.link(weight.link)
@@ -83,35 +87,41 @@ class Counterweights:
 
     @cached_property
     def balanced(self) -> DesignTask:
-        """The same task, a `DesignTask`, for the mechanism with the counterweights: the same states, other parameters.
-        Raises `InputError` as `parameters` does, and for a parameter of a link above 1e20 (SI units)."""
+        """The task with the counterweights, a `DesignTask`: the same states of the mechanism, but with the
+        counterweights in its inertial parameters. Raises `InputError` for a counterweight on an unknown link and for a
+        link's inertial parameter above 1e20 (SI units)."""
         return self.task.with_parameters(self.parameters)
 
     @property
     def cost_before(self) -> float:
-        """The objective's cost without counterweights: J ("energy"), share of torque limits, unitless ("torque"), kg
-        m^2 ("coupling") or number of components ("components"). Raises `InputError` for an unknown objective, and for
-        "components" `RankError` where the mechanism's rank cannot be certified."""
+        """The cost, which `objective` names, of the motion without counterweights: J ("energy"), share of torque
+        limits, unitless ("torque"), kg m^2 ("coupling") or number of essential components ("components"). Raises
+        `InputError` for an unknown objective and, for "components", for a percentage that is no finite number of at
+        least 0, `RankError` for "components" where the mechanism's rank cannot be certified."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
     def cost_after(self) -> float:
-        """The objective's cost with the counterweights, in the unit of `cost_before`. Raises `InputError` as `balanced`
-        does, and for an unknown objective; for "components" `RankError` where the mechanism's rank cannot be
-        certified."""
+        """The cost, which `objective` names, of the motion with the counterweights: J ("energy"), share of torque
+        limits, unitless ("torque"), kg m^2 ("coupling") or number of essential components ("components"). Raises
+        `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for
+        an unknown objective and, for "components", for a percentage that is no finite number of at least 0, `RankError`
+        for "components" where the mechanism's rank cannot be certified."""
         return _cost(self.balanced, self.objective, self.percent)
 
     @property
     def saved(self) -> float:
-        """Share (unitless) of the cost that the counterweights remove, from 0 to 1; 0 where there is no cost. Raises
-        what `cost_before` and `cost_after` do."""
+        """Share (unitless) of the cost of the motion, which `objective` names, that the counterweights found remove,
+        from 0 to 1; 0 where the cost without them is zero. Raises `InputError` for a counterweight on an unknown link,
+        for a link's inertial parameter above 1e20 (SI units) and for an unknown objective, `RankError` for "components"
+        where the mechanism's rank cannot be certified."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
-        """Names of the links whose ten inertial parameters, with the counterweights, no rigid body can have: their
-        pseudo-inertia is not positive definite. None that a rigid body could have without them is among these. Raises
-        `InputError` as `parameters` does."""
+        """Names of the links whose ten inertial parameters, with the counterweights, no rigid body can have, since
+        their pseudo-inertia (4, 4) is not positive definite. A link whose pseudo-inertia is positive definite without
+        the counterweights is not among them. Raises `InputError` for a counterweight on an unknown link."""
         names, tens = self.task.mechanism.description.body_names, self.parameters
         pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
         return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
@@ -126,18 +136,21 @@ def optimal_counterweights(
     density: float = STEEL,
     seed: int = 0,
 ) -> Counterweights:
-    """The counterweights, one ball on each of some links, with the least cost over masses and places `within` bounds,
-    one of them for each such link, as a `Counterweights`.
+    """The counterweights, at most one ball on each link of `within`, that make a cost of a mechanism's motion over a
+    task least, as a `Counterweights`. `within` has one `PlaceBounds` for each such link: bounds of the ball's mass and
+    place.
 
-    The objective is the energy carried ("energy", J), the torques ("torque", share of limits, unitless), the mass
-    matrix's entries off the diagonal ("coupling", kg m^2), or the number of essential components that keep the energy
-    to an error of `percent`, by default 1 % ("components"; among as few, with the least error). Balls, of a density in
-    kg/m^3 (steel's 7850 by default), have a positive definite pseudo-inertia, so that links which rigid bodies can be
-    stay so. From the best of an even sample, drawn by `seed`, by trust regions within bounds (SciPy's `least_squares`):
-    global as far as the sample is dense. Raises `InputError` for an unknown objective or link, for no links or one
-    given twice, for a `percent` that is no finite number of at least 0, a density not positive and finite, a `seed`
-    other than a whole number from 0 to 2^32 - 1 and a task with constant energy, `RankError` where the mechanism's rank
-    cannot be certified.
+    `objective` names the cost: the root mean square energy about its mean ("energy", J), the torques ("torque", share
+    of limits, unitless), the mass matrix's entries off the diagonal ("coupling", kg m^2), or the number of essential
+    components ("components"). Essential components are combinations of the inertial parameters, the right singular
+    vectors of the task's energies; the fewest are counted that keep the energy to an error of `percent`, by default 1
+    %, and of designs with equally few, the one with the least error is taken. Balls, of a density in kg/m^3 (steel's
+    7850 by default), have a positive definite pseudo-inertia, so that links that are physically consistent stay so. The
+    search starts from the best of an even sample of designs, drawn by `seed`, and goes on by trust regions within
+    bounds (SciPy's `least_squares`): it is global as far as the sample is dense. Raises `InputError` for an unknown
+    objective or link, for no links or one given twice, for a `percent` that is no finite number of at least 0, a
+    density not positive and finite, a `seed` other than a whole number from 0 to 2^32 - 1 and a task with constant
+    energy, `RankError` where the mechanism's rank cannot be certified.
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")

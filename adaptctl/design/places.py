@@ -25,12 +25,12 @@ SLACK = 1e-9
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class PlaceBounds:
-    """Bounds of a counterweight on the link of a name: the box of its places from `lower` (3,) to `upper` (3,), m in
+    """Bounds of a counterweight on the link named `link`: the box of its places from `lower` (3,) to `upper` (3,), m in
     the link's frame, and its greatest `mass` (kg).
 
-    Raises `InputError` for masses that are no numbers or below zero, for boxes whose ends are the wrong way around
-    (ends that coincide are allowed), for other shapes and for what is not finite. The name is checked only where the
-    bounds are used.
+    Raises `InputError` for masses that are no numbers or below zero, for a `lower` above `upper` in a coordinate (equal
+    ones are allowed), for ends that are not of shape (3,) and for numbers that are not finite. The link's name is
+    checked only where the bounds are used.
     """
 
     link: str
@@ -52,11 +52,12 @@ class PlaceBounds:
 
     @classmethod
     def of(cls, mechanism: Mechanism, link: str, share: float = SHARE, beyond: float = BEYOND) -> PlaceBounds:
-        """Bounds about a link, by its name: the smallest box, along its frame's axes, around its joint, the points
-        where other links or loops join it, its end where that is farther, and its centre of mass, widened on all sides
-        by a share `beyond` (unitless, by default 0.5) of the box's diagonal, and by 0.1 m at least.
+        """Default bounds of a counterweight on the link named `link` of a mechanism. Its places are a box along the
+        axes of the link's frame: the smallest around the link's joint, the points where other links or loops join it,
+        the frame's origin where that is farther from the joint than these points, and the centre of mass, widened on
+        all sides by a share `beyond` (unitless, by default 0.5) of the box's diagonal, and by 0.1 m at least.
 
-        The greatest mass (kg) is a `share` (unitless, by default 0.2) of the link's own. Raises `InputError` for links
+        Its greatest mass (kg) is a `share` (unitless, by default 0.2) of the link's own. Raises `InputError` for links
         that are unknown or own no inertia and for shares that are no numbers, below zero or not finite.
         """
         share, beyond = real_number(share, "places: share"), real_number(beyond, "places: beyond")
@@ -72,16 +73,18 @@ class PlaceBounds:
         return cls(link, low - margin, high + margin, share * float(own.inertia[0]))
 
     def require(self, place: ArrayLike) -> None:
-        """Raise `InputError` with the bounds for a place (3,), m in the link's frame, that is more than 1e-9 m outside
-        the box, or is not three finite numbers."""
+        """Check of a place (3,), m in the link's frame: nothing is returned for one within the box from `lower` to
+        `upper` or at most 1e-9 m outside it. Raises `InputError`, which states the box, for one farther outside, and
+        for a place that is not three finite numbers."""
         x = frozen_array(place, (3,), f"{self.link}: place")
         if np.any(x < self.lower - SLACK) or np.any(x > self.upper + SLACK):
             low, high = np.round(self.lower, 4).tolist(), np.round(self.upper, 4).tolist()
             raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
-        """Places (each^3, 3), m in the link's frame, evenly over the box with its faces, `each` along every edge; for
-        1, the corner `lower` alone. Raises `InputError` for other than a whole number from 1 to 100."""
+        """Places (each^3, 3), m in the link's frame, evenly spaced over the box from `lower` to `upper`, faces
+        included, with `each` of them along every edge; for 1, the corner `lower` alone. Raises `InputError` for an
+        `each` other than a whole number from 1 to 100."""
         whole_number(each, "grid: places along an edge", 1, 100)
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -34,16 +34,18 @@ EACH = 13
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """A change of design after which certainly fewer fundamental parameters of a `basis` are enough: k' of them instead
-    of k.
+    """A change of a mechanism's design after which k' inertial parameters are enough for its torques, fewer than the k
+    fundamental (base) parameters of a `basis` before.
 
-    `way` is "symmetry", "balance" or "relocation", and `link` the name of the link to change, empty for all symmetries
-    that links have already. `known` names the inertial parameters that are zero by symmetry, `zero` the fundamental
-    parameters that are zero afterwards. `columns` (k',) are the indices, among all P inertial parameters, of those that
-    are enough, and `regrouping` (k', P), in SI units, maps onto them: Y D = Y[:, columns] regrouping D, with the torque
-    regressor Y (r, P), for all D (P,) of the changed design. `mass` (kg) is added, or moved from the link's centre of
-    mass, to `place` (3,), m in the link's frame; 0 and None for a symmetry. `holds` is true where the mechanism has the
-    symmetry already. Made by `removals`; nothing is refused at construction.
+    `way` is "symmetry" (a link made its own mirror image), "balance" (a ball added) or "relocation" (a part of a link's
+    mass moved), and `link` the name of the link to change, empty for all symmetries that links have already. `known`
+    names the inertial parameters that are zero by symmetry, `zero` the fundamental parameters that are zero afterwards.
+    `columns` (k',) are the indices, among all P inertial parameters without friction, of those that are enough, and
+    `regrouping` (k', P), in SI units, gives their values: Y D = Y[:, columns] regrouping D for the inertial parameters
+    D (P,) of the changed design, with the torque regressor Y (r, P) of r primary joints. `mass` (kg) is added at
+    `place` (3,), m in the link's frame, or moved there from the link's centre of mass; 0 and None for a symmetry.
+    `holds` is true where the mechanism has the symmetry already. Made by `removals`; nothing is refused at
+    construction.
     """
 
     basis: FundamentalBasis
@@ -66,20 +68,22 @@ class Removal:
 
     @property
     def rank(self) -> int:
-        """Number k' of inertial parameters that are enough after the change, the length of `columns`."""
+        """Number k' of inertial parameters that are enough for the mechanism's torques after the change of its design,
+        the length of `columns`."""
         return len(self.columns)
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """Names of the fundamental parameters of the `basis` that are not among `columns`, and need not be carried
-        after the change. They may be more than k - k', where another parameter takes the place of one."""
+        """Names of the fundamental (base) parameters of the mechanism that are not needed after the change of its
+        design. They may be more than the change saves, where another inertial parameter takes the place of one."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
     @property
     def words(self) -> str:
-        """Phrase for the change to make, such as "add 1.2 kg to link2 at (0.100, 0.000, 0.000) m", or for the property
-        that holds already and need only be relied on."""
+        """Phrase, as text, for the change of the mechanism's design, such as "add 1.2 kg to link2 at (0.100, 0.000,
+        0.000) m", or for a symmetry that its links have already, such as "link2 is its own mirror image along x
+        already"."""
         if not self.link:
             return "rely on every symmetry that links have already"
         if self.place is None:
@@ -93,14 +97,16 @@ class Removal:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, of the fundamental parameters that the change affects, before the change, such
-        as "link2.mc_x* = link2.mc_x + 0.4318 (link2.m + link3.m)"; coefficients in SI units."""
+        """Regrouping equations, as text, of the fundamental (base) parameters (with a star) from inertial parameters,
+        those that the change of design alters, as they are before it: such as "link2.mc_x* = link2.mc_x + 0.4318
+        (link2.m + link3.m)". Coefficients are in SI units."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, that hold after the change instead of those of `before`, first those of
-        parameters that become zero, "link3.I_xy* = 0"; coefficients in SI units."""
+        """Regrouping equations, as text, of the fundamental (base) parameters (with a star) from inertial parameters,
+        those that the change of design alters, as they are after it: first those of parameters that become zero,
+        "link3.I_xy* = 0". Coefficients are in SI units."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 
@@ -118,14 +124,16 @@ def operations_saved(task: DesignTask, removal: Removal) -> int:
 
 
 def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = STEEL) -> tuple[Removal, ...]:
-    """All changes of design, as a tuple of `Removal`, on the links of some bounds that remove fundamental parameters:
-    those that leave the fewest first, of equal ones the one with the least mass. Empty where there are none.
+    """All changes of a mechanism's design that remove fundamental (base) parameters, as a tuple of `Removal`, the one
+    that leaves the fewest first, of equal ones the one with the least mass. `within` has one `PlaceBounds` for each
+    link that may change: bounds of added or moved mass and of its places. Empty where there are no such changes.
 
-    By symmetry: a link that is its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
-    (steel's 7850 by default), added to a link `within` its bounds, makes one fundamental parameter zero that is not. By
-    relocation: a part of the link's own mass, taken from its centre of mass, does so. Each is meant alone, but for one
-    of all symmetries that links have already. Raises `InputError` for an unknown link or one given twice and a density
-    that is not positive and finite, `RankError` where the mechanism's rank cannot be certified.
+    By symmetry: a link becomes its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
+    (steel's 7850 by default), added to a link, makes a fundamental parameter zero that is not zero before. By
+    relocation: a part of the link's own mass, taken from its centre of mass and placed as such a ball, does so. Each
+    change is meant alone, but for one of all symmetries that links have already. Raises `InputError` for an unknown
+    link or one given twice and a density that is not positive and finite, `RankError` where the mechanism's rank cannot
+    be certified.
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
     within = tuple(within)

@@ -33,10 +33,10 @@ SHOWN = 6
 class DesignStudy:
     """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a `task`.
 
-    `body` is the `Payload` to add, `within` holds the bounds (`PlaceBounds`) of every link, `percent` is the energy
-    error (%) at which components are counted, `counterweights` has the best of them, and `removals` has all changes of
-    design that remove fundamental parameters, those that leave the fewest first. Made by `design_study`; nothing is
-    refused at construction.
+    `body` is the `Payload` to add, `within` holds the bounds (`PlaceBounds`) of masses and places on every link,
+    `percent` is the energy error (%) that numbers of essential components allow, `counterweights` has the optimal
+    counterweights, and `removals` has all changes of design that remove fundamental (base) parameters, those that leave
+    the fewest first. Made by `design_study`; nothing is refused at construction.
     """
 
     task: DesignTask
@@ -49,30 +49,35 @@ class DesignStudy:
 
     @cached_property
     def map(self) -> CostMap:
-        """Map, a `CostMap`, of the relative changes (unitless) of the energy's cost by a point of the body's mass at
-        every place of the arm. Raises `InputError` for a body without mass and a task with constant energy."""
+        """Map, a `CostMap`, of the relative changes (unitless) of the energy by a point with the body's mass, at any
+        place of any link. The energy is kinetic plus potential, as its root mean square about its mean over the task's
+        states. Raises `InputError` for a body without mass and a task with constant energy."""
         return cost_map(self.task, self.body.mass)
 
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
-        """The cheapest and the dearest place for a point of the body's mass on every link, as `LinkCost`: changes of
-        the energy's cost as shares of it (unitless), and places (3,) in m in the link's frame. Raises `InputError` as
-        `map` does."""
+        """The cheapest and the dearest place on every link for a point with the body's mass, as `LinkCost`: places
+        (3,), m in the link's frame, and relative changes (unitless) of the root mean square energy, kinetic plus
+        potential, about its mean over the task's states. Raises `InputError` for a body without mass and a task with
+        constant energy, `NonFiniteError` for bounds so far that the energy is too large for numbers."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property
     def added(self) -> tuple[AddedMass, ...]:
-        """Effects, as `AddedMass`, of the body with its centre at the centre of mass of every link. Raises `InputError`
-        for a task with constant energy, `RankError` where the mechanism's rank cannot be certified."""
+        """Effects, one `AddedMass` for each link, of the body added to that link alone, the body's centre of mass at
+        the link's. Raises `InputError` for a task with constant energy and for a percentage that is no finite number of
+        at least 0, `RankError` where the mechanism's rank cannot be certified."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
 
     @cached_property
     def worthwhile(self) -> tuple[tuple[Removal, int], ...]:
-        """Pairs of the removals that leave the fewest parameters, at most six by symmetry and six by added or moved
-        mass, and of the number of floating-point operations that each saves a control tick; the lightest of those that
-        remove the same. By symmetry come first, each kind with the fewest parameters left first."""
+        """Pairs (removal, number) of a change of design that removes fundamental (base) parameters, a `Removal`, and of
+        the number of floating-point operations that it saves an adaptive controller each control tick. First come at
+        most six changes by symmetry, then at most six by added or moved mass, of each kind those that leave the fewest
+        parameters, the fewest first. Of changes of one kind that remove the same parameters, the one with the least
+        mass is taken."""
         lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
         for removal in self.removals:
             lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)
@@ -98,10 +103,13 @@ def design_study(
     """The design study, a `DesignStudy`, over a task of an added body (a `Payload`, a known body's name, "gripper",
     "camera" or "motor", or a point mass in kg; 1 kg by default) and of counterweights.
 
-    `links` are the names of those that may carry counterweights. Where none are named (by default), they are the six
-    that may carry the heaviest, but for those that turn about the vertical on the ground. `share` (0.2 by default) and
-    `beyond` (0.5), both unitless, bound the counterweights' masses and places as in `PlaceBounds.of`; `objective`,
-    `percent` (1 %) and `seed` are those of `optimal_counterweights`. Raises `InputError` for unknown links or one given
+    `links` are the names of the links that may carry counterweights. By default (empty) they are the six that may carry
+    the heaviest, without links that turn on the ground about an axis along gravity, if others are left. A counterweight
+    has at most a `share` (unitless, 0.2 by default) of its link's mass; its places are a box around the link's joints
+    and centre of mass, widened by `beyond` (unitless, 0.5 by default) of the box's diagonal. `objective` names the cost
+    that counterweights make least: "energy", the default, "torque", "coupling" (the mass matrix's entries off the
+    diagonal) or "components" (the number of essential components that keep the energy to an error of `percent`, 1 % by
+    default). `seed` draws the designs that the search starts from. Raises `InputError` for unknown links or one given
     twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a `seed` other
     than a whole number from 0 to 2^32 - 1, a body whose mass is not above zero, and a task with constant energy,
     `NotFoundError` for an unknown body, `RankError` where the mechanism's rank cannot be certified.

@@ -45,15 +45,15 @@ CARRIED = 1e-6
 @dataclass(frozen=True, eq=False)
 class DesignTask:
     """A task to judge a design by: states of a mechanism in motion, positions `p` (rad, or m for a prismatic joint),
-    velocities `v` (rad/s or m/s) and accelerations `a` (rad/s^2 or m/s^2), each (samples, r), and their `origin`, in
-    words.
+    velocities `v` (rad/s or m/s) and accelerations `a` (rad/s^2 or m/s^2), each (samples, r) for r primary joints, and
+    their `origin`, in words.
 
-    Costs of a design are linear in the parameters D (P,), ten a link (kg, kg m, kg m^2) and rotor inertias (kg m^2 or
-    kg), without friction: each is |M D| with a matrix M (n, P), n <= P. At construction raises `InputError` for arrays
-    of other shapes or of fewer than two states, for a mechanism whose parameters are not ten a link, and for positions
-    and velocities that are all alike: a task without motion has no energy to carry; `NonFiniteError` for NaN or
-    infinity. With loops, anything computed from states near locked loops raises `SingularityError`; states too large
-    for numbers, `NonFiniteError`.
+    Costs of a design are linear in the P inertial parameters D (P,), ten a link (kg, kg m, kg m^2) and rotor inertias
+    (kg m^2 or kg), without friction: each is the norm |M D| with a matrix M (n, P), n <= P. At construction raises
+    `InputError` for arrays of other shapes or of fewer than two states, for a mechanism with relations that bind some
+    of its inertial parameters, and for positions and velocities that are alike to 1e-9: a task without motion has no
+    energy to judge by; `NonFiniteError` for NaN or infinity. With loops, anything computed from states near locked
+    loops raises `SingularityError`; states too large for numbers, `NonFiniteError`.
     """
 
     mechanism: Mechanism
@@ -78,16 +78,17 @@ class DesignTask:
     def within_limits(
         cls, mechanism: Mechanism, samples: int = SAMPLES, seed: int = 0, speed: float = SPEED
     ) -> DesignTask:
-        """The task of random states, 1000 by default, drawn by seed: positions within the joints' limits, velocities
-        normally distributed with a deviation of `speed` sqrt(g/L) in rad/s, L (m) being the mechanism's characteristic
-        length, and clipped to the joints' limits.
+        """The task of random states, 1000 by default, drawn by `seed`: positions uniform within the joints' limits,
+        velocities normally distributed with a standard deviation of `speed` sqrt(g/L) in rad/s and clipped to the
+        joints' limits. L (m) is the mechanism's characteristic length, the largest distance from a joint to the next or
+        to its link's frame, and g its gravity (m/s^2), the standard one where it has none.
 
-        Accelerations are normal with a deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are times L
-        (m/s, m/s^2). At a `speed` (unitless) of 1 kinetic and potential energy weigh alike; an arm at work moves at
-        about a quarter of it, 0.25, the default. With loops, positions are on the reference's branch. Raises
-        `InputError` for `samples` other than a whole number from 2 to 100000, a seed other than one from 0 to 2^32 - 1,
-        a speed other than a number from 0 to 1e100, a mechanism whose parameters are not ten a link, and loops that
-        reach hardly any state.
+        Accelerations are normal with a standard deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are
+        times L (m/s, m/s^2). At a `speed` (unitless) of 1 kinetic and potential energy weigh alike; an arm at work
+        moves at about a quarter of it, 0.25, the default. With loops, positions are on the assembly branch of the
+        reference configuration. Raises `InputError` for `samples` other than a whole number from 2 to 100000, a seed
+        other than one from 0 to 2^32 - 1, a speed other than a number from 0 to 1e100, a mechanism with relations that
+        bind some of its inertial parameters, states that are all alike, and loops that reach hardly any state.
         """
         samples, seed = whole_number(samples, "task: samples", 2, MOST), whole_number(seed, "task: seed", 0, 2**32 - 1)
         speed = real_number(speed, "task: speed")
@@ -106,7 +107,8 @@ class DesignTask:
         """The task of following a reference: its states at evenly spaced times from 0 to a duration (s), 1000 of them
         by default. Raises `InputError` for `samples` other than a whole number from 2 to 100000, for a duration that is
         not positive and finite, for a reference of another number of joints or one that stands still, and for a
-        mechanism whose parameters are not ten a link; `NonFiniteError` for a reference that is not finite."""
+        mechanism with relations that bind some of its inertial parameters; `NonFiniteError` for a reference that is not
+        finite."""
         whole_number(samples, "task: samples", 2, MOST)
         positive_number(duration, "task: duration: expected a positive number of s")
         p, v, a = reference(np.linspace(0.0, duration, samples))
@@ -114,35 +116,38 @@ class DesignTask:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """The essential space of the mechanism, an `EssentialSpace`, its singular values and V1 (P, k) those of the
-        task's energies, in J (root mean square) per unit of each parameter. Raises `RankError` where the rank cannot be
-        certified."""
+        """The essential space of the mechanism's P inertial parameters, an `EssentialSpace`: the directions that change
+        energies and torques. Its singular values and its right singular vectors V1 (P, k), k its rank, are those of the
+        task's energies about their mean, in J (root mean square over the states) per SI unit of each parameter. Raises
+        `RankError` where the rank cannot be certified."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
 
     @cached_property
     def basis(self) -> FundamentalBasis:
-        """The fundamental basis of the mechanism, a `FundamentalBasis` of k parameters, by the default priority
-        (`Priority.default`). Raises `RankError` where the rank cannot be certified."""
+        """The fundamental basis of the mechanism, a `FundamentalBasis`: the k of its inertial parameters that are kept
+        (base parameters), and the regrouping of the others onto them. The order in which dependent parameters are
+        removed is the default one, `Priority.default`. Raises `RankError` where the rank cannot be certified."""
         return fundamental_basis(self.space, Priority())
 
     @cached_property
     def parameters(self) -> Array:
-        """The mechanism's own parameters D (P,) that enter energies: ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz, about its frame's origin (kg, kg m, kg m^2), and rotor inertias (kg m^2, or kg for a prismatic
-        joint). Read-only."""
+        """The mechanism's own P inertial parameters (P,) that enter energies, all but friction: of each link its mass m
+        (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg
+        m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic joint). Read-only."""
         own = self.mechanism.inertial_parameters[: self.mechanism.energetic]
         return frozen_array(own, own.shape, "parameters")
 
     @cached_property
     def torque_limits(self) -> Array:
-        """Torque limits (r,) that torques are compared with, N m (N for a prismatic joint): the joints' own, and for a
-        joint without one four times the largest torque of up to 200 random states at up to 2 rad/s (m/s) and 10 rad/s^2
-        (m/s^2), at least 1. Read-only."""
+        """Torque limits (r,) of the r primary joints that torques are compared with, N m (N for a prismatic joint): the
+        joints' own. A joint without one gets four times its largest torque in up to 200 random states at up to 2 rad/s
+        (m/s) and 10 rad/s^2 (m/s^2), and at least 1 N m (N). Read-only."""
         return frozen(finite_torque_limits(self.mechanism))
 
     def require_energy(self) -> None:
-        """Raise `InputError` where the energy is the same in all states, to 1e-12 of it, so that no share of it can be
-        computed."""
+        """Check that the mechanism's energy, kinetic plus potential, varies over the task's states; nothing is
+        returned. Raises `InputError` where its root mean square about its mean is at most 1e-12 of its root mean
+        square, so that no share of it can be computed."""
         whole = float(np.linalg.norm(self.mechanism.energy(self.p, self.v))) / np.sqrt(len(self.p))
         if self.cost("energy") <= NO_ENERGY * whole:
             raise InputError(
@@ -150,15 +155,17 @@ class DesignTask:
             )
 
     def matrix(self, objective: str) -> Array:
-        """The matrix M (n, P), n <= P, of an objective's cost |M D| for parameters D (P,) in SI units, so that M D is
-        in J for "energy" and "components", a share of the limits (unitless) for "torque", and kg m^2 for "coupling".
+        """The matrix M (n, P), n <= P, of the cost |M D| that `objective` names, for P inertial parameters D (P,) in SI
+        units: M D is in J for "energy" and "components", a share of the torque limits (unitless) for "torque", and kg
+        m^2 for "coupling".
 
-        Each is a root of a mean of squares over the states: of energies about their mean, which is half the mean square
-        of their differences among all pairs (Sheu and Walker 1991, equation 8); of the joints' torques as shares of
-        their limits, summed over joints; of the mass matrix's entries off the diagonal, those of prismatic joints times
-        the characteristic length. "components" has the energy's, its k rows S V1', singular values times right singular
-        vectors. Read-only. Raises `InputError` for another objective, and for "components" `RankError` where the rank
-        cannot be certified.
+        The cost is a root mean square over the states. For "energy" it is that of the energy about its mean: its square
+        is half the mean square of the energy's differences among all pairs of states (Sheu and Walker 1991, equation
+        8). For "torque" it is that of the joint torques as shares of their limits, the squares summed over joints; for
+        "coupling" that of the mass matrix's entries off the diagonal, those of prismatic joints times the
+        characteristic length (m). For "components" it is that of the energy, by M = S V1' (k, P): the k singular values
+        S of the energies that are not zero, times their right singular vectors V1 (P, k). Read-only. Raises
+        `InputError` for another objective, and for "components" `RankError` where the rank cannot be certified.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,
@@ -171,32 +178,36 @@ class DesignTask:
         return frozen(rows[objective]())
 
     def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
-        """The cost |M D| of an objective at parameters D (P,) in SI units, by default (None) the mechanism's own: J for
-        "energy" and "components", unitless for "torque", kg m^2 for "coupling" (see `matrix`). Raises `InputError` for
-        another objective or shape of parameters, `NonFiniteError` where one is not finite or the cost is too large for
-        numbers, and for "components" `RankError` where the rank cannot be certified."""
+        """The cost of the motion that `objective` names, for P inertial parameters (P,) in SI units, by default (None)
+        the mechanism's own. It is a root mean square over the task's states: "energy" and "components" of the energy
+        about its mean (J), "torque" of the torques as shares of their limits (unitless), "coupling" of the mass
+        matrix's entries off the diagonal (kg m^2). Raises `InputError` for another objective or shape of parameters,
+        `NonFiniteError` where one is not finite or the cost is too large for numbers, and for "components" `RankError`
+        where the rank cannot be certified."""
         return float(np.linalg.norm(self._applied(self.matrix(objective), parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
-        """Root mean square torques (r,) over the states, N m (N for a prismatic joint), without friction, for
-        parameters D (P,) in SI units, by default (None) the mechanism's own. Raises `InputError` for another shape of
-        parameters, `NonFiniteError` where one is not finite or the torques are too large for numbers."""
+        """Root mean square torques (r,) of the r primary joints over the task's states, N m (N for a prismatic joint),
+        without friction, for P inertial parameters (P,) in SI units, by default (None) the mechanism's own. Raises
+        `InputError` for another shape of parameters, `NonFiniteError` where one is not finite or the torques are too
+        large for numbers."""
         return np.linalg.norm(self._applied(self._joint_torques, parameters), axis=-1)
 
     def components(self, percent: float, parameters: ArrayLike | None = None) -> int:
-        """The number of essential components that keep the energy to an error of `percent` (%; Sheu and Walker 1991,
-        equation 23), for parameters (P,) in SI units, by default (None) the mechanism's own. Raises `InputError` for a
-        percentage that is no finite number of at least 0 or another shape of parameters, `NonFiniteError` where a
-        parameter is not finite or the energy is too large for numbers, `RankError` where the mechanism's rank cannot be
-        certified."""
+        """The least number of essential components that keep the root mean square energy to an error of `percent` (%;
+        Sheu and Walker 1991, equation 23), for P inertial parameters (P,) in SI units, by default (None) the
+        mechanism's own. Essential components are combinations of the inertial parameters, the right singular vectors of
+        the task's energies. Raises `InputError` for a percentage that is no finite number of at least 0 or another
+        shape of parameters, `NonFiniteError` where a parameter is not finite or the energy is too large for numbers,
+        `RankError` where the mechanism's rank cannot be certified."""
         return int(component_counts(self._applied(self._components, parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
-        """Names of the fundamental parameters whose loss would change the root mean square energy by more than a
-        `share` (unitless) of it, by default 1e-6, for parameters (P,) in SI units, by default (None) the mechanism's
-        own. Raises `InputError` for another shape of parameters and a share that is no number, `NonFiniteError` where a
-        parameter is not finite or the energy is too large for numbers, `RankError` where the mechanism's rank cannot be
-        certified."""
+        """Names of the fundamental (base) parameters that alone make more than a `share` (unitless, by default 1e-6) of
+        the root mean square energy about its mean over the task's states, for P inertial parameters (P,) in SI units,
+        by default (None) the mechanism's own. Raises `InputError` for another shape of parameters and a share that is
+        no number, `NonFiniteError` where a parameter is not finite or the energy is too large for numbers, `RankError`
+        where the mechanism's rank cannot be certified."""
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
@@ -204,17 +215,18 @@ class DesignTask:
         )
 
     def weights(self, parameters: ArrayLike | None = None) -> Array:
-        """Share (k,), unitless, of the root mean square energy that each fundamental parameter makes alone, in the
-        order of `basis`, for parameters (P,) in SI units, by default (None) the mechanism's own. Raises `InputError`
-        for another shape of parameters, `NonFiniteError` where one is not finite or the energy is too large for
-        numbers, `RankError` where the mechanism's rank cannot be certified."""
+        """Shares (k,), unitless, of the root mean square energy about its mean over the task's states that each of the
+        k fundamental (base) parameters makes alone, in the order of `basis`, for P inertial parameters (P,) in SI
+        units, by default (None) the mechanism's own. Raises `InputError` for another shape of parameters,
+        `NonFiniteError` where one is not finite or the energy is too large for numbers, `RankError` where the
+        mechanism's rank cannot be certified."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
 
     def link(self, name: str) -> int:
-        """Index of the link of a name among those that own ten parameters each, from 0. For a name that is not among
-        them raises `InputError` with those that are."""
+        """Index, from 0, of the link named `name` among the links that own ten inertial parameters each. Raises
+        `InputError`, which lists these links, for a name that is not among them."""
         names = self.mechanism.description.body_names
         if name not in names:
             raise InputError(
@@ -223,15 +235,16 @@ class DesignTask:
         return names.index(name)
 
     def center_of_mass(self, link: str) -> Array:
-        """The centre of mass (3,) of the link of a name in its frame, m; the frame's origin where its mass is not above
-        0. Raises `InputError` for unknown links."""
+        """The centre of mass (3,), m, of the link named `link`, in its frame; the frame's origin where the link's mass
+        is not above 0. Raises `InputError` for unknown links."""
         ten = self.parameters[10 * self.link(link) :][:4]
         return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
 
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
-        """The same task, a `DesignTask`, of the mechanism with other parameters (P,) that enter energies, SI units;
-        friction and the states stay. Raises `InputError` for another shape of parameters, a link's parameter above
-        1e20 and a rotor inertia below 0 or above 1e20, `NonFiniteError` where one is not finite."""
+        """The same task, a `DesignTask`, for the mechanism with other inertial parameters (P,), SI units: all P that
+        enter energies. Friction and the states stay. Raises `InputError` for another shape of parameters, a link's
+        parameter above 1e20 in size and a rotor inertia below 0 or above 1e20, `NonFiniteError` where one is not
+        finite."""
         own = np.array(self.mechanism.inertial_parameters)
         own[: self.mechanism.energetic] = self._given(parameters)
         return replace(self, mechanism=self.mechanism.with_parameters(own))

@@ -5,7 +5,7 @@ Sheu and Walker (1991), section 5.3: three relations that decouple the arm's ine
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, numbers, real_number
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
-from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.errors import FileError, InputError, NotFoundError, printable
 from adaptctl.files import read_toml
-from adaptctl.identifiability.priority import Priority, suggestion
+from adaptctl.identifiability.priority import Priority, or_default, suggestion
 from adaptctl.identifiability.sampling import characteristic_length
 from adaptctl.identifiability.scaled_rank import length_scales
 from adaptctl.identifiability.selection import removable
@@ -36,8 +36,8 @@ class Relation:
     """A linear relation among inertial parameters: sum of weight times parameter = `value`, in SI units.
 
     `weights` are by parameter name, such as ``link4.m``, `value` is zero unless given; `name` is what messages call the
-    relation, its terms where empty. Raises `InputError` for weights that are all zero and for what is no number or not
-    finite.
+    relation, its terms where empty. Raises `InputError` for weights that are no mapping or all zero, and for what is no
+    number or not finite.
     """
 
     weights: Mapping[str, float]
@@ -46,6 +46,7 @@ class Relation:
 
     def __post_init__(self) -> None:
         what = f"relation {self.name!r}" if self.name else "relation"
+        _require_by_name(self.weights, f"{what}: weights")
         weights = {name: real_number(weight, f"{what}: weight of {name!r}") for name, weight in self.weights.items()}
         object.__setattr__(self, "weights", MappingProxyType(weights))
         object.__setattr__(self, "value", real_number(self.value, f"{what}: value"))
@@ -61,17 +62,20 @@ class Relation:
 class Constraints:
     """Constraints on inertial parameters: `known` values in SI units by parameter name, such as ``link2.mc_z``, and
     linear `relations` among them; none of either by default. `constrained` checks both against a mechanism. Raises
-    `InputError` for a known value that is no number and for what is no `Relation`."""
+    `InputError` for what is no mapping from names, a known value that is no number and what is no `Relation`."""
 
     known: Mapping[str, float] = field(default_factory=dict)
     relations: tuple[Relation, ...] = ()
 
     def __post_init__(self) -> None:
-        known = {name: real_number(value, f"known: {name!r}") for name, value in dict(self.known).items()}
+        _require_by_name(self.known, "known")
+        known = {name: real_number(value, f"known: {name!r}") for name, value in self.known.items()}
         object.__setattr__(self, "known", MappingProxyType(known))
+        if not isinstance(self.relations, Iterable):
+            raise InputError(f"relations: expected Relations, got {printable(repr(self.relations))}")
         object.__setattr__(self, "relations", tuple(self.relations))
         if odd := [relation for relation in self.relations if not isinstance(relation, Relation)]:
-            raise InputError(f"relations: expected Relations, got {odd[0]!r}")
+            raise InputError(f"relations: expected Relations, got {printable(repr(odd[0]))}")
 
     @classmethod
     def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
@@ -143,16 +147,21 @@ def constrained(
     mechanism's own values of parameters taken away are replaced by what the constraints say.
 
     Raises `InputError` naming a relation that contradicts those before it (one that follows from them is left out), for
-    a known value that is not finite, a priority that names a parameter twice, and a mechanism that is constrained
-    already. Raises `NotFoundError` for a parameter, of constraints or priority, that the mechanism does not have, or
-    that is friction.
+    a known value that is not finite, what is no priority or names a parameter twice, and a mechanism that is
+    constrained already. Raises `NotFoundError` for a parameter, of constraints or priority, that the mechanism does not
+    have, or that is friction.
     """
     names = mechanism.parameter_names[: mechanism.energetic]
     A, b = _system(constraints.every, names)
     scales = length_scales(names, characteristic_length(mechanism))
     kept = _independent(constraints.every, A * scales, b)
-    order = (priority or Priority()).indices(names)
+    order = or_default(priority).indices(names)
     return ConstrainedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
+
+
+def _require_by_name(given: object, what: str) -> None:
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        raise InputError(f"{what}: expected a mapping from parameters' names to numbers, got {printable(repr(given))}")
 
 
 def _parametrisation(A: Array, b: Array, scales: Array, order: Sequence[int], mechanism: Mechanism) -> Parametrisation:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, printable
 from adaptctl.identifiability.certificate import Certificate
 from adaptctl.identifiability.energetic_names import energetic_names
 from adaptctl.identifiability.factorisation import right_vectors, singular_values
@@ -188,12 +189,12 @@ def essential_space(
     takes the geometry as it stands; `prove` False looks for none.
 
     Raises `RankError` when the rank cannot be certified, with the singular values, or is refused, and `InputError` for
-    a method that is unknown or not for this mechanism, for another `near` or `seed`, for too few samples, and for
-    states of another number of joints.
+    a method that is unknown or not for this mechanism, for another `near`, `prove` or `seed`, for too few samples or
+    what is no whole number of them, and for what is no `States`, or of another number of joints.
     """
     seed = whole_number(seed, "seed", 0, 2**32 - 1)
     given = None if states is None else partial(_same, _triangle(mechanism, states))
-    search = Search(mechanism, method, near, prove, _sample_count(samples, mechanism.energetic), seed)
+    search = Search(mechanism, method, near, _proof_asked(prove), _sample_count(samples, mechanism.energetic), seed)
     inputs, kind = search.inputs, tuple[Certificate, str]
     certificate, random = kept("certificate", inputs, kind, lambda: (search.found.certificate, search.found.states))
     return EssentialSpace(search, certificate, random if states is None else states.origin, given)
@@ -202,9 +203,16 @@ def essential_space(
 def _sample_count(asked: int | None, parameters: int) -> int:
     if asked is None:
         return 2 * max(parameters, 1) + 1
-    if asked < 2 * parameters:
-        raise InputError(f"samples: expected at least twice the {parameters} parameters, got {asked}")
-    return asked
+    if not isinstance(asked, int | np.integer) or asked < 2 * parameters:
+        given = printable(repr(asked))
+        raise InputError(f"samples: expected a whole number, at least twice the {parameters} parameters, got {given}")
+    return int(asked)
+
+
+def _proof_asked(prove: bool | None) -> bool | None:
+    if prove is None or isinstance(prove, bool | np.bool_):
+        return prove if prove is None else bool(prove)
+    raise InputError(f"prove: expected True, False or None, got {printable(repr(prove))}")
 
 
 def _same(energies: Array) -> Array:
@@ -213,5 +221,9 @@ def _same(energies: Array) -> Array:
 
 def _triangle(mechanism: Mechanism, states: States) -> Array:
     from adaptctl.identifiability.energy_matrix import EnergyFactor, energy_blocks
+    from adaptctl.identifiability.sampling import States
+
+    if not isinstance(states, States):
+        raise InputError(f"states: expected States or None, got {printable(repr(states))}")
 
     return EnergyFactor.of(energy_blocks(mechanism, [states])).triangle

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, frozen_array
+from adaptctl.arrays import Array, checked, frozen_array, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation.result_cache import kept
-from adaptctl.errors import FileError, InputError, RankError
+from adaptctl.errors import FileError, InputError, RankError, printable
 from adaptctl.identifiability.basis_file import BasisFile, Robot
 from adaptctl.identifiability.essential_space import EssentialSpace
-from adaptctl.identifiability.priority import Priority
+from adaptctl.identifiability.priority import Priority, or_default
 from adaptctl.identifiability.regrouping import LARGEST_CONDITION, Regrouping, condition
 from adaptctl.identifiability.regrouping_equations import regrouping_equations
 from adaptctl.identifiability.selection import TOLERANCE
@@ -35,8 +35,8 @@ class FundamentalBasis:
     indices of the kept ones; parameters over `scales` (P,), positive and in SI units per J, are comparable; `gap`,
     positive and without a unit, is the ratio of the smallest singular value that counts for the rank to the next;
     `passed_over` names kept parameters that the priority, the order of removal, would remove, but that those removed
-    before nearly determine (none after `load`). Raises `InputError` for columns, regrouping and scales that do not fit
-    together or are not finite, and for scales or a gap that are not positive.
+    before nearly determine (none after `load`). Raises `InputError` for columns that are no rising indices,
+    columns, regrouping and scales that do not fit together, and scales or a gap that are not positive and finite.
     """
 
     mechanism_name: str
@@ -54,14 +54,16 @@ class FundamentalBasis:
 
     def __post_init__(self) -> None:
         P, columns = len(self.parameter_names), self.columns
-        if list(columns) != sorted(set(columns)) or not all(0 <= j < P for j in columns):
-            raise InputError(f"columns: expected rising indices in 0..{P - 1}, got {list(columns)}")
+        whole = isinstance(columns, Iterable) and all(isinstance(j, int | np.integer) for j in columns)
+        if not whole or list(columns) != sorted(set(columns)) or not all(0 <= j < P for j in columns):
+            raise InputError(f"columns: expected rising indices in 0..{P - 1}, got {printable(repr(columns))}")
         K = frozen_array(self.regrouping, (len(columns), P), "regrouping")
         if not np.array_equal(K[:, columns], np.eye(len(columns))):
             raise InputError("regrouping: every kept parameter must count once for itself and for no other")
         scales = frozen_array(self.scales, (P,), "scales")
-        if not (scales > 0.0).all() or not self.gap > 0.0:
-            raise InputError("scales and gap: expected positive numbers")
+        if not (scales > 0.0).all():
+            raise InputError(f"scales: expected positive numbers, got {scales.min()}")
+        positive_number(self.gap, "gap: expected a positive finite number")
         object.__setattr__(self, "regrouping", K)
         object.__setattr__(self, "scales", scales)
 
@@ -156,10 +158,10 @@ def fundamental_basis(
     Raises `RankError` when exact geometry keeps other parameters and the tolerance does not explain it, when the kept
     parameters have another rank than the space, and when the null vectors determine the regrouping too poorly
     (condition above 1e4 among scaled parameters): the priority then removes parameters that very nearly depend on each
-    other. Raises `InputError` for another tolerance, and for a priority whose names are given twice or
-    (`NotFoundError`) unknown.
+    other. Raises `InputError` for another tolerance, and for what is no priority, or one whose names are given twice
+    or (`NotFoundError`) unknown.
     """
-    order = (priority or Priority()).indices(space.parameter_names)
+    order = or_default(priority).indices(space.parameter_names)
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]
     chosen = kept("fundamental basis", inputs, Chosen, lambda: _chosen(space, order, tolerance, prove))
     return FundamentalBasis(

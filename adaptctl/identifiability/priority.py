@@ -85,14 +85,24 @@ class Priority:
         the names of all P inertial parameters, without friction.
 
         Raises `NotFoundError` for names of the priority that are not among them, `InputError` for those given twice,
-        and where one of `parameter_names` is friction or anything else but an inertial parameter or a rotor inertia.
+        and where one of `parameter_names` is there twice, is friction or anything else but an inertial parameter or a
+        rotor inertia.
         """
         named = (*self.order, *self.keep)
         _require_known(named, parameter_names, "parameter")
         _require_once(named, "parameter")
         rest = [name for name in _default_order(parameter_names) if name not in set(named)]
         place = {name: i for i, name in enumerate(parameter_names)}
+        if len(place) < len(parameter_names):
+            _require_once(parameter_names, "parameter")
         return tuple(place[name] for name in (*self.order, *rest, *reversed(self.keep)))
+
+
+def or_default(priority: Priority | None) -> Priority:
+    """The given priority, or for None one that names nothing. Raises `InputError` for anything else."""
+    if not isinstance(priority, Priority | None):
+        raise InputError(f"priority: expected a Priority or None, got {printable(repr(priority))}")
+    return Priority() if priority is None else priority
 
 
 class _Table(msgspec.Struct, forbid_unknown_fields=True):

@@ -15,7 +15,7 @@ from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equation import ArrayEquation
 from adaptctl.dynamics.array_equations import ArrayEquations
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, printable
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 from adaptctl.scalars import Column, Keyed, spread
 
@@ -28,8 +28,8 @@ class ReducedModel(Keyed):
     For r joints, torques tau = Y[:, columns] beta (r,), N m (N for a prismatic joint), with the torque regressor Y (r,
     P) and fundamental parameters beta (k,), SI units: the columns of the parameters that were removed are never
     computed. The k are those of the basis, and all friction after them. The basis may come from any mechanism of the
-    same geometry, gravity and link names. Raises `InputError` for a basis of another geometry, gravity or link names,
-    or one whose regrouping changes energies.
+    same geometry, gravity and link names. Raises `InputError` for what is no basis, one of another geometry, gravity or
+    link names, and one whose regrouping changes energies.
     """
 
     mechanism: Mechanism
@@ -38,6 +38,8 @@ class ReducedModel(Keyed):
     def __post_init__(self) -> None:
         if self.basis is None:
             return
+        if not isinstance(self.basis, FundamentalBasis):
+            raise InputError(f"basis: expected a FundamentalBasis or None, got {printable(repr(self.basis))}")
         geometry = self.mechanism.geometry_sha256
         if self.basis.geometry_sha256 != geometry:
             raise InputError(

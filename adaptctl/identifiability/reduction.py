@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, whole_number
+from adaptctl.arrays import Array, frozen, frozen_array, real_number, whole_number
+from adaptctl.caching import sent_as_made
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability.essential_space import EssentialSpace
 
 
+@sent_as_made
 @dataclass(frozen=True, eq=False)
 class Reduction:
     """A reduction to essential components: P inertial parameters as a sum of k parts, only the weightiest of which are
@@ -24,7 +26,8 @@ class Reduction:
     (k,), J, are by size the root of the summed squares, over the samples, of the energy differences between successive
     states that each makes; `order` (k,) has the columns, from 0, of the essential space's `basis` V1 that they come
     from; `percent_errors` (k + 1,) are the errors in these energy differences, likewise summed, in percent of all
-    (equation 23), when 0, 1, ... k are kept. Made by `reduce`; nothing is checked at construction.
+    (equation 23), when 0, 1, ... k are kept. Made by `reduce`, with read-only arrays; nothing is
+    checked at construction.
     """
 
     states: str
@@ -68,9 +71,9 @@ def reduce(
     `parameters` are inertial parameters (P,) in SI units, without friction, or a mechanism that has them. The error is
     the root of the summed squares of the errors in the energy differences between successive samples of the space's
     `states`, in percent of that of these differences themselves (equation 22 of Sheu and Walker 1991). Raises
-    `InputError` unless one of `energy_error` and `components` is given, the other None; for an `energy_error` below 0
-    or not finite, and `components` out of range or no whole number; and for parameters of a wrong shape, not finite, or
-    without energy differences between the states.
+    `InputError` unless one of `energy_error` and `components` is given, the other None; for an `energy_error` below 0,
+    not finite or no number, and `components` out of range or no whole number; and for parameters of a wrong shape,
+    not finite, or without energy differences between the states.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")
@@ -84,10 +87,10 @@ def reduce(
     count = _enough(errors, energy_error) if energy_error is not None else components
     return Reduction(
         states=space.states,
-        components=alpha[order, None] * space.basis[:, order].T,
-        weights=beta[order],
+        components=frozen(alpha[order, None] * space.basis[:, order].T),
+        weights=frozen(beta[order]),
         order=tuple(order.tolist()),
-        percent_errors=errors,
+        percent_errors=frozen(errors),
         kept=_checked_count(count, space.rank),
     )
 
@@ -101,7 +104,7 @@ def _percent_errors(weights: Array) -> Array:
 
 
 def _enough(errors: Array, energy_error: float) -> int:
-    if not (np.isfinite(energy_error) and energy_error >= 0.0):
+    if not 0.0 <= real_number(energy_error, "energy_error") < np.inf:
         raise InputError(f"energy_error: expected a percentage of at least 0, got {energy_error}")
     return int(np.argmax(errors <= energy_error))
 
@@ -109,4 +112,6 @@ def _enough(errors: Array, energy_error: float) -> int:
 def _checked_count(count: int | None, most: int) -> int:
     if isinstance(count, int | np.integer) and not 0 <= count <= most:
         raise InputError(f"components: expected 0..{most}, got {count}")
+    if isinstance(count, bool):
+        raise InputError(f"components: expected a whole number from 0 to {most}, got {count}")
     return whole_number(count, "components", 0, most)

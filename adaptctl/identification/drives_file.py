@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -78,7 +79,8 @@ class Drives:
     its torque column; `time` is the name of the log's column of time, `units` are the factors from the columns' units
     to SI units. `payloads` are known bodies (mass, kg, centre of mass, m, inertia, kg m^2) that a link holds throughout
     one log, none unless given, and `source` is where the numbers come from, in words. Raises `InputError` for another
-    number of motors, arrays of another shape, and numbers that are not finite; `read_drives` checks the rest.
+    number of motors, arrays of another shape, numbers that are not finite, a motor that does not turn its own joint,
+    and a transmission from which the joints do not follow (of condition 1e6 or more); `read_drives` checks the rest.
     """
 
     joints: tuple[str, ...]
@@ -97,6 +99,7 @@ class Drives:
         if len(self.motors) != r:
             raise InputError(f"drives: motors: expected one for each of {r} joints, got {len(self.motors)}")
         transmission = frozen_array(self.transmission, (r, r), "drives: transmission")
+        _require_turning(transmission, self.joints, self.motors, "drives: transmission")
         object.__setattr__(self, "transmission", transmission)
         object.__setattr__(self, "offsets", frozen_array(self.offsets, (r,), "drives: offsets"))
 
@@ -150,7 +153,7 @@ class Drives:
     def on_joints(self) -> tuple[Drive, ...]:
         """Drives for a mechanism's description, r of them, one a joint in the order of `joints`, with no rotor or
         friction modelled yet. Each turns with the joints that its motor turns with, in ratios (no unit) to its own
-        joint. Raises `InputError` for a motor that turns other joints, but not its own."""
+        joint. Raises `InputError` where one of these is beyond a double."""
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]
@@ -180,14 +183,11 @@ def _checked(content: DrivesFile) -> Drives:
             f"of {r} joints, as many motors as joints"
         )
     transmission = frozen_array(content.transmission, (r, r), "$.transmission")
+    _require_turning(transmission, content.joints, content.motors, "$.transmission")
     for i, motor in enumerate(content.motors):
-        if not transmission[i, i]:
-            raise InputError(f"$.transmission[{i}]: motor {motor.name!r} must turn its own joint {content.joints[i]!r}")
         k = motor.torque_constant
         if isinstance(k, float) and not (math.isfinite(k) and k > 0.0):
             raise InputError(f"$.motors[{i}].torque_constant: expected a positive number or 'unknown', got {k}")
-    if not np.linalg.cond(transmission) < 1e6:
-        raise InputError("$.transmission: the joints do not follow from the motors: two rows are alike")
     units = Units.checked(**{name: getattr(content.units, name) for name in ("time", "position", "torque", "velocity")})
     _require_constants(content, units)
     return Drives(
@@ -200,6 +200,15 @@ def _checked(content: DrivesFile) -> Drives:
         tuple(content.payloads),
         content.source.strip(),
     )
+
+
+def _require_turning(transmission: Array, joints: Sequence[str], motors: Sequence[MotorEntry], what: str) -> None:
+    """Raise `InputError` unless each motor turns its own joint, and the joints follow from the motors."""
+    for i, (motor, joint) in enumerate(zip(motors, joints, strict=True)):
+        if not transmission[i, i]:
+            raise InputError(f"{what}[{i}]: motor {motor.name!r} must turn its own joint {joint!r}")
+    if not np.linalg.cond(transmission) < 1e6:
+        raise InputError(f"{what}: the joints do not follow from the motors: two rows are alike")
 
 
 def _require_constants(content: DrivesFile, units: Units) -> None:

@@ -6,9 +6,11 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, whole_number
 from adaptctl.caching import cached_property
+from adaptctl.errors import InputError
 from adaptctl.identification.filtered_dynamics import Rows
 
 
@@ -18,7 +20,7 @@ class Validation:
     prismatic joint), both through one low-pass filter of `cutoff` Hz, at instants when the arm moves.
 
     `origin` is which rows these are, in words, and `time` (n,) in s, as in the log; predictions are from the measured
-    motion alone. Nothing is checked at construction.
+    motion alone. Raises `InputError` for arrays of other shapes, and without a row or a joint.
     """
 
     origin: str
@@ -30,6 +32,14 @@ class Validation:
     predicted: Array
     """from the measured motion alone"""
 
+    def __post_init__(self) -> None:
+        time, measured, predicted = map(np.shape, (self.time, self.measured, self.predicted))
+        if len(measured) != 2 or 0 in measured or predicted != measured or time != measured[:1]:
+            raise InputError(
+                "validation: expected times (n,) and measured and predicted torques of one shape (n, r), n and r at "
+                f"least 1, got {time}, {measured} and {predicted}"
+            )
+
     @property
     def rms_error(self) -> float:
         """Root mean square torque error over all joints and instants, N m (N for prismatic joints)."""
@@ -38,8 +48,8 @@ class Validation:
     @property
     def relative_error(self) -> float:
         """Relative torque error, without a unit: the root of the errors' squares, summed over all joints and instants,
-        over that of the measured torques."""
-        return float(np.linalg.norm(self.error) / np.linalg.norm(self.measured))
+        over that of the measured torques; 0 without an error, infinite for any other where these are all zero."""
+        return float(_relative(np.linalg.norm(self.error), np.linalg.norm(self.measured)))
 
     @property
     def joint_rms_errors(self) -> Array:
@@ -49,8 +59,8 @@ class Validation:
     @property
     def joint_relative_errors(self) -> Array:
         """RMS torque error (r,) of each of r joints over all instants, divided by its RMS measured torque, without a
-        unit."""
-        return np.linalg.norm(self.error, axis=0) / np.linalg.norm(self.measured, axis=0)
+        unit; 0 without an error, infinite for any other where the measured torques are all zero."""
+        return _relative(np.linalg.norm(self.error, axis=0), np.linalg.norm(self.measured, axis=0))
 
     @cached_property
     def error(self) -> Array:
@@ -67,6 +77,11 @@ class Validation:
         whole[whole == 0.0] = 1.0
         later = [(centred[: len(centred) - k] * centred[k:]).sum(axis=0) / whole for k in range(1, count + 1)]
         return np.stack([np.ones(len(whole)), *later])
+
+
+def _relative(error: ArrayLike, size: ArrayLike) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(np.equal(error, 0.0), 0.0, np.divide(error, size))
 
 
 def predicted_torques(rows: Rows, x: Array, load: Array | None) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from adaptctl.arrays import Array, frozen_array, per_joint, positive_number, real_number
+from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_number, real_number
 from adaptctl.caching import cached_property
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.excitation.measure import regressor_of
@@ -235,13 +235,13 @@ def exciting_reference(
 
     `progress` is called after each iteration with the share done, 0 to 1; None calls nothing. Ctrl-C ends the search
     with the best reference so far, marked as not complete. Raises `InputError` unless the frequency is positive,
-    `harmonics` and `iterations` are whole numbers of at least 1, the share above 0 and up to 1 and the scale finite and
-    of its shape; for `limits` of another shape, with NaN, crossed or infinite positions, speeds below 0 or torques not
-    above it; and where torques pass their limits even at rest.
+    `harmonics` and `iterations` are whole numbers of at least 1, the seed one of at least 0, the share above 0 and up
+    to 1 and the scale positive, finite and of its shape; for `limits` of another shape, with NaN, crossed or infinite
+    positions, speeds below 0 or torques not above it; and where torques pass their limits even at rest.
     """
     iterations = _count(iterations, "iterations")
     search = _checked(model, frequency, harmonics, share, scale, limits)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(_count(seed, "seed", 0))
     starts = [search.random(rng) for _ in range(RANDOM)]
     random_conditions = np.array([search.within(x)[1] for x in starts])
     best = _Best(search, starts[int(np.argmin([search.cost(x) for x in starts]))], iterations, progress)
@@ -292,15 +292,17 @@ def _checked(
     if limits is not None:
         _require_limits(limits, model.mechanism.dof)
     k = len(model.columns)
-    ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
+    ranges = PriorRanges().of(model.names) if scale is None else numbers(scale, "scale")
     ranges = frozen_array(np.broadcast_to(ranges, (k,)) if ranges.ndim == 0 else ranges, (k,), "scale")
+    if not np.all(ranges > 0.0):
+        raise InputError(f"scale: expected positive numbers, got {ranges.tolist()}")
     return FourierSearch(model, limits or MotionLimits.of(model, share), frequency, harmonics, ranges)
 
 
-def _count(value: object, what: str) -> int:
-    if isinstance(value, int | np.integer) and value >= 1:
+def _count(value: object, what: str, least: int = 1) -> int:
+    if isinstance(value, int | np.integer) and value >= least:
         return int(value)
-    raise InputError(f"{what}: expected a whole number of at least 1, got {value!r}")
+    raise InputError(f"{what}: expected a whole number of at least {least}, got {value!r}")
 
 
 def _require_share(share: float) -> None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adaptctl.arrays import whole_number
-from adaptctl.errors import GainError, InputError
+from adaptctl.arrays import positive_number, real_number, whole_number
+from adaptctl.errors import GainError, InputError, printable
 
 if TYPE_CHECKING:
     import control
@@ -38,8 +38,9 @@ class ErrorFeedback:
 
     def __post_init__(self) -> None:
         _require_period(self.period)
-        if not (0.0 < self.stiffness < math.inf and 0.0 < self.rate < math.inf):
-            raise InputError(f"gains: expected positive numbers, got {self.stiffness:g} 1/s^2 and {self.rate:g} 1/s")
+        stiffness, rate = (real_number(getattr(self, name), f"gains: {name}") for name in ("stiffness", "rate"))
+        if not (0.0 < stiffness < math.inf and 0.0 < rate < math.inf):
+            raise InputError(f"gains: expected positive numbers, got {stiffness:g} 1/s^2 and {rate:g} 1/s")
         if max(abs(pole) for pole in self.sampled_poles) >= 1.0:
             raise GainError(
                 f"gains: {self.stiffness:.3g} 1/s^2 and {self.rate:.3g} 1/s cannot be carried by a hold of "
@@ -52,7 +53,8 @@ class ErrorFeedback:
         """Error feedback that gives a joint's error the continuous-time poles at which s^2 + 2 zeta omega s + omega^2
         is zero: omega is the `bandwidth` (rad/s) and zeta the `damping_ratio` (no unit; 1 is critical). The torque is
         held over `period` (s). Raises `InputError` unless all three are positive and finite."""
-        if not (0.0 < bandwidth < math.inf and 0.0 < damping_ratio < math.inf):
+        given = real_number(bandwidth, "bandwidth"), real_number(damping_ratio, "damping ratio")
+        if not all(0.0 < number < math.inf for number in given):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
         root = cmath.sqrt(damping_ratio**2 - 1.0)
         return cls.from_poles([bandwidth * (-damping_ratio + sign * root) for sign in (1.0, -1.0)], period)
@@ -62,12 +64,17 @@ class ErrorFeedback:
         """Error feedback that gives a joint's error two continuous-time poles (1/s), real or a conjugate pair, at its
         samples, one each `period` (s): the sampled poles are exp(pole period). Raises `InputError` for poles that are
         no such pair with negative real parts, and for a period that is not positive."""
-        given = np.asarray(poles, dtype=np.complex128)
+        try:
+            given = np.asarray(poles, dtype=np.complex128)
+        except (TypeError, ValueError, OverflowError):
+            given = np.empty(0, dtype=np.complex128)  # no numbers: refused as not two
         conjugate = (
             given.shape == (2,) and abs(given.sum().imag) + abs(given.prod().imag) < 1e-9 * abs(given).max() ** 2
         )
         if not conjugate or np.any(given.real >= 0.0):
-            raise InputError(f"poles: expected two in the left half-plane, real or conjugate, got {list(poles)}")
+            raise InputError(
+                f"poles: expected two in the left half-plane, real or conjugate, got {printable(repr(poles))}"
+            )
         import control
 
         _require_period(period)
@@ -85,6 +92,8 @@ class ErrorFeedback:
         that is acceptable. Raises `InputError` for weights that are not positive (of velocity: negative), or too far
         apart for the period, and for a period that is not positive.
         """
+        for name, weight in (("position", position), ("velocity", velocity), ("effort", effort)):
+            real_number(weight, f"weights: {name}")
         if not (position > 0.0 and velocity >= 0.0 and effort > 0.0 and math.isfinite(position + velocity + effort)):
             raise InputError(
                 f"weights: expected positive ones of position and effort, and of velocity at least 0, got {position}, "
@@ -120,7 +129,8 @@ class ErrorFeedback:
 
     def faster(self, factor: float) -> ErrorFeedback:
         """Error feedback at the same period whose continuous-time poles (1/s) are those of this one times a factor (no
-        unit). Raises `InputError` unless the factor is positive."""
+        unit). Raises `InputError` unless the factor is positive and finite."""
+        positive_number(factor, "factor: expected a positive finite number")
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
         conjugate = abs(first.imag) > 0.0
@@ -176,8 +186,7 @@ class ErrorFeedback:
 
 
 def _require_period(period: float) -> None:
-    if not (math.isfinite(period) and period > 0.0):
-        raise InputError(f"control period: expected a positive time in s, got {period}")
+    positive_number(period, "control period: expected a positive time in s")
 
 
 def _held_double_integrator() -> tuple[Any, Any]:
