@@ -32,13 +32,13 @@ def printable(text: str, most: int = 80) -> str:
 
 
 class InputError(AdaptctlError, ValueError):
-    """Error of a caller's input, such as a wrong shape, kind or range: the message names the element, what it was, and
-    what would be right. It is a `ValueError` too."""
+    """Error of a caller's input, such as one of a wrong shape, kind or range: the message names the element, what it
+    was, and what would be right. It is a `ValueError` too."""
 
 
 class FileError(InputError):
-    """Error of a file or folder that cannot be read, written or used: the message names the file, the element in it,
-    and what would be right."""
+    """Error of a file or folder that cannot be read, written or used: the message names the file, the element in it
+    that is wrong, if one is, and what would be right."""
 
 
 class NotFoundError(InputError, LookupError):
@@ -54,9 +54,10 @@ class NonFiniteError(InputError):
 
 class RankError(AdaptctlError):
     """Error of a rank k, the number of identifiable parameters, that cannot be certified. `singular_values`, a tuple of
-    falling floats, no unit, holds those of the scaled energy differences: P for P parameters, or the 11 of the worst
-    joint where a tree's rank was found joint by joint. It is empty, the default, where the cause is another, such as a
-    fundamental basis of another rank, or angles that are nearly, but not exactly, right ones."""
+    falling floats, no unit, holds the singular values of the scaled energy differences between random states: P of them
+    for P inertial parameters, or the 11 of the worst joint where a tree's rank was found joint by joint. It is empty,
+    the default, where the cause is another, such as a fundamental basis of another rank, or angles that are nearly, but
+    not exactly, right ones."""
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
         super().__init__(message)
@@ -66,8 +67,8 @@ class RankError(AdaptctlError):
 class GainError(InputError):
     """Error of feedback gains that are too large for the control period: the sampled loop could ring (oscillate) or be
     unstable. Torque laws raise it, for example, where the hold number T_c lambda_max(M^-1 K), no unit, is above 1.5,
-    with the period T_c (s), the mass matrix M and the velocity gains K, or where M is not positive definite. The
-    message says what is allowed."""
+    with the period T_c (s), the joints' mass matrix M, its inverse M^-1, the velocity gains K and lambda_max, the
+    largest eigenvalue, or where M is not positive definite. The message says what is allowed."""
 
 
 class PhysicalConsistencyWarning(UserWarning):
@@ -112,9 +113,9 @@ class LoopError(InputError):
 
 class SingularityError(AdaptctlError):
     """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others: the
-    smallest singular value of the closures' Jacobian by the dependent joints is below 0.05 of that at the reference
-    configuration, the singularity was passed, or loops did not close. The message has the positions (r,), rad (m), of
-    the r primary joints."""
+    smallest singular value of the Jacobian of the loops' closure conditions by the dependent (not primary) joints is
+    below 0.05 of that at the reference configuration, the singularity was passed, or loops did not close. The message
+    has the positions (r,), rad (m), of the r primary joints."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):

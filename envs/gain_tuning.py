@@ -94,8 +94,9 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     """
     ## Description
 
-    A wrapper of a tracking environment that a `controller` drives, some of whose `gains` the action scales at each
-    control period, so that a schedule of gains can be learned. An action of zero leaves the gains as they are.
+    A wrapper of a tracking environment that a `controller`, a `Controller`, drives, some of whose `gains` the action
+    scales at each control period, so that a schedule of gains can be learned. An action of zero leaves the gains as
+    they are.
 
     ```python
     env = TuningEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, ["damping", "adaptation.gain"])
@@ -139,20 +140,21 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (n,), the environment's in its units, and `info` of an episode, which begins; the
-        controller begins with an empty memory, and `info` has its `gains`, unscaled, as a mapping from names to arrays.
-        `seed` is that of the random numbers, None to go on with them; `options` are those of `TrackingEnv.reset`
-        (`payload`, `trajectory`, `initial_error`, `parameters`), None for none. Raises `InputError` for bad options,
-        `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        """The first observation, the environment's n numbers (n,) in its units, and `info` of an episode, which begins;
+        the controller's state is made anew for this start, and `info` has its `gains`, unscaled, as a mapping from
+        names to arrays. `seed` is that of the random numbers, None to go on with them; `options` are those of
+        `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
+        `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none. Raises
+        `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
         return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), the environment's in its units, reward (no unit), `terminated`, `truncated` and `info`
-        after one control period under the controller, its gains scaled by the action (a,), no unit, one number a joint
-        for a gain of one number a joint, else one a gain, clipped to [-1, 1]; `info` has these `gains`. Raises
+        """Observation, the environment's n numbers (n,) in its units, reward (no unit), `terminated`, `truncated` and
+        `info` after one control period under the controller, its gains scaled by the action (a,), no unit, one number a
+        joint for a gain of one number a joint, else one a gain, clipped to [-1, 1]; `info` has these `gains`. Raises
         `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's
         `ResetNeeded` before the first reset and after the episode's end."""
         if self._memory is None:
@@ -170,11 +172,11 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
 
 class TuningVectorEnv(ControlledVectorEnv):
-    """Vector environment of N arms around a `VectorTrackingEnv`, each driven by a `controller` some of whose gains the
-    actions scale, as in `TuningEnv`: actions (N, a), no unit, clipped to [-1, 1], are exponents of `span` (4). `gains`
-    names one of `controller.numbers` or several; each has one of the a actions, or one a joint where the gain has.
-    Observations (N, n) are the environment's, in its units. After a step `info` has `gains`: a mapping from these names
-    to the m numbers (N, m) of each, in the gain's own unit.
+    """Vector environment of N arms around a `VectorTrackingEnv`, each driven by a `controller`, a `Controller`, some of
+    whose gains the actions scale, as in `TuningEnv`: actions (N, a), no unit, clipped to [-1, 1], are exponents of
+    `span` (4). `gains` names one of `controller.numbers` or several; each has one of the a actions, or one a joint
+    where the gain has. Observations (N, n), n numbers an arm, are the environment's, in its units. After a step `info`
+    has `gains`: a mapping from these names to the m numbers (N, m) of each, in the gain's own unit.
 
     Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
     `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and

@@ -90,8 +90,8 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     ## Observation space
 
-    `Box(-1, 1, (5r + r L,), float32)` for r joints and L look-ahead times: each number x, in rad (m) and s, is seen as
-    x / (|x| + c), with a scale c in the unit of x.
+    `Box(-1, 1, (5r + r L,), float32)` for r joints and L look-ahead times: each number x, in rad, rad/s or rad/s^2 (m,
+    m/s, m/s^2), is seen as x / (|x| + c), with a scale c in the unit of x.
 
     | Places      | Number x                                             | Scale c                             |
     |-------------|------------------------------------------------------|-------------------------------------|
@@ -119,9 +119,9 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     ) -> tuple[Observation, dict[str, Any]]:
         """The first observation (n,), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], no
         unit, and `info` of an episode, which begins. `seed` is that of the random numbers, None to go on with them;
-        `options` are those of `TrackingEnv.reset` (`payload`, `trajectory`, `initial_error`, `parameters`), None for
-        none. Raises `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad
-        seed."""
+        `options` are those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
+        "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none.
+        Raises `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
@@ -159,8 +159,9 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
         those in the option `reset_mask`, bools (N,).
 
         `seed` s gives arm i the seed s + i, a list each its own, None lets the random numbers go on. `options` are
-        those of `TrackingEnv.reset` (`payload`, `trajectory`, `initial_error`, `parameters`), for all arms or one each,
-        None for none. Raises `InputError` for bad seeds and options, `NotFoundError` for unknown ones, Gymnasium's
+        those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
+        `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), for all arms or one each, None
+        for none. Raises `InputError` for bad seeds and options, `NotFoundError` for unknown ones, Gymnasium's
         `ResetNeeded` for a part of the arms before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more

@@ -90,7 +90,7 @@ class Puma560TrackingEnv(TrackingEnv):
     ## Options at reset
 
     Those of `TrackingEnv`: `payload` (kg), held in the origin of the last link's frame, the flange, `trajectory`,
-    `initial_error` (rad) and `parameters` (P,), the true inertial parameters in SI units.
+    `initial_error` (rad) and `parameters` (P,), the P true inertial parameters in SI units.
 
     ## Version history
 

@@ -71,8 +71,8 @@ def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoid
     limits. Its `center` is (r,), `amplitude` and `frequency` are (1, r), in rad (m) and Hz.
 
     An unlimited joint moves within 1 rad (m) of zero, one with a single bound within 2 rad (m) of that. A mechanism
-    with loops stays where its loops can be closed along the way and within its conditions; raises `InputError` where no
-    such reference is found.
+    with loops stays where its loops can be closed along the way and within the conditions on positions that its file
+    states. Raises `InputError` where no such reference is found.
     """
     return many_random_sinusoids(mechanism, [rng])[0]
 

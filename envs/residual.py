@@ -19,8 +19,9 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     """
     ## Description
 
-    A wrapper of a tracking environment that a `controller` drives, to whose torques the action adds others, so that
-    what the controller's model does not have can be learned. An action of zero leaves the controller alone.
+    A wrapper of a tracking environment that a `controller`, a `Controller`, drives, to whose torques the action adds
+    others, so that what the controller's model does not have can be learned. An action of zero leaves the controller
+    alone.
 
     ```python
     env = ResidualEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, share=0.2)
@@ -56,11 +57,12 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         self._base = np.zeros(limits.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (n,), the environment's in its units, and `info` of an episode, which begins; the
-        controller begins with an empty memory, and `info` has its first torque as `base_torque` (r,), N m (N), r
-        joints. `seed` is that of the random numbers, None to go on with them; `options` are those of
-        `TrackingEnv.reset` (`payload`, `trajectory`, `initial_error`, `parameters`), None for none. Raises `InputError`
-        for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        """The first observation, the environment's n numbers (n,) in its units, and `info` of an episode, which begins;
+        the controller's state is made anew for this start, and `info` has its first torque as `base_torque` (r,), N m
+        (N), r joints. `seed` is that of the random numbers, None to go on with them; `options` are those of
+        `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
+        `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none. Raises
+        `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)
@@ -68,10 +70,10 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         return observation, info | {"base_torque": self._base.copy()}
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), the environment's in its units, reward (no unit), `terminated`, `truncated` and `info`
-        after one control period under the controller's torque plus `share` times the torque limits, N m (N), times the
-        action (r,), in [-1, 1] but not clipped, r joints; `info` has the controller's torque as `base_torque` (r,).
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away,
+        """Observation, the environment's n numbers (n,) in its units, reward (no unit), `terminated`, `truncated` and
+        `info` after one control period under the controller's torque plus `share` times the torque limits, N m (N),
+        times the action (r,), in [-1, 1] but not clipped, r joints; `info` has the controller's torque as `base_torque`
+        (r,). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away,
         Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
@@ -93,10 +95,10 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
 
 class ResidualVectorEnv(ControlledVectorEnv):
-    """Vector environment of N arms of r joints around a `VectorTrackingEnv`, each driven by a `controller` to whose
-    torques the actions add others, as in `ResidualEnv`: actions (N, r) in [-1, 1], not clipped, are shares of `share`
-    (0.2) times the torque limits. After a step `info` has the controller's torques as `base_torque` (N, r), N m (N).
-    Observations (N, n) are the environment's, in its units.
+    """Vector environment of N arms of r joints around a `VectorTrackingEnv`, each driven by a `controller`, a
+    `Controller`, to whose torques the actions add others, as in `ResidualEnv`: actions (N, r) in [-1, 1], not clipped,
+    are shares of `share` (0.2) times the torque limits. After a step `info` has the controller's torques as
+    `base_torque` (N, r), N m (N). Observations (N, n), n numbers an arm, are the environment's, in its units.
 
     Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
     and a `share` that is not above 0 and at most 1.

@@ -86,7 +86,7 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
     ## Options at reset
 
     Those of `TrackingEnv`: `payload` (kg, held by the last link), `trajectory` (a reference, a seed or `"random"`),
-    `initial_error` (rad), `parameters` (P,), the true inertial ones in SI units.
+    `initial_error` (rad), `parameters` (P,), the P true inertial ones in SI units.
 
     ## Version history
 

@@ -225,18 +225,19 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The running episode's reference: times (s) to a `ReferencePoint`. Raises `ResetNeeded` before the first
-        reset."""
+        """The running episode's reference: a function from times (s) to a `ReferencePoint`. Raises Gymnasium's
+        `ResetNeeded` before the first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """The first observation (5r + r L,) of an episode, which begins, and its `info` (true `parameters` (P,),
         `energy` and more). For r joints it has positions, velocities and the reference's positions, velocities and
         accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2 (m, m/s, m/s^2). `seed` is that of the
-        random numbers, None to go on with them; `options`, None for none, are `payload` (kg), `trajectory`,
-        `initial_error` and `parameters`. Raises `InputError` for a bad option, of these `NotFoundError` for an unknown
-        one and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, `SingularityError` where
-        loops cannot be followed to the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
+        random numbers, None to go on with them; `options`, None for none, are `payload` (kg or a mapping), `trajectory`
+        (a `Reference`, a seed or "random"), `initial_error`, rad (m), and `parameters` (P,), the P true inertial ones,
+        SI units. Raises `InputError` for a bad option, of these `NotFoundError` for an unknown one and `NonFiniteError`
+        for an `initial_error` or `parameters` that are not finite, `SingularityError` where loops cannot be followed to
+        the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -275,7 +276,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """The RGB image (480, 640, 3), uint8, of the arm and a translucent ghost of it on the reference; None, with a
-        warning in Gymnasium's log, without a render mode. Raises `ResetNeeded` before the first reset."""
+        warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("render")
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
@@ -289,8 +290,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def hand_over(self) -> Episode:
         """The running episode as an `Episode` for `simulate`: plant, state, parameters, reference, random numbers,
-        control periods left (0 where it is over), judge of rewards and ends. Raises `ResetNeeded` before the first
-        reset."""
+        control periods left (0 where it is over), judge of rewards and ends. Raises Gymnasium's `ResetNeeded` before
+        the first reset."""
         episode = self._running("hand_over")
         return Episode(
             self.plant,
@@ -303,9 +304,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """The `info` (true parameters, energy and more) of an episode that was handed over and goes on from `state`. It
-        took `steps` control periods to get there, `clipped` of them with a clipped torque; `terminated` is True if it
-        ended. Nothing of these is checked. Raises `ResetNeeded` before the first reset."""
+        """The `info` (true parameters, energy and more) of an episode that `hand_over` gave away and goes on from
+        `state`. It took `steps` control periods, `clipped` of them with a clipped torque; `terminated` is True if it
+        ended. Nothing is checked. Raises Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps
@@ -364,8 +365,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def true_parameters(self, options: Mapping[str, Any]) -> Array:
         """The P true inertial parameters (P,), SI units, of an episode with the `options` of its reset, `parameters`
-        and `payload` included. Raises `InputError` for bad ones: another shape, a payload that no body has, or one on a
-        mechanism with fewer than ten parameters a link; `NonFiniteError` for parameters that are not finite."""
+        and `payload` (kg or a mapping) included. Raises `InputError` for bad ones: another shape, a payload that no
+        body has, or one on a mechanism with fewer than ten parameters a link; `NonFiniteError` for parameters that are
+        not finite."""
         own = finite_numbers(options.get("parameters", self.mechanism.inertial_parameters), "parameters")
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:

@@ -132,6 +132,18 @@ def test_what_does_not_fit_never_stops_a_loop() -> None:
         log.rollout()
 
 
+def test_a_faulty_sample_takes_no_place_in_a_full_log() -> None:
+    log, zero = adaptctl.RunLogger(2, PERIOD, capacity=3), np.zeros(2)
+    still = ReferencePoint(zero, zero, zero)
+    for k in range(4):
+        log.append(k * PERIOD, np.full(2, float(k)), zero, still, zero)
+    log.append(1.0, np.array([np.nan, 0.0]), zero, still, zero)
+    log.append(1.0, np.zeros(3), np.zeros(1), still, zero)
+    log.append(1.0, zero, zero, 3, zero)  # type: ignore[arg-type]
+    assert (log.count, log.faulty) == (4, 3)
+    np.testing.assert_array_equal(log.rollout().p[:, 0], [1.0, 2.0, 3.0])
+
+
 def test_a_loop_that_fails_leaves_its_log(tmp_path: Path) -> None:
     def failing() -> None:
         with adaptctl.RunLogger(2, PERIOD, tmp_path / "log.parquet") as log:

@@ -120,23 +120,24 @@ def export(
     reference: Reference | None = None,
     large_stack: bool = False,
 ) -> Exported:
-    """Write a controller's tick as C99 source or a WebAssembly module, in a folder that needs no Python; returns the
-    `Exported`, with its manifest.
+    """Write a controller's tick, its work of one control period, as C99 source or a WebAssembly module, in a folder
+    that needs no Python; returns the `Exported`, with its manifest.
 
     `directory` must not exist; folders above it are made, and it is there whole or not at all. `name` begins all names
-    in the code, a C identifier of at most 40 characters, a letter first and no keyword: the mechanism's in lower case
-    unless given. `language` is "c" or "wasm", `scalar` the kind of number, "double" or in C "float". With `check` the
-    closed loop is simulated for 600 s along `reference`, and its root mean square errors in joints, rad (m), go into
-    the manifest; in C, ticks recorded near it go into the code's tests. `reference` is a function of time (s), unless
-    given one of sinusoids of 0.1 rad or m (0.05 m in a task space) about home, or as near to it as joint limits allow.
-    A controller should be `Guarded`: `unguarded` lets one without guards go. `large_stack` allows more than about 16 kB
-    of stack a tick in C.
+    in the code, a C identifier of at most 40 characters, a letter first and no keyword: the mechanism's name in lower
+    case unless given. `language` is "c" or "wasm", `scalar` the kind of number, "double" or in C "float". With `check`
+    the closed loop is simulated for 600 s along `reference`, and its root mean square errors in joints, rad (m), go
+    into the manifest; in C, ticks recorded near the reference go into the code's tests. `reference` is a function of
+    time (s), unless given one of sinusoids of 0.1 rad or m (0.05 m in a task space) about home, or as near to it as
+    joint limits allow. A controller should be `Guarded`: `unguarded` lets one without guards go. `large_stack` allows
+    more than about 16 kB of stack a tick in C.
 
-    Raises `InputError` for what is no controller or has a step of its own, one without guards, another name, scalar or
-    language than these, float in WebAssembly, too large a stack, loops that single precision leaves open, a reference
-    that is no function or not for as many coordinates as the controller's, and a check that becomes not finite, is
-    stopped by guards or has no mechanism to run on; `NonFiniteError` for a reference that is not finite; `TraceError`
-    for a law that cannot be traced; `FileError` for what is no path, and for a folder that exists or cannot be written.
+    Raises `InputError` for what is no controller or overrides `step`, one without guards unless `unguarded`,
+    another name, scalar or language than these, float in WebAssembly, too large a stack, kinematic loops that single
+    precision leaves open, a reference that is no function or not for as many coordinates as the controller's, and a
+    check that becomes not finite, is stopped by guards or has no mechanism to run on; `NonFiniteError` for a reference
+    that is not finite; `TraceError` for a law that cannot be traced; `FileError` for what is no path, and for a folder
+    that exists or cannot be written.
     """
     require_controller(controller)
     _require_choice("scalar", scalar, get_args(Kind))

@@ -12,9 +12,10 @@ E = TypeVar("E", bound="Expression")
 
 
 class Op(StrEnum):
-    """Kinds of operation of an `Expression`, each the text of its symbol or name: an input, + - * / and neg, sin and
-    cos (rad), sqrt, round (to the nearest whole number, halves to the even one), abs, min, max, the comparisons < and
-    <=, select (one of two values by a comparison), the call of a routine and a result of that call."""
+    """Kinds of operation of an `Expression` (a node in the graph of a traced function), each the text of its symbol or
+    name: an input, + - * / and neg, sin and cos (rad), sqrt, round (to the nearest whole number, halves to the even
+    one), abs, min, max, the comparisons < and <=, select (one of two values by a comparison), the call of a routine and
+    a result of that call."""
 
     INPUT = "input"
     ADD = "+"

@@ -54,12 +54,12 @@ class Kernel:
     `kernel(*arguments)` evaluates one sample, from array-likes by position, (n,) each. The results, floats and float64
     arrays, are the caller's own: the memory of an array is used again only once nothing refers to it. Raises
     `InputError` for another number of arguments, another shape and what holds no real numbers, and `NonFiniteError` for
-    NaN and infinity if that was asked for. Any number of threads may call it at once.
+    NaN and infinity where it was compiled to check for them (`finite`). Any number of threads may call it at once.
 
     `name` is the function's; `arguments` maps the arguments' names to their lengths n; `outputs` has the shapes of the
     results, (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind (`Op`). Units are
     the function's own. `call` is the built-in function without its Python wrapper: where every call counts, it takes 60
-    ns less. Native code is made at the first use, apart for single samples and for many (`map`).
+    ns less. Native code is made at the first use, separately for single samples and for many (`map`).
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
@@ -83,8 +83,10 @@ class Kernel:
 
     @property
     def call(self) -> Callable[..., Any]:
-        """The raw built-in function behind `kernel(*arguments)`, made at the first use: arguments (n,), results and
-        errors are the same, `InputError` and `NonFiniteError`; it skips the Python wrapper and saves 60 ns a call."""
+        """The raw built-in function behind `kernel(*arguments)`, made at the first use: it takes the same arguments, an
+        array-like (n,) each, n its length, and returns the same floats and float64 arrays, without the Python wrapper,
+        which saves 60 ns a call. Raises `InputError` for arguments of another number, another shape or that hold no
+        real numbers; `NonFiniteError` for NaN and infinity where the kernel checks for them."""
         if self._called is None:
             self._called = self.__call__ = self._as_builtin() if has_builtins() and self._plain else self._one_sample
         return self._called
@@ -92,8 +94,8 @@ class Kernel:
     @property
     def into(self) -> Callable[..., Any]:
         """The raw built-in function `into(*outs, *arguments)`, made at the first use, which writes the results into
-        arrays that it is given: one `out` of each result's shape, (), (n,) or (rows, n), in float64, then the arguments
-        (n,). It returns the outs, one array or a tuple of them.
+        arrays that it is given: one `out` of each result's shape, (), (n,) or (rows, n), in float64, then the
+        arguments, (n,) each of its length n. It returns the outs, one array or a tuple of them.
 
         Raises `InputError` for an `out` that is missing, no writable float64 array or of another shape, and for
         arguments of another number, another shape or that hold no real numbers; `NonFiniteError` where the kernel
@@ -104,9 +106,10 @@ class Kernel:
         return self._filling
 
     def filling(self, instead: Callable[..., Any]) -> Callable[..., Any]:
-        """A function of the arguments of `into`, outs and then arguments (n,), that calls `instead` on them wherever
-        they are unusual: not as many, not contiguous float64 arrays of the expected shapes, an `out` that is read-only
-        or shares memory with another, or, where the kernel checks for them, NaN and infinity.
+        """A function `f(*outs, *arguments)` that writes the kernel's results at the arguments, (n,) each, into the
+        arrays `outs`, as `into` does, and calls `instead` with them all wherever they are unusual: not as many, not
+        contiguous float64 arrays of the expected shapes, an `out` that is read-only or shares memory with another, or,
+        where the kernel checks for them, NaN and infinity.
 
         It refuses nothing by itself: errors are those of `instead`. It is `instead` itself where a result is a scalar,
         and on a Python whose arrays native code cannot read, such as any but CPython.
@@ -145,8 +148,9 @@ class Kernel:
         return routine
 
     def map(self, *arguments: ArrayLike, out: Array | Sequence[Array] | None = None) -> Any:
-        """The results (m, ...) at m samples, the shape of one result after the samples, evaluated in SIMD lanes:
-        arguments are (m, n) each, one row a sample, or (n,) where all samples share it; m is 1 where all do.
+        """The kernel's results (m, ...) at m samples, the shape of one result after the samples, evaluated in SIMD
+        lanes: arguments are (m, n) each, n the argument's length, one row a sample, or (n,) where all samples share it;
+        m is 1 where all do.
 
         `out` takes the result in place of a fresh array, or a sequence of arrays each of the results; None for fresh
         ones. Raises `InputError` for arguments of another number, another shape or that hold no real numbers, and for
@@ -181,9 +185,10 @@ class Kernel:
         where they are not as many, not contiguous float64 arrays (n,) in the places that the kernel's `form` says, or,
         where the kernel checks for them, NaN or infinity is in them or in the results.
 
-        `bound` has the types of the form's tuples, and then the arrays (n,) of the columns that come from no argument.
-        It refuses nothing by itself: errors are those of `instead`. On a Python whose arrays native code cannot read,
-        such as any but CPython, it is `instead` itself.
+        `bound` has the types of the form's tuples (its arguments that are tuples of arrays), in order, and then the
+        arrays (n,) of those arguments of the kernel that come from no argument of the new function. It refuses nothing
+        by itself: errors are those of `instead`. On a Python whose arrays native code cannot read, such as any but
+        CPython, it is `instead` itself.
         """
         return self._builtin(instead, *bound) if has_builtins() else instead
 

@@ -30,9 +30,9 @@ class LaneArray:
     Raises `InputError` for lengths, members and steps that are no whole numbers of at least 0 and lanes that are none
     of at least 1, for an unknown name, and on assigning what is no real numbers or does not broadcast.
 
-    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory itself, at the address `address`: member m is in
-    lane m % lanes of block m // lanes, and lanes left over in the last block repeat the last member. Steps are `stride`
-    numbers apart.
+    `blocks` (..., ceil(members / lanes), scalars, lanes), scalars the sum of all n, is the memory itself, at the
+    address `address`: member m is in lane m % lanes of block m // lanes, and lanes left over in the last block repeat
+    the last member. Steps are `stride` numbers apart.
     """
 
     def __init__(
@@ -69,8 +69,9 @@ class LaneArray:
         part[...] = rows.reshape(part.shape)
 
     def view(self, name: str) -> Array:
-        """The column `name` (..., n) of the only member, as it is in memory, in the array's `dtype`: a view, no copy.
-        Raises `InputError` where there are more members or lanes than one, and for an unknown name."""
+        """The column `name` (..., n), after the axes of steps, of the array's only member, as it is in memory, in the
+        array's `dtype`: a view, no copy. Raises `InputError` where there are more members or lanes than one, and for an
+        unknown name."""
         if self.members != 1 or self.lanes != 1:
             raise InputError(f"view: expected one member in one lane, got {self.members} in {self.lanes}")
         column: Array = self.blocks[..., 0, self._place(name), 0]

@@ -38,8 +38,8 @@ class Operations(Counter[Op]):
 @dataclass(frozen=True, eq=False)
 class Routine:
     """A traced function, as `trace` makes it: its `name`; `inputs`, the lengths of its arguments; `outputs`, the
-    scalars of its result in order, each an expression or a known float; and `layout`, the shapes of the result's parts
-    and their container.
+    scalars of its result in order, each an expression or a constant float; and `layout`, the shapes of the result's
+    parts and their container.
 
     `sines` is for a function that is called within a trace (`outlined`), () for others: the indices, among the scalars
     of all arguments, of those whose sines and cosines the caller computes. They are its last argument then, in pairs.
@@ -53,12 +53,13 @@ class Routine:
 
     @cached_property
     def body(self) -> list[Expression]:
-        """The expressions that the outputs need, in an order to compute them: operands before what uses them."""
+        """The routine's expressions that its outputs need, in an order to compute them: operands before what uses
+        them."""
         return reachable(self.outputs)
 
     @property
     def calls(self) -> list[Routine]:
-        """The routines that the body calls, one entry for each call, in order: one that is called twice is there
+        """The routines that this routine calls, one entry for each call, in order: one that is called twice is there
         twice."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
@@ -73,8 +74,8 @@ class Routine:
 
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Routine:
-    """The routine of a function, traced by calling it once, by keyword, on Columns of symbolic scalars; `arguments`
-    maps their names to their lengths n.
+    """The routine of a function, traced by calling it once, by keyword, on Columns (vectors) of symbolic scalars;
+    `arguments` maps their names to their lengths n.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
     these. `name` is the routine's, the function's own where empty. Raises `TraceError` for any other result, where the
@@ -89,13 +90,14 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
 
 
 def outlined(function: F) -> F:
-    """A wrapper of `function` whose calls within a trace share one native subroutine, instead of being unrolled each.
+    """A wrapper of `function` whose calls within a trace, in which a function runs on symbolic scalars to be compiled,
+    share one native subroutine, instead of being unrolled each.
 
-    Its arguments are scalars and Columns by position, and its result is a scalar, a Column, a list of Columns of one
-    length, or a tuple or NamedTuple of these: any other raises `TraceError` within a trace. Constants among the scalars
-    are folded into the body: a trace keeps one body for each pattern of symbolic scalars and constants. Wrap a function
-    once, not before each call, or each call gets its own body. Outside a trace, and on other scalars, dual numbers
-    among them, the function is simply called.
+    Its arguments are scalars and Columns (vectors of scalars) by position, and its result is a scalar, a Column, a list
+    of Columns of one length, or a tuple or NamedTuple of these: any other raises `TraceError` within a trace. Constants
+    among the scalars are folded into the body: a trace keeps one body for each pattern of symbolic scalars and
+    constants. Wrap a function once, not before each call, or each call gets its own body. Outside a trace, and on other
+    scalars, dual numbers among them, the function is simply called.
     """
 
     @functools.wraps(function)

@@ -60,9 +60,11 @@ def compile_step(
 
 
 class Stepper:
-    """A compiled step of many members, made by `compile_step`; `ensemble` makes the members that it steps.
+    """A compiled step of many members (copies of its state), made by `compile_step`; `ensemble` makes the members that
+    it steps.
 
-    `columns` has the names and lengths n of the step's arguments, by source ("state", "held", "shared", "driven"), and
+    `columns` has the names and lengths n of the step's arguments, by source: "state", replaced by each step, "held",
+    constants of a member, "shared", new in each step for all members, and "driven", new in each step for each member;
     `outputs` the shapes of what it returns after the new state, (), (n,) or (rows, n). `lanes` members are worked on at
     once, in numbers of a `precision`, "double" or "single", whose NumPy type is `dtype`. `operations` counts the scalar
     operations of a step of one member by kind (`Op`), without those on held columns alone, which are done once a run.
@@ -96,7 +98,7 @@ class Stepper:
 
 class Ensemble:
     """The members (copies) of a compiled step that are taken step by step together, made by `Stepper.ensemble`: their
-    states and the columns that they hold.
+    states and their held columns, which a step reads and leaves as they are.
 
     `state` and `held` are these columns, a `LaneArray` each, to be read and assigned between runs by name, (members,
     n), zero at first; `members` is their number, and `stepper` the step. Units are the step's own. Members never see
@@ -125,11 +127,11 @@ class Ensemble:
         output after the members, in float64; after 0 steps, those of the last run without `record`, zero where there is
         none.
 
-        `signals` are, by name, all shared columns (steps, n) and driven ones (steps, members, n), or what broadcasts to
-        that; they are not checked for NaN or infinity. `threads` share the members: more than one pays from
-        milliseconds on, for to start one takes some 50 us. Other Python threads run meanwhile. Raises `InputError` for
-        steps that are no whole number of at least 0, threads that are none of at least 1, and for signals of other
-        names, of the wrong shape or that are no real numbers.
+        `signals` are, by name, all shared columns (steps, n), the same for all members, and driven ones (steps,
+        members, n), n a column's length, or what broadcasts to that; they are not checked for NaN or infinity.
+        `threads` share the members: more than one pays from milliseconds on, for to start one takes some 50 us. Other
+        Python threads run meanwhile. Raises `InputError` for steps that are no whole number of at least 0, threads that
+        are none of at least 1, and for signals of other names, of the wrong shape or that are no real numbers.
         """
         if type(steps) is not int or steps < 0:
             steps = require_count(steps, "steps")
@@ -150,10 +152,12 @@ class Ensemble:
         return self._array(self._outputs, steps)
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:
-        """Take `steps` steps as `run` does, under its `signals`, and put their outputs into `room`, made by `room()`,
-        from its step of index `first` on. Raises `InputError` where they do not fit into it, where `first` or `steps`
-        is no whole number of at least 0, for a room whose columns, number of blocks, lanes or type of number are not
-        this ensemble's, and for signals of other names, of the wrong shape or that are no real numbers."""
+        """Take `steps` steps of all members from their `state`, which is replaced, and put the outputs into `room`,
+        made by `room()`, from its step of index `first` on. `signals` are, by name, the shared columns (steps, n), the
+        same for all members, and the driven ones (steps, members, n). Raises `InputError` where the outputs do not fit
+        into `room`, where `first` or `steps` is no whole number of at least 0, for a room whose columns, number of
+        blocks, lanes or type of number are not this ensemble's, and for signals of other names, of the wrong shape or
+        that are no real numbers."""
         if not isinstance(room, LaneArray) or _form(room) != _form(self._array(self._outputs, 0)):
             raise InputError("record: expected a `room` that this ensemble made")
         first, steps = require_count(first, "record: first"), require_count(steps, "record: steps")

@@ -103,25 +103,27 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The parts of the controller that have tunable numbers, by attribute: the adaptation law as "adaptation", also
-        where only a gain was given; empty with adaptation off."""
+        """The parts of the controller that have tunable numbers (arguments of its native code, so that others need no
+        new code), by attribute: the adaptation law as "adaptation", also where only a gain was given; empty with
+        adaptation off."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
     def dof(self) -> int:
-        """Number r of the mechanism's primary joints; loops move the others."""
+        """Number r of the mechanism's primary joints; kinematic loops move the other joints."""
         return self.model.mechanism.dof
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad (m), where the mechanism's kinematic loops are known to close; zeros without loops."""
+        """Positions (r,) of the r primary joints, in rad (m for a prismatic joint), where the mechanism's kinematic
+        loops are known to close; zeros without loops."""
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
         """The memory before the first tick, of arms at positions p in rad (m for a prismatic joint) and velocities v in
-        rad/s (m/s), (..., r) for r joints: the first estimate, zero torque, and a period of no length to learn from.
-        Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` where
-        kinematic loops are near a configuration that locks them."""
+        rad/s (m/s), (..., r) for r primary joints: the first estimate, zero torque, and a period of no length to learn
+        from. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError`
+        where kinematic loops are near a configuration that locks them."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law

@@ -139,9 +139,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
         """The torques (N, r), N m (N for a prismatic joint), of one tick of N arms, each with tunable gains of its own,
-        and the next state. A row of `gains` (N, g) has an arm's g numbers in the order of `numbers`, not checked; p (N,
-        r) is in rad (m), v in rad/s (m/s). Raises `InputError` on a wrong shape, `NonFiniteError` for results that are
-        not finite."""
+        and the next state. A row of `gains` (N, g) has an arm's g numbers in the order of the property `numbers`, not
+        checked; p (N, r) is in rad (m), v in rad/s (m/s); v and the reference have a row an arm or one for all. Raises
+        `InputError` on a wrong shape, `NonFiniteError` for results that are not finite."""
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
@@ -213,7 +213,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def kernel(self) -> Kernel | None:
-        """The law as native code, which can count its operations; None above LARGEST_COMPILED (100) joints.
+        """The control law as native code, which can count its operations; None above LARGEST_COMPILED (100) joints.
 
         It takes p (r,) in rad (m), v (r,) in rad/s (m/s), the reference's p, v and a, the memory in one array and any
         tunable numbers (g,), `packed`; it returns the torque (r,), N m (N), and the memory after it.
@@ -261,7 +261,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def gain_sizes(self) -> dict[str, int]:
-        """Number g of tunable gains, by the name "gains" of their column in native code; empty where there are none."""
+        """Number g of tunable gains, {"gains": g}, by the name of that argument of the native code; {} where none."""
         return {GAINS: self.packed.size} if self.packed.size else {}
 
     @cached_property

@@ -144,12 +144,12 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number r of joints that the wrapped control law moves."""
         return self.of.dof
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad or m, at which the wrapped law can start: its own `home`."""
+        """Positions (r,), rad or m, of r joints where the wrapped control law can start and is compiled."""
         return self.of.home
 
     @property

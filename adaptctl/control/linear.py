@@ -34,9 +34,10 @@ class LinearState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearController(Controller[LinearState]):
-    """Linear controller in discrete time: torque = C x + D z, then x = A x + B z, with the state x (n,) and the signals
-    z (5 r,): measured positions and velocities, then the reference's positions, velocities and accelerations, of r
-    joints, in rad (m), rad/s (m/s) and rad/s^2 (m/s^2). Torques are in N m (N for a prismatic joint).
+    """Linear controller in discrete time: torque = C x + D z, then x = A x + B z, with the state x (n,), n numbers, and
+    the signals z (5 r,): measured positions and velocities, then the reference's positions, velocities and
+    accelerations, of r joints, in rad (m), rad/s (m/s) and rad/s^2 (m/s^2). Torques are in N m (N for a prismatic
+    joint).
 
     `A` is (n, n), `B` (n, 5 r), `C` (r, n), `D` (r, 5 r). The torque that the inverse dynamics of the mechanism
     `feedforward` asks for on the reference is added, none for None. Raises `InputError` on wrong shapes, for numbers
@@ -105,18 +106,18 @@ class LinearController(Controller[LinearState]):
 
     @property
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number r of joints that the controller moves."""
         return len(self.D)
 
     def start(self, p: Array, v: Array) -> LinearState:
-        """The memory before the first tick: the controller's state x (n,), zero for all positions p and velocities v
-        (..., r)."""
+        """The memory before the first tick: the n numbers of the controller's state x (n,), zero whatever the positions
+        p and velocities v (..., r) are."""
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after it, the controller's state
-        x (n,); at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`,
-        positions, velocities and accelerations (r,), from the state in `memory`."""
+        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after it, the n numbers of the
+        controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
+        `reference`, positions, velocities and accelerations (r,), from the state in `memory`."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward

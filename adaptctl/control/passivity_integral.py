@@ -41,8 +41,8 @@ class PassivityIntegral(SlotineLi):
 
     Gives up: more than that under disturbance. In motion, and while adapting, a constant load leaves an error: s that
     is not zero is integrated by the estimate, which drifts (a leak or `Projection` bounds it). The integral overshoots,
-    and winds up while torques are limited. It stands still in a period whose `elapsed` is set to zero, as adaptation
-    does.
+    and winds up while torques are limited. It stands still in a period whose `elapsed`, the time in its memory, is set
+    to zero, as adaptation does.
 
     Arguments and defaults are those of `SlotineLi`: `model`, with its k parameters, `bandwidth` Lambda in 1/s and
     `damping` K in N m s/rad (N s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or Gamma (k,) or
@@ -63,8 +63,8 @@ class PassivityIntegral(SlotineLi):
         a_r (r,) in rad/s^2 (m/s^2), and the memory: the integral (r,) in rad s (m s) and the last e (r,).
 
         e = p - p_d is the tracking error and Lambda the bandwidth (1/s); `reference` has the desired p_d, v_d and a_d
-        (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is the last tick's. The configuration q
-        (n,) of the tree's joints is not used.
+        (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is the last tick's. The positions q (n,)
+        of all n joints of the tree are not used.
         """
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth

@@ -64,8 +64,9 @@ class PDGravity(ModelBased):
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
         """The torque (r,), N m (N for a prismatic joint), of one tick: gravity's, a spring's and a damper's; and the
-        memory after it, the configuration of the tree's joints. At measured positions p in rad (m) and velocities v in
-        rad/s (m/s), (r,), towards `reference`, positions and velocities (r,), with the last tick's `memory`."""
+        memory after it, the positions (n,) of all n joints of the spanning tree. At measured positions p in rad (m) and
+        velocities v in rad/s (m/s), (r,), towards `reference`, positions and velocities (r,), with the last tick's
+        `memory`."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

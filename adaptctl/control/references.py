@@ -58,9 +58,9 @@ def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
     frequency_h t + phase_h): columns (r,) of positions in rad (m), velocities in rad/s (m/s) and accelerations in
     rad/s^2 (m/s^2).
 
-    `numbers`, for r joints and h harmonics, are center (r,), amplitude, frequency (Hz) and phase (rad), each (h r,),
-    and start_time (1,), s, in which the fade rises from 0 to 1. Time and numbers are scalars of any kind: floats,
-    symbols, or arrays with an entry for each of many arms.
+    `numbers`, for r joints and h harmonics, are center (r,) and amplitude in rad (m), frequency (Hz) and phase (rad),
+    the last three (h r,), and start_time (1,), s, in which the fade rises from 0 to 1. Time and numbers are scalars of
+    any kind: floats, symbols, or arrays with an entry for each of many arms.
     """
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))

@@ -47,8 +47,9 @@ class TaskSpaceSlotineLi(SlotineLi):
         a_r = its exact derivative in time, by dual numbers;  s = v - v_r
         torque = Y_r(p, v, v_r, a_r) estimate - K s
 
-    J (m, r) is x's Jacobian, x_d the desired x, p and v the measured joints (r,), Y_r (r, k) the torque regressor, K
-    the damping.
+    J (m, r) is x's Jacobian, x_d the desired x, p and v (r,) the measured positions and velocities of the r primary
+    joints, Y_r (r, k) the torque regressor of k estimated parameters, K the damping, s the sliding variable. A prime is
+    a derivative in time, but the transpose of J and, in V below, of s and error.
 
     x (m,) are m of the three world coordinates of the point, in metres: `axes`, rising, 0 to 2 for x to z, by default
     all. `tool` (3,) is the point in the frame of `link`, in metres, None for its origin; `link` is a name, None for the
@@ -102,19 +103,21 @@ class TaskSpaceSlotineLi(SlotineLi):
     @property
     def reference_size(self) -> int:
         """Length of each part of a reference point, position, velocity or acceleration: m, the number of `axes`, or the
-        number r of joints where the reference is given in joints."""
+        number r of primary joints where `reference_in_joints` is true."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The joints' reference velocity v_r (r,) in rad/s (m/s), at which the tool is led to its path, its derivative
-        a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the memory.
+        """The reference velocity v_r (r,) of the r primary joints in rad/s (m/s), at which the tool is led to its path,
+        its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the law's memory for the next
+        tick.
 
-        The memory of a reference in joints is its configuration (n,) of the tree's n joints, from which loops are
-        followed; otherwise it is empty. q (n,) is the measured configuration, p (r,) in rad (m) and v (r,) in rad/s
-        (m/s) are measured, `memory` is the last tick's. `reference` is the tool's position, velocity and acceleration
-        (m,), in m, m/s and m/s^2 along the m axes, or those of the joints (r,).
+        With a reference in joints, that memory is the reference's configuration (n,) of the tree's n joints, from which
+        loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in rad (m)
+        and v (r,) in rad/s (m/s) the measured primary joints, `memory` the controller's at the last tick. `reference`
+        is the tool's position, velocity and acceleration (m,), in m, m/s and m/s^2 along the m axes, or those of the
+        joints (r,).
         """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
@@ -123,8 +126,8 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
         """The tool's coordinates x (m,), in metres, along the m world `axes`, and the m rows (r,) of their Jacobian J
-        (m, r) in m/rad (no unit for a prismatic joint), at the configuration q (n,) of the tree's n joints in rad
-        (m)."""
+        (m, r) by the r primary joints, in m/rad (no unit for a prismatic joint), at the configuration q (n,) of the
+        tree's n joints in rad (m)."""
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]

@@ -25,8 +25,9 @@ class Watch(NamedTuple):
     where M is not positive definite. `ringing` (T, r) is the correlation rho of each joint's sliding variable s = e' +
     Lambda e with itself a tick ago, averaged over about 100 ticks: -0.5 is an alarm, -0.9 a loop about to be lost.
 
-    T_c is the control period, K the damping, Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor, M
-    the true mass matrix, M^ the estimate's, e = p - p_d the tracking error. Nothing is checked.
+    T_c is the control period (s), r the number of primary joints, lambda_max the largest eigenvalue, K the damping,
+    Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor, M the true mass matrix, M^ the estimate's,
+    e = p - p_d the tracking error of the joints' positions. Nothing is checked.
     """
 
     adaptation: Array
@@ -46,10 +47,10 @@ def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1
     default all.
 
     The record's fields are `adaptation` (T,), of the adaptation gain over the period, `hold` (T,), of the torque held
-    over it, with the true `mechanism`, and `ringing` (T, r), the correlation of each joint's sliding variable with
-    itself a tick ago (`Watch`). The `run` must have all of the controller's ticks. The first two numbers cost a
-    regressor and a mass matrix a sample. Raises `InputError` for relatives of Slotine and Li's law, whose sliding
-    variable is another one, and for an adaptation law without a constant gain.
+    over it, with the true `mechanism`, and `ringing` (T, r), the correlation of the sliding variable of each of the r
+    primary joints with itself a tick ago. The `run` must have all of the controller's ticks. The first two numbers cost
+    a regressor and a mass matrix a sample. Raises `InputError` for relatives of Slotine and Li's law with another
+    sliding variable, such as `TaskSpaceSlotineLi`, and for an adaptation law without a constant gain.
     """
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]

@@ -58,9 +58,9 @@ class JointKind(Enum):
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a joint: its position range `lower` to `upper` (rad or m), greatest speed (rad/s or m/s) and greatest
-    effort (N m or N); infinite by default, for no limit. Raises `InputError` unless lower < upper and the others are
-    positive."""
+    """Limits of a joint: its position range `lower` to `upper` (rad or m), greatest speed `velocity` (rad/s or m/s) and
+    greatest `effort` (N m or N); infinite by default, for no limit. Raises `InputError` unless lower < upper and the
+    others are positive."""
 
     lower: float = -math.inf
     upper: float = math.inf
@@ -107,8 +107,8 @@ class Link:
     `near` is the pose of the joint's frame, at zero, in the parent link's frame, `far` that of the link's frame in the
     joint's moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end. `inertia` (10,)
     holds m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2) about the link frame's origin, zero
-    by default. A `massless` link only joins two joints, as in a floating base: its ten stay zero and are no parameters.
-    Raises `InputError` for an inertia of another shape, not finite, above 1e20, or of a massless link.
+    by default. A `massless` link only joins two joints, as in a floating base: its `inertia` stays zero and is no
+    parameter. Raises `InputError` for an inertia of another shape, not finite, above 1e20, or of a massless link.
     """
 
     name: str
@@ -133,9 +133,9 @@ class Description:
 
     Pinocchio gives wrong mass and Coriolis matrices, silently, on other orders. `gravity` (3,) is in the ground's
     frame, m/s^2, by default (0, 0, -9.81); `source` says where the numbers come from; `loops` is None for a tree, whose
-    joints are all primary. `visuals` are shapes to draw, `frames` named frames besides joints' and links'; no hash
-    counts them. Raises `InputError` for another order, no links, empty or repeated names, gravity not (3,), not finite
-    or above 1e9, visuals or drives of unknown links or joints, `NotFoundError` for unknown names in `loops`.
+    joints are all primary. `visuals` are shapes to draw, `frames` named frames besides joints' and links'; hashes leave
+    both out. Raises `InputError` for another order, no links, empty or repeated names, gravity not (3,), not finite or
+    above 1e9, visuals or drives of unknown links or joints, `NotFoundError` for unknown names in `loops`.
     """
 
     name: str
@@ -191,18 +191,18 @@ class Description:
 
     @cached_property
     def primary(self) -> tuple[int, ...]:
-        """Indices of the primary (independent) joints among the tree's, in the order of their coordinates p."""
+        """Indices, from 0, of the r primary (independent) joints among the tree's, in the order of their positions."""
         names = self.joint_names if self.loops is None else self.loops.primary
         return tuple(self.joint_names.index(name) for name in names)
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """Index of every link's parent link, -1 for the ground."""
+        """Index, from 0, of every link's parent among the links, -1 for the ground."""
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
-        """Mask (...) of primary joint positions p (..., r), rad (m): True where they keep the loops' conditions, bounds
-        on weighted sums of p, and everywhere if there are none."""
+        """Mask (...) of positions p (..., r), rad (m), of the r primary joints: True where p keeps the loops'
+        conditions, bounds on weighted sums of p, and everywhere if there are none. Nothing is checked."""
         p = np.asarray(p, dtype=np.float64)
         inside = np.ones(p.shape[:-1], dtype=np.bool_)
         for condition in self.loops.conditions if self.loops is not None else ():
@@ -228,8 +228,9 @@ class Description:
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
     def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
-        """Pairs (index of a joint, unitless ratio), joint number `joint` from 0 first, with ratio 1: velocities times
-        ratios add up to the speed of that joint's shaft, rad/s (m/s). Raises `InputError` for no joint's number."""
+        """Pairs (index of a joint, ratio without unit) of the joints that turn the drive's shaft of joint number
+        `joint`, counted from 0: that joint first, with ratio 1. The shaft's speed, rad/s (m/s), is the sum of their
+        velocities times their ratios. Raises `InputError` for a number that is no joint's."""
         drive = self.links[whole_number(joint, f"{self.name}: joint", 0, len(self.links) - 1)].joint.drive
         return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in drive.turns_with)
 
@@ -243,14 +244,14 @@ class Description:
 
     @property
     def energetic(self) -> int:
-        """Number of inertial parameters that enter the energy: all but friction's, which come last."""
+        """Number of inertial parameters that enter the energy: ten a body and rotor inertias; friction's come last."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The inertial parameters (P,), read-only: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of each body
-        (kg, kg m, kg m^2, about its frame's origin), then the drives' in SI units."""
+        """The P inertial parameters (P,), read-only: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of each
+        body (kg, kg m, kg m^2, about its frame's origin), then the drives' rotors and friction, SI units."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -338,9 +339,8 @@ class Description:
 
 
 def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
-    """The links in depth-first order, with their parents' new indices: every subtree contiguous and parents before
-    children; siblings keep their order. Raises `InputError` for a link that does not hang on the ground through its
-    parents."""
+    """The links in depth-first order (parents first, subtrees contiguous, siblings as given), with their parents' new
+    indices. Raises `InputError` for a link that does not hang on the ground through its parents."""
     given = tuple(links)
     order: list[int] = []
     pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]

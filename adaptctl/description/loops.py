@@ -146,8 +146,8 @@ class Loops:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
 
     def require_known(self, links: Collection[str], joints: Collection[str]) -> None:
-        """Raise `NotFoundError` where the loops name a link or a joint that is not among `links` and `joints`, the
-        names of the tree's links and joints."""
+        """Check of the names in the loops against `links` and `joints`, the names of the tree's links and joints;
+        nothing is returned. Raises `NotFoundError` where the loops name a link or a joint that is not among them."""
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
         named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}
         named_joints |= dict.fromkeys(self.primary, "primary") | dict.fromkeys(self.reference, "reference")

@@ -64,7 +64,7 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
-        """The identity pose: that of a frame in itself."""
+        """The identity pose, that of a frame in itself: no turn, no shift."""
         return cls(np.eye(3), np.zeros(3))
 
     def __matmul__(self, inner: Pose) -> Pose:

@@ -60,9 +60,9 @@ class AddedMass:
     @cached_property
     def essential(self) -> Array:
         """The projection V1 V1' c (P,), in SI units, of the change c (P,) of the P inertial parameters by the added
-        body: the part of c that changes energies and torques. V1 (P, k) is an orthonormal basis of the essential space,
-        k its rank. Raises `InputError` for an unknown link, `RankError` where the mechanism's rank cannot be certified.
-        Read-only."""
+        body: the part of c that changes energies and torques. V1 (P, k) is an orthonormal basis of the essential space:
+        the k right singular vectors of the task's energies whose singular values are not zero. Raises `InputError` for
+        an unknown link, `RankError` where the mechanism's rank cannot be certified. Read-only."""
         return frozen(self.task.space.project(self.change))
 
     @property

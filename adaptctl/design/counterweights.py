@@ -113,8 +113,9 @@ class Counterweights:
     def saved(self) -> float:
         """Share (unitless) of the cost of the motion, which `objective` names, that the counterweights found remove,
         from 0 to 1; 0 where the cost without them is zero. Raises `InputError` for a counterweight on an unknown link,
-        for a link's inertial parameter above 1e20 (SI units) and for an unknown objective, `RankError` for "components"
-        where the mechanism's rank cannot be certified."""
+        for a link's inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for a
+        percentage that is no finite number of at least 0, `RankError` for "components" where the mechanism's rank
+        cannot be certified."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property

@@ -97,16 +97,16 @@ class Removal:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, of the fundamental (base) parameters (with a star) from inertial parameters,
-        those that the change of design alters, as they are before it: such as "link2.mc_x* = link2.mc_x + 0.4318
-        (link2.m + link3.m)". Coefficients are in SI units."""
+        """Regrouping equations, as text, that the change of design alters, as they are before it. Each gives a
+        fundamental (base) parameter, marked with a star, as a sum of inertial parameters, such as "link2.mc_x* =
+        link2.mc_x + 0.4318 (link2.m + link3.m)". Coefficients are in SI units."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, of the fundamental (base) parameters (with a star) from inertial parameters,
-        those that the change of design alters, as they are after it: first those of parameters that become zero,
-        "link3.I_xy* = 0". Coefficients are in SI units."""
+        """Regrouping equations, as text, that the change of design alters, as they are after it. Each gives a
+        fundamental (base) parameter, marked with a star, as a sum of inertial parameters; first come parameters that
+        become zero, "link3.I_xy* = 0". Coefficients are in SI units."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 

@@ -49,10 +49,10 @@ class DesignTask:
     their `origin`, in words.
 
     Costs of a design are linear in the P inertial parameters D (P,), ten a link (kg, kg m, kg m^2) and rotor inertias
-    (kg m^2 or kg), without friction: each is the norm |M D| with a matrix M (n, P), n <= P. At construction raises
-    `InputError` for arrays of other shapes or of fewer than two states, for a mechanism with relations that bind some
-    of its inertial parameters, and for positions and velocities that are alike to 1e-9: a task without motion has no
-    energy to judge by; `NonFiniteError` for NaN or infinity. With loops, anything computed from states near locked
+    (kg m^2 or kg), without friction: each is the norm |M D| with a matrix M (n, P) of n <= P rows. At construction
+    raises `InputError` for arrays of other shapes or of fewer than two states, for a mechanism with relations that bind
+    some of its inertial parameters, and for positions and velocities that are alike to 1e-9: a task without motion has
+    no energy to judge by; `NonFiniteError` for NaN or infinity. With loops, anything computed from states near locked
     loops raises `SingularityError`; states too large for numbers, `NonFiniteError`.
     """
 
@@ -124,9 +124,9 @@ class DesignTask:
 
     @cached_property
     def basis(self) -> FundamentalBasis:
-        """The fundamental basis of the mechanism, a `FundamentalBasis`: the k of its inertial parameters that are kept
-        (base parameters), and the regrouping of the others onto them. The order in which dependent parameters are
-        removed is the default one, `Priority.default`. Raises `RankError` where the rank cannot be certified."""
+        """The fundamental basis of the mechanism, a `FundamentalBasis`: its k fundamental (base) parameters, and the
+        regrouping equations that add the other inertial parameters to them. Dependent parameters are removed in the
+        default order (`Priority.default`). Raises `RankError` where the mechanism's rank cannot be certified."""
         return fundamental_basis(self.space, Priority())
 
     @cached_property
@@ -155,9 +155,9 @@ class DesignTask:
             )
 
     def matrix(self, objective: str) -> Array:
-        """The matrix M (n, P), n <= P, of the cost |M D| that `objective` names, for P inertial parameters D (P,) in SI
-        units: M D is in J for "energy" and "components", a share of the torque limits (unitless) for "torque", and kg
-        m^2 for "coupling".
+        """The matrix M (n, P), of n <= P rows, of the cost |M D| that `objective` names, for P inertial parameters D
+        (P,) in SI units: M D is in J for "energy" and "components", a share of the torque limits (unitless) for
+        "torque", and kg m^2 for "coupling".
 
         The cost is a root mean square over the states. For "energy" it is that of the energy about its mean: its square
         is half the mean square of the energy's differences among all pairs of states (Sheu and Walker 1991, equation

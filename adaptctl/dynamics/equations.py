@@ -89,8 +89,8 @@ class Equations(ABC):
     @property
     @abstractmethod
     def parameters(self) -> int:
-        """Number P of inertial and friction parameters: ten for each body and one for each term of a drive or, under
-        linear constraints, the free ones."""
+        """Number P of inertial and friction parameters: ten for each body and one for each rotor or friction term of a
+        drive or, under linear constraints, the free ones."""
 
     @property
     def has_known_share(self) -> bool:
@@ -101,17 +101,17 @@ class Equations(ABC):
     @abstractmethod
     def closed(self, p: Column, guess: Column) -> Column:
         """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
-        primary joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a tree. In closed
-        form where the loops allow, else by three Newton steps, which is exact to round-off from within 0.05 rad. Not
-        checked: where the loops stay open, nothing is raised; too short a p or guess raises `ValueError` or
+        primary joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a tree. It is found
+        in closed form where the loops allow, else by three Newton steps, which is exact to round-off from within 0.05
+        rad. Not checked: where the loops stay open, nothing is raised; too short a p or guess raises `ValueError` or
         `IndexError` with loops, exactly locked loops `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def projected(self, q: Column) -> Column:
         """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary joints' positions of q
-        (n,) and all loops closed, in closed form, or closed better, by one Newton step from near a closed one; q itself
-        for a tree. Not checked: with loops, too short a q raises `IndexError`, loops exactly locked `ZeroDivisionError`
-        in floats."""
+        (n,) and the loops closed: exactly where a closed form exists, else more closely than in q, by one Newton step,
+        q being near a closed one. q itself for a tree. Not checked: with loops, too short a q raises `IndexError`,
+        loops exactly locked `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def rates(self, q: Column, v: Column) -> Column:
@@ -137,23 +137,23 @@ class Equations(ABC):
 
     @abstractmethod
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
-        """The `Motion` at a configuration q (n,) of the tree's n joints, rad (m if prismatic), under velocities v and
-        Slotine and Li's reference velocities v_r (r,) of the r primary joints, rad/s (m/s), and reference accelerations
-        a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers follow from it. Not checked: columns too short raise
-        `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        """The state of motion, a `Motion`, at a configuration q (n,) of the tree's n joints, rad (m if prismatic),
+        under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary joints, rad/s (m/s), and
+        reference accelerations a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers follow from it. Not checked:
+        columns too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def remembered(self, numbers: Column) -> Motion:
-        """The `Motion` made again from its `Motion.numbers` (motion_size,), scalars in SI units, without the sines, the
-        recursion over the links and the loops' Jacobian that it took to make it. Not checked: too few numbers raise
-        `TypeError` or `IndexError` or, where only a few lack, pass until the motion is asked for torques; too many may
-        pass."""
+        """The state of motion, a `Motion`, made again from its `Motion.numbers` (`motion_size`,), scalars in SI units,
+        without the sines, the recursion over the links and the loops' Jacobian that it took to make it. Not checked:
+        too few numbers raise `TypeError` or `IndexError` or, where only a few lack, pass until the motion is asked for
+        torques; too many may pass."""
 
     @property
     @abstractmethod
     def motion_size(self) -> int:
-        """Number of scalars in `Motion.numbers`: 14 a link (13 if prismatic), one for each term of a drive and, with
-        loops, the slope of each dependent joint by each primary one."""
+        """Number of scalars that store one state of motion, `Motion.numbers`: 14 a link (13 if prismatic), one for each
+        rotor or friction term of a drive and, with loops, the slope of each dependent joint by each primary one."""
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:

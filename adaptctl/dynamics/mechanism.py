@@ -95,7 +95,7 @@ class Mechanism:
     @cached_property
     def continuation(self) -> Continuation | None:
         """The `Continuation` that follows closed loops from the reference configuration, in which they are known to
-        close, to others on its branch; None for a tree. Raises `LoopError` where loops do not fit together."""
+        close, to others on its assembly branch; None for a tree. Raises `LoopError` where loops do not fit together."""
         if self._looped is None:
             return None
         from adaptctl.dynamics.loops.continuation import Continuation
@@ -131,7 +131,7 @@ class Mechanism:
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """The n links in depth-first order, parents before children, each with the joint that moves it."""
+        """The n links of the tree in depth-first order, parents before children, each with the joint that moves it."""
         return self.description.links
 
     @cached_property
@@ -158,7 +158,7 @@ class Mechanism:
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of all P parameters by the Z that constraints leave free: the identity with none."""
+        """Derivatives (P, Z) of all P parameters by the Z that constraints leave free; the identity without any."""
         return np.eye(len(self.parameter_names))
 
     @property
@@ -179,7 +179,7 @@ class Mechanism:
 
     @property
     def primary_joints(self) -> tuple[Joint, ...]:
-        """The r primary joints, in the order of their coordinates p; loops move the others."""
+        """The r primary joints, in the order of their positions p (r,); loops move the others."""
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
@@ -200,19 +200,19 @@ class Mechanism:
         return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
-        """The energy regressor E (..., P), J per unit of each parameter, at positions p, rad (m), and velocities v,
-        rad/s (m/s), both (..., r): kinetic plus potential energy is E @ D, D (P,) the `inertial_parameters` (Sheu and
-        Walker 1991, section 2.2). `out`, float64, is filled and returned, None for a fresh array. Raises `InputError`
-        on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """The energy regressor E (..., P), J per unit of each of P parameters, at positions p and velocities v (..., r)
+        of r primary joints, rad, rad/s (m): E @ D is kinetic plus potential energy, D (P,) the `inertial_parameters`
+        (Sheu and Walker 1991, section 2.2). `out`, float64, is filled and returned, None for a fresh array. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
 
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at primary positions p,
-        rad (m), and velocities v, rad/s (m/s), both (..., r). Raises `InputError` on a wrong shape, `NonFiniteError` on
-        NaN or infinity, `SingularityError` near locked loops."""
+        """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad
+        (m), and velocities v, rad/s (m/s), both (..., r), of the r primary joints. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
     def torque_regressor(
@@ -224,10 +224,10 @@ class Mechanism:
         out: Array | None = None,
     ) -> Array:
         """The torque regressor Y (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): Y D is the
-        torque that gives the accelerations a at positions p and velocities v, all (..., r), rad, rad/s, rad/s^2 (m if
-        prismatic). `columns` are the indices of the k parameters asked for, then Y is (..., r, k); None for all. `out`,
-        float64 of Y's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape or
-        index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        torque that gives r primary joints the accelerations a at positions p and velocities v, all (..., r), rad,
+        rad/s, rad/s^2 (m). `columns` are the indices of the k parameters asked for, then Y is (..., r, k); None for
+        all. `out`, float64 of Y's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong
+        shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.on_columns("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -242,11 +242,11 @@ class Mechanism:
         out: Array | None = None,
     ) -> Array:
         """The Slotine-Li regressor Y_r (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): Y_r D
-        = M a_r + C v_r + g + friction at v_r, M the mass matrix, C the Christoffel one at v, g gravity (Slotine and Li
-        1987). Positions p, velocities v, reference ones v_r and accelerations a_r are (..., r), rad, rad/s, rad/s^2 (m
-        if prismatic). `columns` are the indices of the k parameters asked for, then Y_r is (..., r, k); None for all.
-        `out`, float64 of Y_r's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong
-        shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        = M a_r + C v_r + g + friction at v_r, M the mass matrix, C the Christoffel (Coriolis) one at v, g gravity. p,
+        v, v_r, a_r are positions, velocities, Slotine and Li's reference velocities and accelerations (..., r) of r
+        primary joints, rad, rad/s, rad/s^2 (m). `columns` are the indices of k parameters, then Y_r is (..., r, k);
+        None for all. `out`, float64 of Y_r's shape, is filled and returned, None for a fresh array. Raises `InputError`
+        on a wrong shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         own = self._arrays.slotine_li_regressor
         equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
@@ -262,8 +262,8 @@ class Mechanism:
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """The part of the torque (..., r), N m (N), due to values that linear constraints on parameters fix, which
-        regressors times free parameters leave out: zero without constraints. Positions p, velocities v, accelerations a
-        are (..., r), rad and s (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of r joints,
+        rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 

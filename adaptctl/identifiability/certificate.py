@@ -43,10 +43,11 @@ class Certificate:
     how clear-cut they are.
 
     With singular values sigma_1 >= sigma_2 >= ..., `rank_energy` is the rank of the energy differences at `samples`
-    random states, drawn by `seed`, `rank_doubled` of twice as many, `rank_torque` of rows of the torque regressor, None
-    by transfers. `gap` is sigma_k/sigma_k+1 of the energy differences, `relative_smallest` sigma_k/sigma_1, both
-    floored at 1e-15 of sigma_1. `null_residual` is the largest torque that any null vector (a change of parameters that
-    changes no energy) makes on other samples, relative to the largest that a vector of its size can make.
+    random states, drawn by `seed`, `rank_doubled` that of twice as many, `rank_torque` that of rows of the torque
+    regressor, None where the method was transfers (below). `gap` is sigma_k/sigma_k+1 of the energy differences,
+    `relative_smallest` sigma_k/sigma_1, both floored at 1e-15 of sigma_1. `null_residual` is the largest torque that
+    any null vector (a change of parameters that changes no energy) makes on other samples, relative to the largest that
+    a vector of its size can make.
 
     By transfers, the method that finds a tree's rank joint by joint, `rank_geometry`, which follows from the tree's
     geometry (None otherwise), takes the place of `rank_torque`. Gap and smallest value are then those of the worst
@@ -75,8 +76,8 @@ class Certificate:
 
     @property
     def rank(self) -> int:
-        """The rank k by the energies, the number of identifiable inertial parameters, without friction: certified where
-        `faults` is empty."""
+        """The rank k of the energy differences: the number of identifiable inertial parameters, without friction. It is
+        certified where `faults`, reasons to refuse it, is empty."""
         return self.rank_energy
 
     @property
@@ -129,9 +130,9 @@ class Certificate:
 
     def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
         """Raise `RankError` unless the rank, the number of identifiable parameters, can be accepted, that is unless
-        `faults` is empty. The error's `singular_values` are the n scaled singular values `spectrum` (n,), falling, no
-        unit, an array that is not checked; its message names the `mechanism`, the faults and the `suspects`, possible
-        causes, none by default."""
+        `faults`, reasons to refuse it, is empty. The error's `singular_values` are the n scaled singular values
+        `spectrum` (n,), falling, no unit, an array that is not checked; its message names the `mechanism`, the faults
+        and the `suspects`, possible causes, none by default."""
         if not self.faults:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)

@@ -31,10 +31,10 @@ EDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Lift:
-    """A lift of k fundamental parameters to P full ones, all in SI units: physically consistent `parameters` (P,),
-    which rigid bodies can have, in the order of the mechanism's `parameter_names`; their `fundamental` ones (k,), in
-    that of the reduced model's `names`; and likewise the `wanted` ones (k,), those asked for. Nothing is checked at
-    construction."""
+    """A lift of k fundamental parameters to P full (inertial and friction) ones of the same mechanism, all in SI units:
+    physically consistent `parameters` (P,), which rigid bodies can have, in the order of the mechanism's
+    `parameter_names`; their `fundamental` ones (k,), in that of the reduced model's `names`; and likewise the `wanted`
+    ones (k,), those asked for. Nothing is checked at construction."""
 
     parameters: Array
     """Physically consistent full parameters (P,)."""
@@ -46,20 +46,21 @@ class Lift:
     @cached_property
     def distance(self) -> float:
         """The relative distance |fundamental - wanted| / |wanted| of the lift's fundamental parameters from those asked
-        for, by the root of summed squares of the numbers in SI units; |fundamental| where all asked for are zero."""
+        for, without a unit: |.| is the root of the summed squares of the numbers in SI units; |fundamental| where all
+        asked for are zero."""
         return float(np.linalg.norm(self.fundamental - self.wanted)) / _size(self.wanted)
 
     @property
     def realisable(self) -> bool:
-        """True if some rigid bodies have the fundamental parameters asked for: if the relative `distance` of the lift's
-        own from them is below 1e-6."""
+        """True if some rigid bodies have the fundamental parameters asked for: if the relative `distance` (no unit) of
+        the lift's fundamental parameters from them is below 1e-6."""
         return self.distance < REALISABLE
 
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
-    """The lift of fundamental parameters beta (k,) to the physically consistent full ones (P,) that are nearest to a
-    prior (P,), all in SI units; beta in the order of the model's `names`, the prior in that of its mechanism's
-    `parameter_names`.
+    """The lift of k fundamental parameters beta (k,) to the P physically consistent full (inertial and friction) ones
+    that are nearest to a prior (P,), all in SI units; beta in the order of the model's `names`, the prior in that of
+    its mechanism's `parameter_names`.
 
     Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is meant
     by the Bregman divergence sum_i tr(Q_i^-1 P_i) - log det(Q_i^-1 P_i) of the links' pseudo-inertias P_i (4, 4) from

@@ -37,10 +37,10 @@ class EssentialSpace:
     that change energies and torques, and the complement, the null space, which changes none.
 
     `singular_values` (P,) and `basis` V1 (P, k) belong to the matrix H (samples - 1, P) of differences of total energy
-    between successive states, in J per SI unit of each parameter, not scaled (Sheu and Walker 1991, section 3).
-    `null_basis` V2 (P, P-k) is orthonormal and does not depend on the states. `scales` (P,) make parameters comparable:
-    choices between parameters of different units are made on D / scales, whose null vectors are `scaled_null_basis` (P,
-    P-k). Arrays are computed when first asked for, and are read-only.
+    between successive ones of `samples` states, in J per SI unit of each parameter, not scaled (Sheu and Walker 1991,
+    section 3). `null_basis` V2 (P, P-k) is orthonormal and does not depend on the states. `scales` (P,) make parameters
+    comparable: choices between parameters of different units are made on D / scales, whose null vectors are
+    `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are read-only.
 
     `search` holds the mechanism and the settings by which the null space is found, `certificate` proves its rank k,
     `states` says in words where the states of H come from, `energies` gives the triangular factor R (at most P, P) of H
@@ -87,20 +87,20 @@ class EssentialSpace:
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the mechanism's geometry, gravity and names, which is all that the null space
-        depends on."""
+        """SHA-256 hash (hexadecimal) of what the null space depends on: the mechanism's gravity, joints, frames, link
+        names, loops, drive terms and constraints, but no parameters' values."""
         return self.mechanism.geometry_sha256
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names, P of them, of the parameters that enter energies, all but friction, such as ``link3.I_xx``, in the
-        mechanism's order."""
+        """Names, P of them, of the inertial parameters, all but friction, such as ``link3.I_xx``, in the mechanism's
+        order."""
         return energetic_names(self.mechanism)
 
     @property
     def rank(self) -> int:
-        """The rank k: the number of independent directions of the P inertial parameters that change energies and
-        torques."""
+        """The rank k: the number of independent directions of the P inertial parameters (all but friction) that change
+        energies and torques."""
         return self.certificate.rank
 
     @cached_property
@@ -113,26 +113,27 @@ class EssentialSpace:
     @cached_property
     def scaled_null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the P scaled inertial parameters
-        D / `scales` that change no energy and no torque."""
+        D / `scales` (in J, without friction) that change no energy and no torque."""
         return self._null_vectors(self.null_space.null_basis, "scaled null basis")
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors V2 (P, P-k), k the rank: directions of the P inertial parameters D, as numbers in SI
-        units, that change no energy and no torque."""
+        """Orthonormal null vectors V2 (P, P-k), k the rank: directions of the P inertial parameters D (without
+        friction), as numbers in SI units, that change no energy and no torque."""
         return self._null_vectors(self._bases[0], "null basis")
 
     @cached_property
     def singular_values(self) -> Array:
         """Singular values (P,), falling, of the matrix H (samples - 1, P) of differences of total energy between
-        successive states, in J per SI unit of each of the P inertial parameters, which are not scaled."""
+        successive ones of `samples` states, in J per SI unit of each of the P inertial parameters, which are not
+        scaled."""
         return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
         """The orthonormal right singular vectors V1 (P, k), without a unit, that belong to the k largest singular
         values, in their order, k the rank, of the matrix H (samples - 1, P) of differences of total energy between
-        successive states, one column for each of P inertial parameters in SI units."""
+        successive ones of `samples` states, one column for each of P inertial parameters in SI units."""
         complement = self._bases[1]
         V1 = complement @ right_vectors(self._triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")

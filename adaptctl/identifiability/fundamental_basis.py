@@ -69,29 +69,30 @@ class FundamentalBasis:
 
     @property
     def rank(self) -> int:
-        """The number k of fundamental (base) parameters: of the inertial parameters, those that are kept."""
+        """The number k of fundamental (base) parameters: the inertial parameters that are kept, others being regrouped
+        onto them; friction is not counted."""
         return len(self.columns)
 
     @cached_property
     def condition(self) -> float:
-        """The condition number, without a unit, of F2' V2 (P-k, P-k), where k of P parameters are kept: the removed
-        parameters' rows of the orthonormal null vectors V2 (P, P-k) of parameters in SI units (Sheu and Walker 1991,
-        equation 25); 1 where none is removed. The larger, the more poorly the removed parameters are determined by the
-        kept ones."""
+        """The condition number, without a unit, of the matrix F2' V2 (P-k, P-k), where k of P parameters are kept: F2
+        picks the removed parameters' rows of the orthonormal null vectors V2 (P, P-k) of parameters in SI units (Sheu
+        and Walker 1991, equation 25); 1 where none is removed. The larger, the more poorly the removed parameters are
+        determined by the kept ones."""
         return condition(np.delete(self.regrouping, self.columns, axis=1))
 
     @cached_property
     def scaled_condition(self) -> float:
         """The condition number, without a unit, of the removed parameters' rows (P-k, P-k) of the orthonormal null
-        vectors (P, P-k), where k of P parameters are kept, among parameters over `scales`, so that it does not depend
-        on units; 1 where none is removed."""
+        vectors (P, P-k), where k of P parameters are kept. These are directions of the parameters divided by `scales`
+        (P,), so that it does not depend on units; 1 where none is removed."""
         scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
         return condition(np.delete(scaled, self.columns, axis=1))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names, k of them, of the kept inertial parameters, such as ``link2.mc_x``, in the order of the fundamental
-        ones."""
+        (base) parameters; friction is not among them."""
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
@@ -112,8 +113,8 @@ class FundamentalBasis:
         return titled("FundamentalBasis", text) + table(("kept", "is"), rows)
 
     def save(self, path: str | Path) -> None:
-        """Write the basis to the file `path` as JSON, whole or not at all, for `load` to read; `passed_over` is left
-        out. Raises `FileError` where it cannot be written."""
+        """Write the basis to the file `path` as JSON, whole or not at all, for `load` to read; `passed_over`, names of
+        parameters kept against the order of removal, is left out. Raises `FileError` where it cannot be written."""
         BasisFile(
             schema="adaptctl/fundamental-basis/1",
             robot=Robot(self.mechanism_name, self.geometry_sha256),
@@ -147,7 +148,7 @@ def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
     """The fundamental basis of an essential space: the k of P inertial parameters that are kept (base parameters), by
-    removing the others in the order of a priority.
+    removing the others in the order of a `priority`, the first first, and regrouping them onto the k.
 
     A priority of None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy, I_xz,
     I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. A parameter is removed where more than
@@ -158,8 +159,8 @@ def fundamental_basis(
     Raises `RankError` when exact geometry keeps other parameters and the tolerance does not explain it, when the kept
     parameters have another rank than the space, and when the null vectors determine the regrouping too poorly
     (condition above 1e4 among scaled parameters): the priority then removes parameters that very nearly depend on each
-    other. Raises `InputError` for another tolerance, and for what is no priority, or one whose names are given twice
-    or (`NotFoundError`) unknown.
+    other. Raises `InputError` for another tolerance, and for what is no priority, or one whose names are given twice or
+    (`NotFoundError`) unknown.
     """
     order = or_default(priority).indices(space.parameter_names)
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]

@@ -44,13 +44,15 @@ class Reduction:
 
     @property
     def percent_error(self) -> float:
-        """The energy error of the components kept: the root of the summed squares of the errors in the energy
-        differences between successive states, in percent of that of these differences themselves."""
+        """The energy error of the reduced parameters, the sum of the `kept` components, in percent: the root of the
+        summed squares of the errors in the energy differences between successive states, over that of these differences
+        themselves."""
         return float(self.percent_errors[self.kept])
 
     def parameters(self, components: int | None = None) -> Array:
-        """Reduced inertial parameters (P,) in SI units, without friction, the paper's D_E with a hat: the sum of the
-        first `components` of the k components, of all that are `kept` where None.
+        """Reduced inertial parameters (P,) in SI units, without friction: the sum of the first `components` of the k
+        essential components, the parts (P,) of the parameters along the k directions that change energies, the
+        weightiest first; of all that are `kept` where None.
 
         Raises `InputError` for what is no whole number from 0 to k.
         """
@@ -65,15 +67,16 @@ def reduce(
     energy_error: float | None = None,
     components: int | None = None,
 ) -> Reduction:
-    """The reduction of inertial parameters to the fewest essential components with an energy error of at most
-    `energy_error` percent, or to a number of `components`, from 0 to the space's rank.
+    """The reduction of inertial parameters to the fewest essential components (parts along the singular vectors in the
+    space's `basis`) with an energy error of at most `energy_error` percent, or to a number of `components`, from 0 to
+    the space's rank.
 
     `parameters` are inertial parameters (P,) in SI units, without friction, or a mechanism that has them. The error is
     the root of the summed squares of the errors in the energy differences between successive samples of the space's
     `states`, in percent of that of these differences themselves (equation 22 of Sheu and Walker 1991). Raises
     `InputError` unless one of `energy_error` and `components` is given, the other None; for an `energy_error` below 0,
-    not finite or no number, and `components` out of range or no whole number; and for parameters of a wrong shape,
-    not finite, or without energy differences between the states.
+    not finite or no number, and `components` out of range or no whole number; and for parameters of a wrong shape, not
+    finite, or without energy differences between the states.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")

@@ -24,9 +24,9 @@ class NearRightAngle:
     """A near right angle: two successive joints the angle between whose axes nearly, but not quite, is a multiple of 90
     degrees.
 
-    `parent` names the joint before, or is "gravity" for a joint on the ground, `child` the joint; `degrees` is the
-    multiple that is missed (0, 90 or 180), and `miss` the angle beyond it in rad, negative where it falls short, less
-    than 1e-3 in size. Nothing is checked at construction.
+    `parent` is the name of the joint before, or "gravity" for a joint on the ground, `child` the joint; `degrees` is
+    the multiple that is missed (0, 90 or 180), and `miss` the angle beyond it in rad, negative where it falls short,
+    less than 1e-3 in size. Nothing is checked at construction.
     """
 
     parent: str

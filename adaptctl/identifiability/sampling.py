@@ -71,9 +71,9 @@ def _offset(first: Pose, second: Pose) -> Array:
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
-    """Random states (`samples`, r) of r primary joints, drawn with `generator`: positions uniform within +-pi rad
-    (prismatic joints: +-L in m), and normal velocities of mean zero and standard deviation sqrt(g/L) in rad/s (times L
-    in m/s).
+    """Random states (`samples`, r) of r primary joints, drawn with NumPy's `generator`: positions uniform within +-pi
+    rad (prismatic joints: +-L in m), and normal velocities of mean zero and standard deviation sqrt(g/L) in rad/s
+    (times L in m/s).
 
     L is the largest distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the
     mechanism's gravity (m/s^2), the standard one where it has none. Limits are ignored, but for joints that move a

@@ -71,7 +71,7 @@ class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 @dataclass(frozen=True, eq=False)
 class Drives:
     """Drives of a robot, as its motors and joints are coupled: motor position = transmission (joint position -
-    offsets), and joint torque = transmission' motor torque.
+    offsets), and joint torque = transmission' motor torque, with the transpose.
 
     `joints` are the names of the r joints; `transmission` (r, r) is each motor's speed (row) for a unit of each joint's
     speed (column); `offsets` (r,) are the joint positions, rad (m), where the motors are at zero. `motors` (r) are the
@@ -105,18 +105,20 @@ class Drives:
 
     def position(self, motor: ArrayLike) -> Array:
         """Joint positions (..., r), rad (m), of the positions `motor` (..., r) of r motors, rad (m): transmission^-1
-        motor + offsets. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        motor + offsets, with `transmission` (r, r) from joint to motor speeds and `offsets` (r,), the joint positions
+        where the motors are at zero. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: positions") @ self._inverse.T + self.offsets
 
     def velocity(self, motor: ArrayLike) -> Array:
         """Joint velocities (..., r), rad/s (m/s), of the velocities `motor` (..., r) of r motors, rad/s (m/s):
-        transmission^-1 motor. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        transmission^-1 motor, with `transmission` (r, r) from joint to motor speeds. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: velocities") @ self._inverse.T
 
     def torque(self, motor: ArrayLike) -> Array:
         """Joint torques (..., r), N m (N for a prismatic joint), of the torques `motor` (..., r) of r motors, N m (N):
-        transmission' motor, with the transpose. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity."""
+        transmission' motor, with the transpose of `transmission` (r, r), from joint to motor speeds. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: torques") @ self.transmission
 
     @cached_property
@@ -151,9 +153,9 @@ class Drives:
         )
 
     def on_joints(self) -> tuple[Drive, ...]:
-        """Drives for a mechanism's description, r of them, one a joint in the order of `joints`, with no rotor or
-        friction modelled yet. Each turns with the joints that its motor turns with, in ratios (no unit) to its own
-        joint. Raises `InputError` where one of these is beyond a double."""
+        """Drives (`Drive`) for a mechanism's description, one for each of r joints in the order of `joints`, with no
+        rotor or friction modelled yet. Each turns with the joints that its motor turns with, in ratios (no unit) to its
+        own joint. Raises `InputError` where one of these ratios is too large for a double-precision number."""
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]

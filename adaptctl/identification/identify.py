@@ -102,8 +102,8 @@ class Identification:
 
     @property
     def inflation(self) -> float:
-        """Median ratio, without a unit, of the fundamental parameters' standard deviations to those that white
-        residuals would give; 1 where these are all zero."""
+        """Median ratio, without a unit, over the identified fundamental parameters, of their standard deviations to
+        those that white residuals would give; 1 where the latter are all zero."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known])) if known.any() else 1.0
 

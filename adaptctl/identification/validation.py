@@ -53,13 +53,14 @@ class Validation:
 
     @property
     def joint_rms_errors(self) -> Array:
-        """RMS torque error (r,) of each of r joints over all instants, N m (N for a prismatic joint)."""
+        """Root mean square torque errors (r,) of each of r joints over all instants, N m (N for a prismatic joint)."""
         return np.sqrt(np.mean(np.square(self.error), axis=0))
 
     @property
     def joint_relative_errors(self) -> Array:
-        """RMS torque error (r,) of each of r joints over all instants, divided by its RMS measured torque, without a
-        unit; 0 without an error, infinite for any other where the measured torques are all zero."""
+        """Relative torque errors (r,): the root mean square (RMS) torque error of each of r joints, over all instants,
+        over its RMS measured torque, without a unit; 0 without an error, infinite for any other where the measured
+        torques are all zero."""
         return _relative(np.linalg.norm(self.error, axis=0), np.linalg.norm(self.measured, axis=0))
 
     @cached_property
@@ -69,8 +70,9 @@ class Validation:
 
     def autocorrelation(self, lags: int = 50) -> Array:
         """Autocorrelation (lags + 1, r) of the torque errors of r joints less their means, without a unit, at 0 to
-        `lags` rows apart (at least 0; n - 1 of the n rows is the most). It is 1 at lag 0, and for white errors about
-        zero after it, as for a joint's errors that are all the same. Raises `InputError` for other lags."""
+        `lags` rows apart (a whole number of at least 0; any above n - 1, for n rows, counts as n - 1). It is 1 at lag
+        0, and about 0 after it for white errors; it is 0 after it, too, for a joint whose errors are all the same.
+        Raises `InputError` for other lags."""
         count = min(whole_number(lags, "lags", 0, sys.maxsize), len(self.error) - 1)
         centred = np.where(np.ptp(self.error, axis=0) > 0.0, self.error - self.error.mean(axis=0), 0.0)
         whole = np.square(centred).sum(axis=0)

@@ -322,7 +322,7 @@ class Comparison:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the r primary joints, in the order of the runs' columns."""
+        """Names of the r primary joints, in the order of the columns of the runs' positions and torques."""
         return tuple(joint.name for joint in self.mechanism.primary_joints)
 
     @property
@@ -358,6 +358,6 @@ class Comparison:
 
     @property
     def peak_torque_shares(self) -> Array:
-        """Largest magnitude of each joint's applied torque (r,) in the first run, as a share of the joint's torque
-        limit, no unit: 1 at the limit."""
+        """Largest magnitudes (r,) of the applied torques of r primary joints in the first run, each as a share of the
+        joint's torque limit, no unit: 1 at the limit."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

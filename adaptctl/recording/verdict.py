@@ -10,11 +10,11 @@ from typing import Any
 
 class Failure(Enum):
     """Enumeration of the kinds of a controller's failure in an experiment: STOPPED, the environment ended the run
-    early, a joint's position error having passed its bound, or kinematic loops having come near a singularity or left
-    their conditions; DIVERGED, a position error was 1 rad (m) or more in the run's last 2 s; SATURATED, a torque was at
-    its limit for over 2 s in all; NO_BETTER, the RMS position error over the last 2 s is not below 0.9 of that with
-    adaptation off; DIFFERS, a build of exported code does not compile, or does not repeat Python's torques within its
-    tolerance. The value is a word for it, such as "diverged"."""
+    early, a joint's position error having passed its bound, or the mechanism having come near a singularity of its
+    kinematic loops or broken a condition that its file states; DIVERGED, a position error was 1 rad (m) or more in the
+    run's last 2 s; SATURATED, a torque was at its limit for over 2 s in all; NO_BETTER, the RMS position error over the
+    last 2 s is not below 0.9 of that with adaptation off; DIFFERS, a build of exported code does not compile, or does
+    not repeat Python's torques within its tolerance. The value is a word for it, such as "diverged"."""
 
     STOPPED = "stopped"
     """the environment ended the run, an error having passed its bound"""
@@ -50,9 +50,9 @@ class Verdict:
 
     @classmethod
     def of(cls, found: Iterable[tuple[Failure, str]], expected: Mapping[Failure, str] | None = None) -> Verdict:
-        """The verdict with a `Fault` for each pair of `found`, a kind of failure and a sentence about it, in their
-        order; `expected` maps kinds of failure to the reason why the experiment expects them, None where it expects
-        none."""
+        """The verdict with a `Fault` (a failure of a controller) for each pair of `found`, a kind of failure and a
+        sentence about it, in their order. `expected` maps kinds of failure to the reason why the experiment expects
+        them; a kind that is not in it counts against the controller, as all do with None (the default)."""
         reasons = expected or {}
         return cls(tuple(Fault(failure, sentence, reasons.get(failure)) for failure, sentence in found))
 

@@ -26,7 +26,7 @@ class Column:
 
     @classmethod
     def zeros(cls, n: int) -> Column:
-        """Column (n,) of zeros, as floats."""
+        """Column (n,) of n zeros, as floats."""
         return cls((0.0,) * n)
 
     def __add__(self, other: Column) -> Column:
@@ -86,7 +86,7 @@ def column(array: Any) -> Column:
 def each(values: Any, n: int) -> Column:
     """A column (n,) from one scalar of any kind (float, dual number, node of an expression graph), the same for all n
     entries, or from numbers (n,) or (1,), an array, list or tuple, as floats; a column is returned as it is, not
-    checked. Raises `ValueError` for numbers of another shape."""
+    checked. Raises `ValueError` for numbers of another shape and for texts."""
     if isinstance(values, Column):
         return values
     if isinstance(values, np.ndarray | list | tuple):
@@ -95,7 +95,7 @@ def each(values: Any, n: int) -> Column:
 
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:
-    """Column (size,) with the `values` (m,) at the indices `columns` (m,), from 0, and exact zeros elsewhere, which
+    """Column (size,) with the m `values` at the m indices `columns`, counted from 0, and exact zeros elsewhere, which
     compiled equations leave out of their arithmetic. Raises `InputError` for another number of indices than values, for
     an index given twice and for one outside 0..size-1."""
     if not len({*columns}) == len(columns) == len(values) or not all(0 <= i < size for i in columns):

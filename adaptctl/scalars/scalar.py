@@ -49,7 +49,8 @@ def cos(x: Any) -> Any:
 
 def sqrt(x: Any) -> Any:
     """Square root of a scalar x (a float, an array, a dual number or a node of an expression graph). Raises
-    `ValueError` for a negative float; in arrays it is NaN there."""
+    `ValueError` for a negative float, `ZeroDivisionError` for a dual number of value 0.0, which has no derivative; in
+    arrays the root of negative numbers is NaN."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
@@ -63,7 +64,8 @@ def exp(x: Any) -> Any:
 
 def log(x: Any) -> Any:
     """Natural logarithm of a scalar x without unit (a float, an array, a dual number or a node of an expression graph);
-    minus infinity of zero, NaN of negative numbers."""
+    minus infinity of zero, NaN of negative numbers. Raises `ZeroDivisionError` for a dual number of value 0.0, which
+    has no derivative."""
     if isinstance(x, float):
         return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
     return np.log(x)
@@ -77,7 +79,8 @@ def tanh(x: Any) -> Any:
 
 def atan2(y: Any, x: Any) -> Any:
     """Angle of the point (x, y) from the x axis, in rad, from -pi to pi; x and y, in one unit, are each a float, an
-    array, a dual number or a node of an expression graph."""
+    array, a dual number or a node of an expression graph. 0 at the origin, where a dual number of floats, having no
+    derivative, raises `ZeroDivisionError`."""
     return math.atan2(y, x) if isinstance(x, float) and isinstance(y, float) else np.arctan2(y, x)
 
 
@@ -88,8 +91,8 @@ def nearest_whole(x: Any) -> Any:
 
 
 def angle(sine: Any, cosine: Any, near: Any) -> Any:
-    """Angle in rad with this `sine` and `cosine`: of all such, whole turns apart, the nearest to `near` (rad). Each is
-    a float, an array, a dual number or a node of an expression graph.
+    """Angle in rad with the given `sine` and `cosine`: of all such angles, which are 2 pi apart, the nearest to `near`
+    (rad). Each argument is a float, an array, a dual number or a node of an expression graph.
 
     The squares of sine and cosine add up to 1, which is not checked. In compiled equations the sine and cosine of the
     angle are then those given, and are not computed again.
@@ -100,20 +103,20 @@ def angle(sine: Any, cosine: Any, near: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Magnitude |x| of a scalar x (a float, an array, a dual number or a node of an expression graph), elementwise in
-    arrays."""
+    """Magnitude |x| of a scalar x (a float, an array, a dual number or a node of an expression graph), in the unit of
+    x, elementwise in arrays."""
     return np.absolute(x)
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """The smaller of two scalars x and y, each a float, an array, a dual number or a node of an expression graph,
-    elementwise in arrays; NaN where either is NaN."""
+    """The smaller of two scalars x and y in one unit, each a float, an array, a dual number or a node of an expression
+    graph, elementwise in arrays; NaN where either is NaN."""
     return np.minimum(x, y)
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """The larger of two scalars x and y, each a float, an array, a dual number or a node of an expression graph,
-    elementwise in arrays; NaN where either is NaN."""
+    """The larger of two scalars x and y in one unit, each a float, an array, a dual number or a node of an expression
+    graph, elementwise in arrays; NaN where either is NaN."""
     return np.maximum(x, y)
 
 
@@ -128,6 +131,6 @@ def where(condition: Condition, yes: Any, no: Any) -> Any:
 
 def clip(x: Any, lower: Any, upper: Any) -> Any:
     """The scalar x brought into the range from `lower` to `upper`, to the nearer end where it is outside, elementwise
-    in arrays; `upper` where `lower` is above it, NaN where any is NaN. Each is a float, an array, a dual number or a
-    node of an expression graph."""
+    in arrays; `upper` where `lower` is above it, NaN where any is NaN. All are in one unit, each a float, an array, a
+    dual number or a node of an expression graph."""
     return minimum(maximum(x, lower), upper)

@@ -86,20 +86,20 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All g tunable numbers (arguments of native code) in one float array (g,), in the order of the property
-        `numbers`, matrices row by row."""
+        """All g tunable numbers (arguments of native code) in one float array (g,): the settings' own, in the order of
+        the property `tunable`, then those of parts (attributes that are `Tunable` themselves); matrices row by row."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
         """A copy of these settings whose g tunable numbers are those of the column `packed` (g,), in the order of the
-        property `packed`: scalars of any kind (float, array, dual number, node of an expression graph), whose values
-        are not checked. Raises `InputError` for another number of them."""
+        property `numbers`, matrices row by row: scalars of any kind (float, array, dual number, node of an expression
+        graph), whose values are not checked. Raises `InputError` for another number of them."""
         return self._having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
-        """The g tunable numbers of a column `packed` (g,), in the order of the property `packed`, by their names in
-        `numbers`: each a scalar, a column (n,), or for a matrix (m, n) a tuple of its m rows, columns (n,). Raises
-        `InputError` for another number of them."""
+        """The g tunable numbers of a column `packed` (g,), by their names in the property `numbers`: each a scalar, a
+        column (n,), or for a matrix (m, n) a tuple of its m rows, columns (n,). The column has them in the order of
+        `numbers`, matrices row by row. Raises `InputError` for another number of them."""
         if len(packed) != self.packed.size:
             raise InputError(f"{type(self).__name__}: packed: expected {self.packed.size} numbers, got {len(packed)}")
         ends = accumulate(array.size for array in self.numbers.values())

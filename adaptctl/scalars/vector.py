@@ -88,7 +88,7 @@ class Mat:
 
     @property
     def T(self) -> Mat:
-        """The transposed matrix (3, 3)."""
+        """The transposed matrix (3, 3), rows and columns exchanged."""
         a, b, c = self.x, self.y, self.z
         return Mat(Vec(a.x, b.x, c.x), Vec(a.y, b.y, c.y), Vec(a.z, b.z, c.z))
 

@@ -53,10 +53,10 @@ class ClosedLoop:
     """A closed loop of a `plant` and a `controller` as one step, a control period: at its beginning the controller
     ticks on the plant's measured positions and velocities, and the plant holds its torque until the end.
 
-    These columns pass from one period to the next, in this order: q, positions of all joints of the plant's tree; v,
-    velocities of the primary joints; the memories of the plant's drives and sensors; where there are sensors, the last
-    measurement; and the controller's memory. Loops that differ in tunable gains alone are equal, and share native code.
-    Raises `InputError` where plant and controller differ in their number of joints.
+    These columns pass from one period to the next, in this order: q, positions of the n joints of the plant's tree; v,
+    velocities of its r primary joints; the memories of the plant's drives and sensors; where there are sensors, the
+    last measurement; and the controller's memory. Loops that differ in tunable gains alone are equal, and share native
+    code. Raises `InputError` where plant and controller differ in their number r of joints.
     """
 
     plant: Plant
@@ -99,12 +99,13 @@ class ClosedLoop:
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
         """The columns after one control period, as a list in the order of the property `state`, and the `Sample`
-        recorded of it (positions, torques, J of energy and so on, in columns), over scalars of any kind (floats, arrays
+        recorded of it (positions, torques, energy in J and so on, in columns), over scalars of any kind (floats, arrays
         of samples, dual numbers, nodes of an expression graph).
 
-        `columns` are, by name, those of the properties `state`, `held`, `reference` and `noise`, of the lengths given
-        there and in SI units; without "gains" the controller's own are taken. Raises `KeyError` where another is
-        missing.
+        `columns` are, in SI units, those before it: "q", "v", "drives", "sensors", "measured_p", "measured_v" and
+        "memory_0" and so on (lengths in the property `state`); "parameters" and "gains" (in `held`); "reference_p",
+        "reference_v" and "reference_a" (in `reference`); "noise". Without "gains" the controller's own are taken.
+        Raises `KeyError` where another is missing.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
@@ -148,18 +149,19 @@ class ClosedLoop:
         return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
-        """The results of `equation` for the same `columns` by name, in one tuple: the columns after one control period,
-        in the order of the property `state`, then the fields of the `Sample` recorded. Raises `KeyError` where one is
-        missing, but for "gains"."""
+        """The results of the method `equation` in one tuple: the columns after one control period, in the order of the
+        property `state`, then the fields of the `Sample` recorded of it. `columns` are by name, in SI units, those of
+        the properties `state`, `held`, `reference` and `noise`. Raises `KeyError` where one is missing; without "gains"
+        the controller's own are taken."""
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
         """Set `arms`, M copies of the compiled step, to the plants' `state` and the controller's `memory`, as
-        `Plant.init` and `Controller.init` give them, each array (length,) for all arms or (M, length), and their
-        tunable gains, if any, to the controller's. The plants' inertial parameters, `arms.held["parameters"]`, are left
-        alone. Raises `InputError` for arms of another loop and where arrays do not fit the arms, `ValueError` for a
-        memory of another number of arrays."""
+        `Plant.init` and `Controller.init` give them, and their tunable gains, if any, to the controller's. Each array
+        is (length,), the same for all arms, or (M, length), the length being its column's. The plants' inertial
+        parameters, `arms.held["parameters"]`, are left alone. Raises `InputError` for arms of another loop and where
+        arrays do not fit the arms, `ValueError` for a memory of another number of arrays."""
         self._require_own(arms)
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
@@ -170,9 +172,9 @@ class ClosedLoop:
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
         """The plant's state and the controller's memory of one of the `arms` (copies of the compiled step), that of
-        index `member`, from 0, the default. `time` (s) is put into the state as it is; its `applied`, `clipped` and
-        `marks`, which arms do not keep, are zero. Raises `InputError` for an index that no arm has and for arms of
-        another loop."""
+        index `member`, from 0, the default. `time` (s) is put into the state as it is. The state's `applied` (the
+        torques applied), `clipped` and `marks` (flags of effects), which arms do not keep, are zero. Raises
+        `InputError` for an index that no arm has and for arms of another loop."""
         self._require_own(arms)
         member = whole_number(member, "closed loop: member", 0, arms.members - 1)
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)

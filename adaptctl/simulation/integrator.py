@@ -49,8 +49,9 @@ class Integrator(Protocol):
 
 @dataclass(frozen=True)
 class RungeKutta4:
-    """The classical Runge-Kutta method of order 4 (Kutta 1901), an `Integrator`: explicit, with four accelerations
-    (`stages`) a step, and with friction as at each stage's velocities (not `implicit`)."""
+    """The classical Runge-Kutta method of order 4 (Kutta 1901), an `Integrator` of equations of motion: explicit, with
+    four evaluations of the acceleration (`stages`) a step. Friction is that at each stage's velocities: not
+    `implicit`."""
 
     stages: ClassVar[int] = 4
     implicit: ClassVar[bool] = False
@@ -78,8 +79,8 @@ class RungeKutta4:
 
 @dataclass(frozen=True)
 class SemiImplicitEuler:
-    """The symplectic (semi-implicit) Euler method of order 1, an `Integrator`: one acceleration (`stages`) a step,
-    positions moved by the new velocities.
+    """The symplectic (semi-implicit) Euler method of order 1, an `Integrator` of equations of motion: one evaluation of
+    the acceleration (`stages`) a step, positions moved by the new velocities.
 
     Where the acceleration depends on positions alone, its energy error stays bounded; with the velocity terms of an arm
     it does so only approximately (Hairer, Lubich and Wanner 2006, section I.1). Friction is that of the step's

@@ -38,7 +38,7 @@ MOST_SUBSTEPS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Plant(Tunable):
-    """A plant: a mechanism driven by torques (r,) in N m (N for a prismatic joint), each held over one control period.
+    """A plant: a mechanism of r primary joints driven by torques, N m (N), each held over one control period.
 
     `control_period` (s) is integrated in `substeps` equal steps of the `integrator`; `torque_limits`, N m (N), one
     number or one a joint (r,), bound the torques' magnitudes, infinity meaning no bound, None the mechanism's effort
@@ -48,8 +48,8 @@ class Plant(Tunable):
     The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
     noise, and equal calls give equal bits. Up to LARGEST_COMPILED (100) links run as native code, more in Python.
     Raises `InputError` for a period that is not positive and finite, limits that are not positive, `substeps` that are
-    no whole number from 1 to MOST_SUBSTEPS (1 000 000) or too few for springs, massless links that carry none, effects
-    that do not fit.
+    no whole number from 1 to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, massless links that carry no
+    mass, and effects whose settings do not fit.
     """
 
     mechanism: Mechanism
@@ -78,7 +78,7 @@ class Plant(Tunable):
 
     @property
     def dof(self) -> int:
-        """Number of primary joints r; of a tree these are all."""
+        """Number r of primary (independent) joints; of a tree these are all."""
         return self.mechanism.dof
 
     @cached_property
@@ -88,19 +88,19 @@ class Plant(Tunable):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names (m,) of the actuator effects that mark where they change a torque, ordered as `PlantState.marks`."""
+        """Names (m,), as "torque_limited", of the m actuator effects that mark periods where they change a torque."""
         return self._effects.marks
 
     @cached_property
     def noise_size(self) -> int:
-        """Number of standard normal numbers that the sensors take a control period: 2r, or 0 where there are neither
-        sensor effects nor encoders on elastic joints' motors."""
+        """Number of standard normal numbers that the sensors of r joints take a control period: 2r, or 0 where there
+        are neither sensor effects nor encoders on elastic joints' motors."""
         return 2 * self.dof if self._effects.sensors or self._effects.senses_motors else 0
 
     @cached_property
     def sizes(self) -> dict[str, int]:
         """Lengths of the columns that pass from one control period to the next, by name: configuration "q" (n joints),
-        velocities "v" (r primary joints), and the memories "drives" and "sensors" of actuator and sensor effects."""
+        velocities "v" (r primary ones), "drives" (actuators' memory, 2r of elastic motors), "sensors" (memory)."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
@@ -124,7 +124,7 @@ class Plant(Tunable):
     ) -> PlantState:
         """The state of one arm or many at time zero from positions p, rad (m), and velocities v, rad/s (m/s), (..., r).
 
-        The joints have been held still by the torque that gravity asks for on the true inertial `parameters` (..., P),
+        The r joints have been held by the torque that gravity asks for on the P true inertial `parameters` (..., P),
         SI units, None for the mechanism's own with the effects' loads; it stretches elastic joints' springs, whose
         motors move as the links do. `noise` (..., 2r) is the first measurement's, standard normal, None for zero.
         Raises `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError`
@@ -155,9 +155,9 @@ class Plant(Tunable):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """The state of one arm a control period later, the torque (r,), N m (N), being held and clipped to the limits.
+        """State of one arm a control period later, the torque (r,) of r joints, N m (N), being clipped and held.
 
-        `parameters` (P,), SI units, are the true inertial ones in this period, None for the mechanism's own with the
+        `parameters` (P,), SI units, are the P true inertial ones in this period, None for the mechanism's own with the
         effects' loads at the state's time. `noise` (2r,) is the sensors', standard normal, None for zero. Raises
         `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity in positions, velocities, torque or
         parameters, or when the motion itself runs away; the noise is not checked for it.
@@ -177,13 +177,13 @@ class Plant(Tunable):
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,), N m (N), clipped to plus and minus `torque_limits`. Raises `InputError` on a wrong shape and
-        `NonFiniteError` on NaN or infinity."""
+        """The torque (r,) of r joints, N m (N), clipped to plus and minus `torque_limits`. Raises `InputError` on a
+        wrong shape and `NonFiniteError` on NaN or infinity."""
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
-        """Kinetic plus potential energy of one arm, J, the latter zero at the base's origin, with elastic joints'
-        springs and motors; `parameters` (P,), SI units, are the true inertial ones, None for the mechanism's own with
+        """Kinetic plus potential energy of one arm, J, gravity's zero at the base's origin, with elastic joints'
+        springs and motors; `parameters` (P,), SI units, are the P true inertial ones, None for the mechanism's own with
         the effects' loads. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
@@ -193,7 +193,7 @@ class Plant(Tunable):
         return float(energy)
 
     def compile(self) -> None:
-        """Compile the equations of a control period, the energy and the sensors now instead of at their first use."""
+        """Compile a control period, the energy and the sensors to native code now, not at their first use."""
         _ = self._advance, self._energy, self._sense
 
     def positions(self, q: Array) -> Array:
@@ -210,8 +210,8 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """Equation of a control period over scalars of any kind, from columns by name to a `PeriodOutcome`, SI units: q
-        (n,), v (r,), torque (r,), parameters (P,), noise (2r,), and `drives` and `sensors` as in `PlantState`."""
+        """Equation of a period over scalars of any kind, SI units, from named columns to a `PeriodOutcome`: positions q
+        (n,), velocities v and torque (r,), inertial parameters (P,), noise (2r,), memories `drives` and `sensors`."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
@@ -219,8 +219,8 @@ class Plant(Tunable):
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
         """Kinetic plus potential energy, J, with springs and motors, over scalars of any kind: at q (n,), rad (m), of
-        all n joints of the tree and v (r,), rad/s (m/s), of the r primary ones. `parameters` (P,) are the true inertial
-        ones, SI units; `drives` is the column of that name in `PlantState`."""
+        all n joints of the tree and v (r,), rad/s (m/s), of the r primary ones. `parameters` (P,) are the P true
+        inertial ones, SI units; `drives` ends in elastic joints' motor positions and velocities (2r,), else unused."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters

@@ -50,7 +50,7 @@ class Rollout:
     records of its memory, l = 0 where it records none.
 
     `control_period`, s; `wall_time`, s, that the run took; `complete`, False if it was interrupted; `terminated`, True
-    if the environment ended it early; `info`, the environment's last.
+    if the environment ended it early; `info`, the last dict of that name that it gave, empty unless given.
     """
 
     time: Array

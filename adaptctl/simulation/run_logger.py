@@ -6,7 +6,6 @@ import os
 import warnings
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,6 +60,7 @@ class RunLogger:
             RolloutFile(path, dof, joints)
             require_place(path)
         self._rows, self._dof, self._path = np.zeros((capacity, width)), dof, path
+        self._sample, self._lengths = np.zeros(width), [dof] * 7 + [estimates]
         self.count, self.faulty = 0, 0
         """samples that were appended; samples left out since they did not fit or were not finite"""
 
@@ -87,15 +87,16 @@ class RunLogger:
         controller's k parameter estimates, SI units, which may be left out only where k = 0. A sample with an array of
         another length or with NaN or infinity never stops a loop: it is left out and counted in `faulty`.
         """
-        row: Any = self._rows[self.count % len(self._rows)]
-        given = (p, v, *reference, torque, torque if applied is None else applied, estimate)
+        row = self._sample
         try:
+            given = (p, v, *reference, torque, torque if applied is None else applied, estimate)
+            fits = [len(part) for part in given] == self._lengths  # type: ignore[arg-type]
             np.concatenate(given, out=row[1:])
             row[0] = time
         except (TypeError, ValueError):
-            self.faulty += 1
-            return
-        if np.isfinite(row).all():
+            fits = False
+        if fits and np.isfinite(row).all():
+            self._rows[self.count % len(self._rows)] = row
             self.count += 1
         else:
             self.faulty += 1

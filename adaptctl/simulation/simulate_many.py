@@ -115,9 +115,9 @@ class Rollouts:
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of the M runs whose `largest_error` is finite: those that did not diverge, and, where
-        `simulate_many` was given bounds `beyond`, also those that did, which `diverged_at` tells by the time (s), NaN
-        for the others."""
+        """Mask (M,) of the M runs whose `largest_error` is finite: those that did not diverge, and runs whose
+        error stayed finite but passed the bound `beyond` (rad or m) given to `simulate_many`. `diverged_at` (M,), s,
+        tells these apart: it is NaN for a run that did not diverge."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 

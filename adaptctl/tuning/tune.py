@@ -53,9 +53,10 @@ def tune(
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
     limits; the `initial_error` (rad or m, one number or (r,)), unless given, is 0.1 rad or m, and less where a range or
     a torque limit is small. Lambda is `bandwidth` (1/s) where the torques can follow. K is the largest, joint by joint,
-    with T lambda_max((M + T B)^-1 K) of at most `hold` (no unit) along the reference, M the mass matrix and B the
-    viscous friction. Gamma, a diagonal, is half in proportion to the squares of the parameters' prior ranges and half
-    alike in effect for all links, with T lambda_max(K^-1 Y Gamma Y') of `adaptation` (no unit).
+    with T lambda_max((M + T B)^-1 K) of at most `hold` (no unit) along the reference: lambda_max is the largest
+    eigenvalue, M the mass matrix and B the viscous friction. Gamma, a diagonal, is half in proportion to the squares of
+    the parameters' prior ranges and half alike in effect for all links, with T lambda_max(K^-1 Y Gamma Y') of
+    `adaptation` (no unit).
 
     `search` is the number of other settings about these that are tried, zero for none. Each is run on links whose
     parameters are 30 % off, with torques in time and a period late; the setting is taken whose error (RMS over the last

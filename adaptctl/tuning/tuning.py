@@ -28,9 +28,10 @@ class Tuning:
     period is simulated in `substeps` steps of the `integrator`. `torque_limits` (r,) are in N m (N); `torque_share`
     (r,) is the largest share of them that the reference asks, no unit. `hold_number` is T lambda_max((M + T B)^-1 K)
     and `adaptation_number` T lambda_max(K^-1 Y Gamma Y') along the reference, with the mass matrix M, the viscous
-    friction B and the regressor Y (r, P), Y' its transpose: no units, each stable below 2. `limited_by` (r,) are
-    sentences on what limits each joint's gains, `verified` the `Verification` runs with these gains, none where the
-    mechanism is too long to compile, and `notes` sentences on what else matters, none unless given.
+    friction B and the regressor Y (r, P), Y' its transpose, and lambda_max the largest eigenvalue: no units, each
+    stable below 2. `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the `Verification`
+    runs with these gains, none where the mechanism is too long to compile, and `notes` sentences on what else matters,
+    none unless given.
     """
 
     mechanism: Mechanism
@@ -86,6 +87,7 @@ class Tuning:
     @property
     def learns(self) -> bool:
         """True if the arm as described learns with these gains: in the first verifying run it stayed near the
-        reference, and its RMS tracking error of the last 2 s is at most a third of that of the first second and of that
+        reference (no joint's error reached 1 rad or m, and in at most 5 % of the second half a torque was at its
+        limit), and its RMS tracking error of the last 2 s is at most a third of that of the first second and of that
         of the last 2 s with adaptation off. False where nothing was run."""
         return bool(self.verified) and self.verified[0].learns

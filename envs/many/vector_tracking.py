@@ -52,10 +52,10 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (N, 5r + r L), float64)` for L look-ahead times, in rad and s (m if prismatic), for every arm as in
-    `TrackingEnv`: positions `p`, velocities `v`, `reference_p`, `reference_v` and `reference_a`, r each, and the
-    reference's positions at the L times ahead. `observation_slices` has the places of the columns:
-    `observation[:, env.unwrapped.observation_slices["p"]]`. `Controller.step` takes these columns as they are.
+    `Box(-1e6, 1e6, (N, 5r + r L), float64)` for L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic), for every
+    arm as in `TrackingEnv`: positions `p`, velocities `v`, `reference_p`, `reference_v` and `reference_a`, r each, and
+    the reference's positions at the L times ahead. `observation_slices` has the places of the columns: `observation[:,
+    env.unwrapped.observation_slices["p"]]`. `Controller.step` takes these columns as they are.
 
     ## Rewards and episode end
 
@@ -150,16 +150,17 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad and s (m if prismatic), and
-        `info` of all N arms, after an episode of every arm has begun, or, with `autoreset_mode` "Disabled" alone, of
-        those in the option `reset_mask`, bools (N,), not all False.
+        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad, rad/s, rad/s^2 (m if
+        prismatic), and `info` of all N arms, after an episode of every arm has begun, or, with `autoreset_mode`
+        "Disabled" alone, of those in the option `reset_mask`, bools (N,), not all False.
 
         `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
-        `payload`, `trajectory`, `initial_error` and `parameters`, for all arms or one each, in place of those in
-        `reset_options`, None for these alone. Raises `InputError` for bad seeds and options, of these `NotFoundError`
-        for unknown ones and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, naming the
-        arm; `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of the
-        arms before the first reset of all.
+        `payload` (kg or a mapping), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (rad, m) and the
+        P true inertial `parameters` (P,) in SI units, for all arms or one each, in place of those in `reset_options`,
+        None for these alone. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown ones
+        and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, naming the arm;
+        `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of the arms
+        before the first reset of all.
         """
         given = dict(_known(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -177,9 +178,9 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad and s (m if prismatic), rewards
-        (no unit), `terminated` and `truncated`, bools, (N,) each, and `info` after one control period of all N arms
-        under `actions`, torques (N, r), N m (N), held and clipped to the torque limits.
+        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad, rad/s, rad/s^2 (m if
+        prismatic), rewards (no unit), `terminated` and `truncated`, bools, (N,) each, and `info` after one control
+        period of all N arms under `actions`, torques (N, r), N m (N), held and clipped to the torque limits.
 
         Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming joint and arm, before
         anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`
@@ -202,9 +203,9 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, reward, terminated, truncated, ended | self._info(result, self._all)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """RGB images (480, 640, 3), uint8, one an arm, each with a translucent ghost of the arm on its reference; None,
-        with a warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded` before the first
-        reset."""
+        """Tuple of RGB images (480, 640, 3), uint8, one an arm, each with a translucent ghost of the arm on its
+        reference; None, with a warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded`
+        before the first reset."""
         self._require_running(self._none)
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
@@ -315,7 +316,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
 class Puma560VectorTrackingEnv(VectorTrackingEnv):
     """Vector environment of N PUMA 560 arms, six joints each: `VectorTrackingEnv` with the arguments and defaults of
-    `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42), rad and s. Raises what
+    `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42), rad, rad/s, rad/s^2. Raises what
     `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
 
     kind = Puma560TrackingEnv
@@ -323,8 +324,8 @@ class Puma560VectorTrackingEnv(VectorTrackingEnv):
 
 class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     """Vector environment of N semi-direct-drive arms, three primary joints each: `VectorTrackingEnv` with the arguments
-    and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21), rad and s.
-    Raises what `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
+    and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21), rad, rad/s,
+    rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
 
     kind = SemiDirectDriveTrackingEnv
 

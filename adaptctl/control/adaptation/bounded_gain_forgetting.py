@@ -125,8 +125,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         return moved, CovarianceMemory((1.0 + period.elapsed * rate) * covariance, filtered)
 
     def covariance(self, memory: CovarianceMemory) -> Array:
-        """The covariance P (k, k) of least squares on k parameters, the gain of the moment, symmetric, that a `memory`
-        of this adaptation law holds, in units of the parameters squared per J."""
+        """The covariance P (k, k) of least squares on k parameters, the present adaptation gain, symmetric, that a
+        `memory` of this adaptation law holds, in units of the parameters squared per J."""
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
 

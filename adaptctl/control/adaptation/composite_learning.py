@@ -163,7 +163,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
-        """The covariance P (k, k) of k parameters, the gain of the moment, symmetric, that a `memory` of this
+        """The covariance P (k, k) of k parameters, the present adaptation gain, symmetric, that a `memory` of this
         adaptation law holds, in units of the parameters squared per J: the inverse of Gamma^-1 + Q, Gamma the first
         gain, Q the information matrix."""
         k, scale = len(self.gain), np.sqrt(self.gain)

@@ -106,7 +106,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         return estimate - self._scale * step, InformationMemory(after, filtered)
 
     def covariance(self, memory: InformationMemory) -> Array:
-        """The covariance P (k, k) of least squares on k parameters, the gain of the moment, symmetric, that a `memory`
-        of this adaptation law holds, in units of the parameters squared per J."""
+        """The covariance P (k, k) of least squares on k parameters, the present adaptation gain, symmetric, that a
+        `memory` of this adaptation law holds, in units of the parameters squared per J."""
         scale = np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(from_triangle(memory.information, len(self.gain))) * np.outer(scale, scale))

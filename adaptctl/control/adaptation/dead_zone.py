@@ -84,7 +84,8 @@ class DeadZone(Descent[NoMemory]):
         (r,) the sliding variable, or unchanged where the mean of s over the period is within the dead zone; and the
         empty memory.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         scaled = Column(1.0 / width for width in each(self.width, model.mechanism.dof)) * period.mean
         outside = where(scaled @ scaled > 1.0, 1.0, 0.0)

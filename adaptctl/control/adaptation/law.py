@@ -17,7 +17,8 @@ from adaptctl.scalars import Column, Scalar, Tunable
 
 
 class NoMemory(NamedTuple):
-    """The empty memory of a law that needs no more than the estimate."""
+    """The empty memory, a tuple of nothing, of an adaptation or control law that remembers nothing besides the
+    estimate."""
 
 
 class Period(NamedTuple):
@@ -107,7 +108,8 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period, over
         scalars of any kind: floats, arrays of samples, symbols of a trace.
 
-        `estimate` (k,) and `memory` are those before the period; `period` holds what was measured over it.
+        `estimate` (k,) and `memory` are those before the period; `period`, a `Period`, holds the torque held over it
+        and the positions, velocities and sliding variables measured. A law checks nothing here.
         """
 
     @property

@@ -69,7 +69,8 @@ class SigmaModification(_Leaking):
         """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
         (r,) the sliding variable, that leaks to the prior estimate at the `rate` sigma (1/s); and the empty memory.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         return self.leaked(estimate, period, self.rate), memory
 
@@ -100,7 +101,8 @@ class EModification(_Leaking):
         leaks to the prior estimate at `rate` |s| (1/s), s (r,) the mean of the sliding variable over the period; and
         the empty memory.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         s = period.mean
         return self.leaked(estimate, period, self.rate * sqrt(s @ s)), memory

@@ -92,7 +92,8 @@ class Natural(AdaptationLaw[NoMemory]):
         geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y (r, P) is
         the torque regressor, s (r,) the sliding variable.
 
-        `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory

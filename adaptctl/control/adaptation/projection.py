@@ -21,7 +21,7 @@ from adaptctl.scalars import Column, Scalar, clip, column
 @dataclass(frozen=True, eq=False)
 class Projection(AdaptationLaw[Memory]):
     """Projection of another adaptation law's estimate (k,) of k parameters: it is clipped to [lower, upper] after each
-    period.
+    control period.
 
     `of` is that law, one that weighs each parameter's error by itself; `lower` and `upper` (k,), in the parameters' SI
     units, may be infinite; `limits` makes them from parameters' names. Raises `InputError` for bounds that are NaN or
@@ -29,8 +29,8 @@ class Projection(AdaptationLaw[Memory]):
     false), as one with a gain (k, k).
 
     Guarantees, where the truth is within the bounds: the estimate stays within, whatever disturbs; and what the law
-    itself guarantees, because with a diagonal gain clipping is the projection in the law's own distance, which brings
-    the estimate no farther from anything within (Goodwin and Mayne 1987).
+    itself guarantees, because with a diagonal gain clipping is the projection in the distance of the law's Lyapunov
+    function, which brings the estimate no farther from anything within (Goodwin and Mayne 1987).
 
     Gives up: nothing that is within the bounds. Bounds on fundamental (base) parameters are no guarantee of a positive
     definite mass matrix: the set of physically consistent parameters is a cone, not a box.
@@ -84,15 +84,16 @@ class Projection(AdaptationLaw[Memory]):
 
         `initial` is the first estimate (k,) of k parameters, in SI units, q (n,) are the positions of the spanning
         tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` is the control period in s.
+        `period` is the control period in s. Nothing is checked here.
         """
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,) of k parameters after a step of the wrapped adaptation law, clipped to the bounds; and that
-        law's memory.
+        """The estimate (k,) of k parameters after a step of the wrapped adaptation law, clipped to the projection's
+        bounds, `lower` and `upper` (k,); and that law's memory.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         moved, after = self.of.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
@@ -109,8 +110,9 @@ def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tu
     and infinity for the others.
 
     `bounds` gives (lower, upper) by a parameter's full name, such as `link1.m`; all are in the parameters' SI units.
-    Raises `NotFoundError` for a parameter that is not one of the model's k, also where its basis regroups it into
-    others; `NonFiniteError` for NaN, and `InputError` for bounds that are no pair of numbers with lower < upper.
+    Raises `NotFoundError` for a parameter that is not one of the model's k, also where the model regroups it into other
+    fundamental (base) parameters; `NonFiniteError` for NaN, and `InputError` for bounds that are no pair of numbers
+    with lower < upper.
     """
     lower, upper = np.full(len(model.names), -np.inf), np.full(len(model.names), np.inf)
     for name, pair in bounds.items():

@@ -66,8 +66,8 @@ class ReleasedGradient(Descent[Normaliser]):
         cls, model: ReducedModel, gain: ArrayLike, damping: ArrayLike, period: float, workspace: Workspace | None = None
     ) -> ReleasedGradient:
         """The normalised gradient law whose Lyapunov function never rises, for a control law's damping K in N m s/rad
-        (N s/m), one number or (r,), and a control `period` T_c in s: its `share` is 2/(2 - h), without a unit, and its
-        `release` (1 - h/2) min lambda(M^-1 K) in 1/s.
+        (N s/m), one number or (r,) for r joints, and a control `period` T_c in s: its `share` is 2/(2 - h), without a
+        unit, and its `release` (1 - h/2) min lambda(M^-1 K) in 1/s.
 
         h = T_c max lambda(M^-1 K), the hold number without a unit, and M the mass matrix of the model, taken as
         constant from tick to tick; both extremes are searched over `workspace`, all that the joints' limits allow where
@@ -100,7 +100,8 @@ class ReleasedGradient(Descent[Normaliser]):
         (r,) the sliding variable at the period's end, divided by a normaliser of at least 1; and the memory of that
         normaliser (1,), without a unit.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         released = memory.n[0] / (1.0 + self.release * period.elapsed)
         n = maximum(maximum(released, 1.0), (self.share * period.elapsed) * self._trace(period))

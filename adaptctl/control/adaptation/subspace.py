@@ -69,7 +69,8 @@ class Subspace(AdaptationLaw[NoMemory]):
         """The estimate (k,) of k parameters after a step, along each adapted direction (k,), down the gradient Y's by
         the trapezium rule; and the empty memory. Y (r, k) is the torque regressor, s (r,) the sliding variable.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period `period`.
+        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         gradient = period.gradient(period.integral)
         for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):
@@ -78,9 +79,9 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """The parameters' term, in J, of the adaptation law's Lyapunov function within the adapted subspace: x'
-        diag(gain)^-1 x / 2, with x = W^+ (estimate - true), W (k, d) the d adapted directions, at an estimate (k,) of k
-        parameters whose true values are `true` (k,), both in SI units. An error orthogonal to the columns of W does not
-        count."""
+        diag(gain)^-1 x / 2, with x = W^+ (estimate - true), W (k, d) the d adapted directions, W^+ its pseudo-inverse
+        and `gain` (d,) theirs, at an estimate (k,) of k parameters whose true values are `true` (k,), both in SI units.
+        An error orthogonal to the columns of W does not count."""
         error = estimate - true
         along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))
         return 0.5 * (along @ Column(x / g for x, g in zip(along, column(self.gain), strict=True)))

@@ -50,14 +50,16 @@ class Excitation:
 
     @property
     def level(self) -> float:
-        """The least eigenvalue of the excitation Gram matrices of all windows, in (N m)^2 s (N^2 s for prismatic
-        joints): 0 where some direction of the parameters is not excited in one of them."""
+        """The least eigenvalue of the excitation Gram matrices, the integrals of (Y S)'(Y S), of all windows, in (N
+        m)^2 s (N^2 s for prismatic joints): 0 where some direction of the parameters is not excited in one of them. Y
+        is Slotine and Li's regressor and S the diagonal matrix of the parameters' prior ranges."""
         return float(self.smallest.min())
 
     @property
     def condition(self) -> Array:
-        """Condition number (w,), without a unit, of the scaled regressor stacked over each of w windows: the root of
-        the ratio of the Gram matrix's largest eigenvalue to its smallest, infinite where the smallest is 0."""
+        """Condition number (w,), without a unit, of Slotine and Li's regressor, its columns scaled by the parameters'
+        prior ranges, stacked over each of w windows: the root of the ratio of its Gram matrix's largest eigenvalue to
+        the smallest, infinite where the smallest is 0."""
         with np.errstate(divide="ignore"):
             return np.sqrt(self.largest / self.smallest)
 
@@ -73,11 +75,11 @@ def persistent_excitation(
     rad/s^2 (m and s for prismatic joints), at T samples. The regressor is Slotine and Li's, at the reference velocity
     v_r = v_d - bandwidth e, e = p - p_d, and the reference acceleration a_r, its derivative; `bandwidth` is in 1/s, one
     number or (r,), and at zero, the default, v_r and a_r are v_d and a_d. `scale` (k,), SI units, or one number are
-    prior ranges of the parameters, their greatest plausible errors, by which columns are scaled, those of `PriorRanges`
-    where None. Eigenvalues come from singular values of triangular factors, so that their error, relative to the
-    largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a window shorter
-    than 16 samples or longer than the run, for a bandwidth of another shape or NaN, and for a scale that is not finite
-    or of another shape.
+    prior ranges of the parameters, their greatest plausible errors, by which the regressor's columns are scaled, those
+    of `PriorRanges` where None. Eigenvalues come from singular values of triangular factors, so that their error,
+    relative to the largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a
+    window shorter than 16 samples or longer than the run, for a bandwidth of another shape or NaN, and for a scale that
+    is not finite or of another shape.
     """
     count, k = len(run.p), len(model.columns)
     samples = round(window / run.control_period) if np.isfinite(window) else 0

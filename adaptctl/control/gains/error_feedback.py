@@ -114,7 +114,8 @@ class ErrorFeedback:
 
     @property
     def sampled_poles(self) -> tuple[complex, complex]:
-        """The two poles of the sampled loop in the z plane, without a unit, for a loop without delay."""
+        """The two poles in the z plane, without a unit, of a joint's error loop, sampled once a control period with the
+        torque held in between, for a loop without delay."""
         k, c = self.stiffness * self.period**2, self.rate * self.period
         half, product = 1.0 - 0.5 * c - 0.25 * k, 1.0 - c + 0.5 * k
         root = cmath.sqrt(half**2 - product)
@@ -122,8 +123,8 @@ class ErrorFeedback:
 
     @property
     def poles(self) -> tuple[complex, complex]:
-        """The two poles (1/s) of the continuous-time loop with the same samples: log(z) / period, z being the two poles
-        of the sampled loop in the z plane."""
+        """The two poles (1/s) of the continuous-time loop whose error has the same samples as the sampled loop's:
+        log(z) / period, z being each of the sampled loop's two poles in the z plane."""
         first, second = (cmath.log(pole) / self.period for pole in self.sampled_poles)
         return first, second
 

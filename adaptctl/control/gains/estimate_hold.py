@@ -15,8 +15,8 @@ from adaptctl.identifiability import ReducedModel
 def parameter_holds(
     model: ReducedModel, bandwidth: ArrayLike, period: float, workspace: Workspace | None = None
 ) -> Array:
-    """Hold numbers (k,), each that of an error of 1 SI unit in one of the model's k parameters beta_i: T_c max_q
-    |M^-1/2 (dM/dbeta_i) Lambda M^-1/2|, in 1 over the parameter's unit.
+    """Hold numbers (k,) of estimate errors: what an error of 1 SI unit in each of the model's k parameters beta_i adds
+    to the hold number at most, T_c max_q |M^-1/2 (dM/dbeta_i) Lambda M^-1/2|, in 1 over the parameter's unit.
 
     The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), M the mass matrix, M^ the estimated one and K the damping
     of Slotine and Li's law: a torque held over the control period T_c is stable while it is below 2. `bandwidth` is

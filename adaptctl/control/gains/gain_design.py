@@ -118,7 +118,7 @@ class GainDesign:
     def gains(self) -> Gains:
         """Slotine and Li's gains of this design for r joints: the bandwidth Lambda (r,) in 1/s, the slower of the two
         decay rates of each joint's loop, and the damping K (r,) in N m s/rad (N s/m), the faster one times the joint's
-        typical inertia. Raises `InputError` where poles are complex."""
+        typical inertia, for which the loop is designed. Raises `InputError` where poles are complex."""
         rates = np.array([feedback.cascaded for feedback in self.feedback])
         return Gains(rates[:, 0], rates[:, 1] * self.inertia)
 
@@ -136,20 +136,21 @@ class GainDesign:
 
     @property
     def damping_ratio(self) -> Array:
-        """Damping ratios (r,) of the joints' loops, without a unit."""
+        """Damping ratios (r,), without a unit, of the r joints' continuous-time error loops; 1 is critical."""
         return np.array([feedback.damping_ratio for feedback in self.feedback])
 
     @property
     def damping(self) -> Array:
-        """Velocity gains (r,), N m s/rad (N s/m for a prismatic joint), of the r joints' loops: the feedback's rate
-        (1/s) times the joint's typical inertia."""
+        """Velocity gains (r,), N m s/rad (N s/m for a prismatic joint), of the r joints' error loops: the rate (1/s) of
+        the feedback e'' = -stiffness e - rate e' of a joint's error e, times its typical inertia, for which the loop is
+        designed."""
         return self.inertia * np.array([feedback.rate for feedback in self.feedback])
 
     @property
     def sampled_gain(self) -> float:
         """The greatest sampled gain T_c max lambda(M^-1 K), without a unit, over all positions within the joints'
-        limits, as far as a search finds, with T_c the control period, M the mass matrix and K the `damping`: a torque
-        held over T_c is stable below 2, and below 1 with a delay of one period."""
+        limits, as far as a search finds, with T_c the control period, M the mass matrix and K the velocity gains
+        `damping`: a torque held over T_c is stable below 2, and below 1 with a delay of one period."""
         return sampled_gain(self.mechanism, self.damping, self.period)
 
     @property
@@ -186,9 +187,9 @@ class GainDesign:
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def require_carried(self) -> GainDesign:
-        """This design, if the control period can carry its gains: the property `sampled_gain` is at most
-        `largest_sampled_gain`, 1.5 without delay. Raises `GainError` otherwise, whose message says which gains the
-        period can carry."""
+        """This gain design itself, if the control period can carry its gains: its `sampled_gain`, T_c max lambda(M^-1
+        K), is at most `largest_sampled_gain`, 1.5 without delay; T_c is the control period, M the mass matrix and K the
+        damping. Raises `GainError` otherwise, whose message says which gains the period can carry."""
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(

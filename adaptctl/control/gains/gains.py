@@ -66,7 +66,7 @@ def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, worksp
     stability of a torque -K v held over the `period` T_c (s).
 
     M(q) is the mass matrix at positions q and v the joints' velocities; `damping` is K in N m s/rad (N s/m), one number
-    or one a joint (r,). The search is that of `hold_number`. A `workspace` of None is all that the joints' limits
-    allow. Raises `InputError` unless damping and period are positive and finite, and on a wrong shape.
+    or one a joint (r,). It is found by local search. A `workspace` of None is all that the joints' limits allow. Raises
+    `InputError` unless damping and period are positive and finite, and on a wrong shape.
     """
     return hold_number(mechanism, damping, period, workspace=workspace).value

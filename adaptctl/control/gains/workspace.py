@@ -112,8 +112,8 @@ class Workspace:
 
     def highest(self, value: Callable[[Array], Array]) -> Worst:
         """The greatest value of a function within the workspace's bounds: a record of this `value` and the positions
-        `p` (r,), rad or m, where it is found. The argument `value` is the function, from positions (n, r), rad or m, to
-        numbers (n,); a pattern search starts at the samples where it is greatest.
+        `p` (r,), rad or m, where it is found. The argument `value` is the function, from m positions (m, r), rad or m,
+        to m numbers (m,), finite or infinite; a pattern search starts at the samples where it is greatest.
 
         The samples alone do not tell: of the greatest eigenvalue of M^-1 K, M the mass matrix and K the damping, the
         largest of some hundred samples is nine tenths of the maximum at the median, and less than half for an arm whose

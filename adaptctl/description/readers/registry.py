@@ -79,11 +79,11 @@ def read(
     `root` names the body of an MJCF scene that the mechanism begins with, all bodies on it included; None is the one
     root body that moves. With `floating_base`, a URDF file's root link floats, on three slides and three hinges,
     instead of being fixed to the ground; its meshes are shown from its package and from `mesh_folders`, by default
-    none. With `snap`, angles between joint axes within 1e-3 rad of right ones are made exact (`snapped`). Raises
-    `NotFoundError` for an unknown name, `FileError` for a file that cannot be used, `InputError` for a floating base or
-    mesh folders of what is no URDF file, one folder not in a list, or a root of what is no MJCF file. Warns
-    (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, and (`SimplificationWarning`) of what
-    the file's reader leaves out.
+    none. With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3
+    rad of a multiple of 90 degrees are made exact. Raises `NotFoundError` for an unknown name, `FileError` for a file
+    that cannot be used, `InputError` for a floating base or mesh folders of what is no URDF file, one folder not in a
+    list, or a root of what is no MJCF file. Warns (`PhysicalConsistencyWarning`) of links whose inertia no rigid body
+    can have, and (`SimplificationWarning`) of what the file's reader leaves out.
     """
     suffix = Path(source).suffix.lower()
     if floating_base and suffix != ".urdf":

@@ -26,7 +26,8 @@ def snapped(description: Description, within: float = WITHIN) -> Description:
 
     Frames and axes that are nearly along their parents' are turned onto them; where they are not, the child's joint is
     turned by the little that is missing. What hangs on it turns with it, its origins move by at most `within` times the
-    chain's length. Limits, inertias in their links' frames and names stay. `within` is not checked.
+    chain's length. Frames of loop closures within `within` of right angles to their links' are made exact too. Limits,
+    inertias in their links' frames and names stay. `within` is not checked.
     """
     links: list[Link] = []
     for link in description.links:

@@ -36,13 +36,13 @@ class ActuatorLag(ActuatorEffect):
         """Raise nothing: a lag fits any number of joints `dof`, any `links` and any control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., r) of the lag, the drives' torques, N m (N for a prismatic joint): `torque` (..., r)
-        itself, not a copy, the torque that held the joints. `control_period` (s) is not used."""
+        """The initial memory (..., r) of the lag, the torques of r drives, N m (N for a prismatic joint): `torque`
+        (..., r) itself, not a copy, the torque that held the joints. `control_period` (s) is not used."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The mean (r,) of the lagging torque over one control period (s), which the joints get, and the memory (r,)
-        after it, the lagging torque at the period's end; all N m (N for a prismatic joint).
+        """The mean (r,) of the lagging torque of r joints over one control period (s), which they get, and the memory
+        (r,) after it, the lagging torque at the period's end; all N m (N for a prismatic joint).
 
         `torque` (r,) is the one commanded, held over the period, `memory` (r,) the lagging torque at its start. Raises
         `ValueError` where these differ in length; the period is taken to be positive.

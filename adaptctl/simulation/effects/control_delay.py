@@ -44,14 +44,15 @@ class ControlDelay(ActuatorEffect):
         """Raise nothing: a delay fits any number of joints `dof`, any `links` and any control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., ticks r): the torques on their way to the joints, the oldest first, all equal to
+        """The initial memory (..., ticks r): the torques on their way to the r joints, the oldest first, `ticks` times
         `torque` (..., r), the torque that held the joints, N m (N for a prismatic joint). `control_period` (s) is not
         used."""
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) that was commanded `ticks` control periods ago, and the memory (ticks r,) of those commanded
-        since, the oldest first and `torque` (r,), the one commanded now, last; all N m (N for a prismatic joint).
+        """The torque (r,) of r joints that was commanded `ticks` control periods ago, and the memory (ticks r,) of
+        those commanded since, the oldest first and `torque` (r,), the one commanded now, last; all N m (N for a
+        prismatic joint).
 
         `memory` (ticks r,) is that before this period; its length is not checked. With `ticks` 0 both arguments are
         returned as they are. `control_period` (s) is not used.

@@ -18,13 +18,13 @@ class Effect(ABC):
     as delays or friction. A subclass is a frozen dataclass of its own parameters, which it checks itself.
 
     Its equations are written over scalars of any kind: floats, or symbols that become native code. What changes over
-    time is its memory, one column (m,) of numbers passed in and out.
+    time is its memory, one column (m,) of m numbers passed in and out.
     """
 
     @abstractmethod
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` where the effect does not fit `dof` (r) joints, the `links` (names of those with ten
-        inertial parameters each, in their order) or a control period (s); for an unknown link `NotFoundError`, a
+        inertial parameters each, in their order) or the `control_period` (s); for an unknown link `NotFoundError`, a
         subclass of it."""
 
 
@@ -44,12 +44,12 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., m), m numbers of the effect's own, after the joints were held by `torque` (..., r),
-        N m (N for a prismatic joint); `control_period` is in s."""
+        """The initial memory (..., m), m numbers of the effect's own, after the r joints were held by `torque`
+        (..., r), N m (N for a prismatic joint); `control_period` is in s."""
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) that is passed on over one control period (s), and the effect's memory (m,) after it, m
+        """The torque (r,) passed on to r joints over one control period (s), and the effect's memory (m,) after it, m
         numbers of its own, from the `torque` (r,) given and the `memory` (m,) before. Torques are in N m (N for a
         prismatic joint); all are scalars of any kind: floats, or symbols that become native code."""
 
@@ -64,15 +64,16 @@ class SensorEffect(Effect):
 
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial memory (..., m), m numbers of the effect's own, before the first measurement of arms at positions
-        p (..., r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period` is in s."""
+        """The initial memory (..., m), m numbers of the effect's own, before the first measurement of arms of r joints
+        at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period` is in s."""
 
     @abstractmethod
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured positions (r,), rad or m, the measured velocities (r,), rad/s or m/s, and the effect's memory
-        (m,) after them, m numbers of its own; all are scalars of any kind: floats, or symbols that become native code.
+        """The measured positions (r,) of r joints, rad or m, their measured velocities (r,), rad/s or m/s, and the
+        effect's memory (m,) after them, m numbers of its own; all are scalars of any kind: floats, or symbols that
+        become native code.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, or as measured by the effects
         before; `memory` (m,) is that before this measurement, and `noise` (2r,) holds standard normal numbers
@@ -112,10 +113,10 @@ class LoadEffect(Effect):
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The P inertial parameters (..., P) with the load at `time` (s) added to `parameters` (..., P), those without
-        it. The first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz (mass, first moments of mass, inertia tensor), in kg, kg m, kg m^2 about the origin of the
-        link's frame; the drives' follow, SI units."""
+        """The mechanism's P inertial parameters (..., P) with the load at `time` (s) added to `parameters` (..., P),
+        those without it. The first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx,
+        I_xy, I_yy, I_xz, I_yz, I_zz (mass, first moments of mass, inertia tensor), in kg, kg m, kg m^2 about the origin
+        of the link's frame; the drives' follow, SI units."""
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:

@@ -57,8 +57,8 @@ class FilteredDifferences(SensorEffect):
         """The positions p (r,) of r joints, rad or m, as they are, the velocities (r,), rad/s or m/s, estimated from
         them, and the filter's memory (2r,) after them: p, then the estimate.
 
-        `memory` (2r,) is the one before and `control_period` is in s; the velocities v (r,) and `noise` (2r,) are not
-        used. Raises `ValueError` for a memory of another length.
+        `memory` (2r,), p and the estimate, is that of the period before, `control_period` is in s; the velocities v
+        (r,) and `noise` (2r,) are not used. Raises `ValueError` for a memory of another length.
         """
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
         before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])

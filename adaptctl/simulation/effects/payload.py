@@ -24,8 +24,8 @@ SYMMETRIC = 1e-9
 @dataclass(frozen=True, eq=False)
 class Payload:
     """A payload, which is a rigid body held by a link: `mass` in kg, `center` of mass (3,) in m in that link's frame,
-    and `inertia` tensor (3, 3) in kg m^2 about that centre, along the same axes. A point mass in the frame's origin
-    unless given.
+    and `inertia` tensor (3, 3) in kg m^2 about that centre, along the same axes. Centre and inertia
+    are zero unless given: a point mass in the frame's origin.
 
     Raises `InputError` for a mass that is no number or negative, a wrong shape, numbers that are not finite or that
     make an inertial parameter above 1e20, and an inertia, unless zero, that no rigid body has: not symmetric within

@@ -53,9 +53,9 @@ class PlantEffects:
         )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` where an effect does not fit `dof` (r) joints, the `links`, names of those with ten
-        inertial parameters each, or a `control_period` (s); for a payload's link that is none of them `NotFoundError`,
-        a subclass of it."""
+        """Raise `InputError` where an effect's settings are negative, NaN or not one number or one for each of `dof`
+        (r) joints, or a filter's cutoff is too high for the `control_period` (s); `NotFoundError`, a subclass of
+        it, where a payload's link is not among `links`, the names of those with ten inertial parameters each."""
         elastic = () if self.elastic is None else (self.elastic,)
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
             effect.require(dof, links, control_period)
