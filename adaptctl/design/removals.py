@@ -131,9 +131,9 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
     By symmetry: a link becomes its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
     (steel's 7850 by default), added to a link, makes a fundamental parameter zero that is not zero before. By
     relocation: a part of the link's own mass, taken from its centre of mass and placed as such a ball, does so. Each
-    change is meant alone, but for one of all symmetries that links have already. Raises `InputError` for an unknown
-    link or one given twice and a density that is not positive and finite, `RankError` where the mechanism's rank cannot
-    be certified.
+    is one change alone; where links have symmetries already, one more takes all of these at once. Raises `InputError`
+    for an unknown link or one given twice and a density that is not positive and finite, `RankError` where the
+    mechanism's rank cannot be certified.
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
     within = tuple(within)

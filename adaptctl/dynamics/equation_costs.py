@@ -35,8 +35,8 @@ class EquationCosts(NamedTuple):
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:
-    """The `EquationCosts` of a mechanism: counts of floating-point operations, unitless, of its regressor, of a control
-    period's torque and powers, and of its forward dynamics.
+    """The `EquationCosts` of a mechanism: counts of floating-point operations, unitless, of its Slotine-Li regressor,
+    of a control period's torque and powers (see `EquationCosts`), and of its forward dynamics.
 
     `columns` are the indices, from 0 to P - 1 in any order, of the k of its P inertial parameters that are counted, all
     others being zero; None for all P. With loops, the closed configuration is given: closing it is not counted. Sheu

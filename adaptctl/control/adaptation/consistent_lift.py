@@ -96,7 +96,7 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         """Raise `InputError` unless the first lift (P,), all P parameters of bodies and drives, is physically
         consistent and its k fundamental (base) parameters are the first estimate, to 1e-9 of their largest, and there
         is one rate or one for each link with a body and each drive's parameter; with a weight, also unless the weight
-        is one number or one a joint, and the torque filter's cutoff times the period is at most 1, unitless.
+        is one number or one a joint, and the torque filter's cutoff (rad/s) times the period (s) is at most 1.
 
         `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s, which the controller
         checks to be positive.
