@@ -71,9 +71,8 @@ class EssentialSpace:
     @property
     def proof(self) -> ExactEnergies | None:
         """The proof of the rank of the essential space: energies on exact geometry, in exact arithmetic (60 digits for
-        closed loops), by which
-        the rank was also computed. None where it was not: because it was left out, or, unless asked for, because there
-        are closed loops."""
+        closed loops), by which the rank was also computed. None where it was not: because it was left out, or, unless
+        asked for, because there are closed loops."""
         return self.search.found.proof
 
     @property
