@@ -116,6 +116,14 @@ def whole_number(value: object, what: str, least: int, most: int) -> int:
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
 
+def whole_count(value: object, what: str, least: int = 0) -> int:
+    """A whole number of at least `least`, 0 unless given. Raises `InputError` for all else, such as 2.0, NaN, texts and
+    booleans."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
+    return int(value)
+
+
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
     """A method on arrays that raises `NonFiniteError` rather than return what is not finite, its numbers being too
     large to go on with."""

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from adaptctl.arrays import whole_count
 from adaptctl.control import ComputedTorque, Controller, PDGravity
 from adaptctl.envs.learning import tracking_of
 from adaptctl.envs.tracking import TrackingEnv
-from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.simulation.rollout import rollout
 from adaptctl.tuning import tune
@@ -34,8 +34,8 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     Raises `InputError` for another environment, and for `episodes` and a `seed` that are no whole numbers of at least 1
     and 0, and what `tune` and the environment raise.
     """
-    first, count = _whole(seed, "seed", 0), _whole(episodes, "episodes", 1)
-    own, seeds = deepcopy(tracking_of(env)), range(first, first + count)
+    first, runs = whole_count(seed, "seed"), whole_count(episodes, "episodes", 1)
+    own, seeds = deepcopy(tracking_of(env)), range(first, first + runs)
     driven = {name: np.mean([_driven(own, law, k) for k in seeds]) for name, law in _laws(own).items()}
     return {"zero torque": float(np.mean([_driven(own, None, k) for k in seeds]))} | {
         name: float(value) for name, value in driven.items()
@@ -46,12 +46,6 @@ def shown_baselines(returns: dict[str, float]) -> str:
     """Text of the returns, a line each, the least first."""
     rows = sorted(returns.items(), key=lambda row: row[1])
     return "\n".join(f"{name:<28}{value:12.2f}" for name, value in rows)
-
-
-def _whole(given: object, what: str, least: int) -> int:
-    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < least:
-        raise InputError(f"{what}: expected a whole number of at least {least}, got {given!r:.80}")
-    return int(given)
 
 
 def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.compilation.counts import require_count
+from adaptctl.arrays import whole_count
 from adaptctl.errors import InputError
 
 Array = NDArray[np.float64]
@@ -109,12 +109,12 @@ class LaneArray:
 
 def _require_sizes(columns: Mapping[str, int], members: int, lanes: int, steps: tuple[int, ...]) -> None:
     """Raise `InputError` that names the size which is no count."""
-    require_count(members, "members")
-    require_count(lanes, "lanes", 1)
+    whole_count(members, "members")
+    whole_count(lanes, "lanes", 1)
     for size in steps:
-        require_count(size, "steps")
+        whole_count(size, "steps")
     for name, length in columns.items():
-        require_count(length, f"length of {name!r}")
+        whole_count(length, f"length of {name!r}")
 
 
 def _aligned(shape: tuple[int, ...], dtype: np.dtype[Any]) -> Array:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Any, TypeVar, cast
 
+from adaptctl.arrays import whole_count
 from adaptctl.caching import cached_property
 from adaptctl.compilation import folding
-from adaptctl.compilation.counts import require_count
 from adaptctl.compilation.graph import Expression, Graph, Op, reachable
 from adaptctl.compilation.layout import Layout, flatten, numbered
 from adaptctl.compilation.node import Node, Value, lift
@@ -84,7 +84,7 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
     goes through.
     """
     called = name or _name(function)
-    graph, sizes = Graph(), tuple(require_count(n, f"{called}: length of {x!r}") for x, n in arguments.items())
+    graph, sizes = Graph(), tuple(whole_count(n, f"{called}: length of {x!r}") for x, n in arguments.items())
     columns = dict(zip(arguments, map(Column, _inputs(graph, sizes)), strict=True))
     return _routine(called, graph, sizes, function(**columns))
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from adaptctl.compilation.counts import require_count
+from adaptctl.arrays import whole_count
 from adaptctl.compilation.invariants import Invariants
 from adaptctl.compilation.lane_array import Array, LaneArray
 from adaptctl.compilation.lanes import Lanes, Precision
@@ -55,7 +55,7 @@ def compile_step(
     if len(arguments) < sum(map(len, columns.values())):
         raise InputError("state, held, shared and driven: expected different names")
     target = processor or Processor.host()
-    several = Lanes(target.lanes_of(precision) if lanes is None else require_count(lanes, "lanes", 1), precision)
+    several = Lanes(target.lanes_of(precision) if lanes is None else whole_count(lanes, "lanes", 1), precision)
     return Stepper(trace(step, arguments, name=name), columns, several, target)
 
 
@@ -107,7 +107,7 @@ class Ensemble:
     """
 
     def __init__(self, stepper: Stepper, members: int) -> None:
-        self.stepper, self.members = stepper, require_count(members, "members", 1)
+        self.stepper, self.members = stepper, whole_count(members, "members", 1)
         self.state = self._array(stepper.columns[Source.STATE])
         self.held = self._array(stepper.columns[Source.HELD])
         self._outputs = {str(k): math.prod(shape) for k, shape in enumerate(stepper.outputs)}
@@ -134,9 +134,9 @@ class Ensemble:
         are none of at least 1, and for signals of other names, of the wrong shape or that are no real numbers.
         """
         if type(steps) is not int or steps < 0:
-            steps = require_count(steps, "steps")
+            steps = whole_count(steps, "steps")
         if type(threads) is not int or threads < 1:
-            threads = require_count(threads, "threads", 1)
+            threads = whole_count(threads, "threads", 1)
         shared, driven = self._signals(steps, signals)
         outputs = self._record(steps) if record else self._latest
         strides = shared.stride, driven.stride, outputs.stride if record else 0
@@ -160,7 +160,7 @@ class Ensemble:
         that are no real numbers."""
         if not isinstance(room, LaneArray) or _form(room) != _form(self._array(self._outputs, 0)):
             raise InputError("record: expected a `room` that this ensemble made")
-        first, steps = require_count(first, "record: first"), require_count(steps, "record: steps")
+        first, steps = whole_count(first, "record: first"), whole_count(steps, "record: steps")
         if first + steps > len(room.blocks):
             raise InputError(f"record: expected steps from 0 to {len(room.blocks)}, got {first} to {first + steps}")
         shared, driven = self._signals(steps, signals)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from adaptctl.compilation import trace
 from adaptctl.dynamics.mechanism import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.dynamics.parameter_layout import required_columns
 from adaptctl.scalars import Column, spread
 
 
@@ -44,7 +42,7 @@ def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -
     index from 0 to P - 1, `LoopError` where loops do not fit together.
     """
     equations, r, P = mechanism.equations, mechanism.dof, len(mechanism.parameter_names)
-    kept = list(range(P)) if columns is None else _sorted(columns, P, mechanism.name)
+    kept = sorted(set(range(P) if columns is None else required_columns(columns, P, mechanism.name)))
 
     def regressor(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
         return equations.torque_regressor(q, v, v_r, a_r, kept)
@@ -66,11 +64,3 @@ def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -
     except ZeroDivisionError:
         accelerations = None
     return EquationCosts(flops(regressor, *given), flops(tick, *given, "s", "beta"), accelerations)
-
-
-def _sorted(columns: Sequence[int], known: int, name: str) -> list[int]:
-    """The columns, each once and in order. Raises `InputError` for one that is not among those known."""
-    for c in columns:
-        if not ((type(c) is int or isinstance(c, np.integer)) and 0 <= c < known):
-            raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {c!r}")
-    return sorted(set(columns))

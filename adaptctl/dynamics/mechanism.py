@@ -16,6 +16,7 @@ from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.dynamics.equations import Equations
+from adaptctl.dynamics.parameter_layout import required_columns
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import InputError, LoopError
 from adaptctl.markup import table, titled
@@ -191,7 +192,8 @@ class Mechanism:
         """The `ArrayEquation` of a regressor, "torque_regressor" or "slotine_li_regressor", of the k parameters of
         indices `columns` alone: its `call` takes the arrays of the method of that name and returns (..., r, k) for r
         primary joints. Raises `InputError` for another name and a wrong index."""
-        return self._arrays.on_columns(regressor, tuple(self._columns(columns)))
+        asked = required_columns(columns, len(self.parameter_names), self.name)
+        return self._arrays.on_columns(regressor, tuple(asked))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
         """The same mechanism with other rotors and friction in its tree's n joints, one drive for all or one each, in
@@ -360,15 +362,6 @@ class Mechanism:
         """Checked arrays (..., r) and the sample axes they share."""
         arrays = {what: checked(values, self.dof, f"{self.name}: {what}") for what, values in given.items()}
         return list(arrays.values()), same_samples(**arrays)
-
-    def _columns(self, columns: Sequence[int] | None) -> Sequence[int]:
-        known = len(self.parameter_names)
-        if columns is None:
-            return range(known)
-        wrong = [c for c in columns if not ((type(c) is int or isinstance(c, np.integer)) and 0 <= c < known)]
-        if wrong:
-            raise InputError(f"{self.name}: columns: expected whole numbers from 0 to {known - 1}, got {wrong[0]!r}")
-        return columns
 
 
 def load(

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from adaptctl.dynamics.recursion.drive import DriveTerm
+from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar
 
 
@@ -50,3 +53,12 @@ class ParameterLayout(NamedTuple):
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:
         """The drives' values, one for each of `drives`."""
         return parameters.of[self.driven :]
+
+
+def required_columns(columns: Sequence[int], known: int, name: str) -> Sequence[int]:
+    """The columns. Raises `InputError`, which begins with the mechanism's `name`, for what is no index among the
+    `known` parameters."""
+    for c in columns:
+        if not ((type(c) is int or isinstance(c, np.integer)) and 0 <= c < known):
+            raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {c!r}")
+    return columns

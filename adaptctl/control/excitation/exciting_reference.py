@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_number, real_number
+from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_number, real_number, whole_count
 from adaptctl.caching import cached_property
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.excitation.measure import regressor_of
@@ -239,9 +239,9 @@ def exciting_reference(
     to 1 and the scale positive, finite and of its shape; for `limits` of another shape, with NaN, crossed or infinite
     positions, speeds below 0 or torques not above it; and where torques pass their limits even at rest.
     """
-    iterations = _count(iterations, "iterations")
+    iterations = whole_count(iterations, "iterations", 1)
     search = _checked(model, frequency, harmonics, share, scale, limits)
-    rng = np.random.default_rng(_count(seed, "seed", 0))
+    rng = np.random.default_rng(whole_count(seed, "seed"))
     starts = [search.random(rng) for _ in range(RANDOM)]
     random_conditions = np.array([search.within(x)[1] for x in starts])
     best = _Best(search, starts[int(np.argmin([search.cost(x) for x in starts]))], iterations, progress)
@@ -287,7 +287,7 @@ def _checked(
 ) -> FourierSearch:
     """The search with these settings. Raises `InputError` for those that cannot be."""
     frequency = positive_number(frequency, "frequency: expected a positive one in Hz")
-    harmonics = _count(harmonics, "harmonics")
+    harmonics = whole_count(harmonics, "harmonics", 1)
     _require_share(share)
     if limits is not None:
         _require_limits(limits, model.mechanism.dof)
@@ -297,12 +297,6 @@ def _checked(
     if not np.all(ranges > 0.0):
         raise InputError(f"scale: expected positive numbers, got {ranges.tolist()}")
     return FourierSearch(model, limits or MotionLimits.of(model, share), frequency, harmonics, ranges)
-
-
-def _count(value: object, what: str, least: int = 1) -> int:
-    if isinstance(value, int | np.integer) and value >= least:
-        return int(value)
-    raise InputError(f"{what}: expected a whole number of at least {least}, got {value!r}")
 
 
 def _require_share(share: float) -> None:
