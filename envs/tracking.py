@@ -315,8 +315,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _judged(self, q: Array, v: Array, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The rewards (...) of states reached (...), and whether the episode ends there."""
         error = self.plant.positions(q) - reference.p
-        terminated = (np.abs(error) > self.error_bound).any(-1)
-        terminated |= ~self.plant.may_work(q)
+        outside, terminated = np.abs(error) > self.error_bound, ~self.plant.may_work(q)
+        if outside.any():  # to look at all joints at once takes a twentieth of the time
+            terminated |= outside.any(-1)
         relative = applied / self._limits
         return self.reward_weights.reward(error, v - reference.v, relative, terminated), terminated
 

@@ -387,7 +387,7 @@ def test_a_reference_must_fit(measured: Mechanism) -> None:
         TrackingEnv(measured, lambda t: ReferencePoint(*np.zeros((3, 6))))
     with pytest.raises(InputError, match="reference: expected 3 joints"):
         Puma560TrackingEnv("semi_direct_drive")
-    with pytest.raises(InputError, match=r"reference: p: expected shape \(\.\.\., 6\), got \(1024, 5\)"):
+    with pytest.raises(InputError, match=r"reference: p: expected shape \(\.\.\., 6\), got \(\d+, 5\)"):
         TrackingEnv(measured).reset(options={"trajectory": short})
 
 

@@ -117,7 +117,7 @@ def test_an_interrupt_waits_for_all_threads() -> None:
     arms, steps = compile_step(count, state={"n": 1}).ensemble(1024), 2_000_000
     before, running = signal.signal(signal.SIGALRM, signal.default_int_handler), threading.active_count()
     try:
-        with signalled("_take", signal.SIGALRM, after=0.001), pytest.raises(KeyboardInterrupt):
+        with signalled("take", signal.SIGALRM, after=0.001), pytest.raises(KeyboardInterrupt):
             arms.run(steps, threads=2)
     finally:
         signal.signal(signal.SIGALRM, before)
@@ -360,7 +360,7 @@ def test_memory_that_is_no_room_of_the_ensemble_is_refused(stepper: Stepper) -> 
     for room in (stepper.ensemble(40).room(2), LaneArray({"0": 1}, 3, three.room(2).lanes, (2,))):
         with pytest.raises(InputError, match="expected a `room` that this ensemble made"):
             three.record_into(room, 0, 2, signals)
-    with pytest.raises(InputError, match="record: expected steps from 0 to 2, got 1 to 3"):
+    with pytest.raises(InputError, match="expected steps from 0 to 2, got 1 to 3"):
         three.record_into(three.room(2), 1, 2, signals)
 
 
@@ -377,3 +377,25 @@ def test_wrong_columns_are_refused(stepper: Stepper) -> None:
             state.put("q", members, 0.0)
     with pytest.raises(InputError, match=r"'q': expected real numbers that broadcast to shape \(1, 2\)"):
         state.put("q", [0], np.zeros(3))
+
+
+def test_signals_in_place_are_those_that_are_passed(stepper: Stepper) -> None:
+    """From the step on that the room is filled from."""
+    problem, late = Problem(11), ((2, 0), (0, 0), (0, 0))
+    passed, placed = problem.ensemble(stepper), problem.ensemble(stepper)
+    signals = placed.signals(STEPS + 2)
+    signals.shared["target"] = np.pad(problem.target[:, None], late)
+    signals.driven["push"] = np.pad(problem.push, late)
+    rooms = passed.room(STEPS + 2), placed.room(STEPS + 2)
+    passed.record_into(rooms[0], 2, STEPS, problem.signals)
+    placed.record_into(rooms[1], 2, STEPS, signals)
+    np.testing.assert_array_equal(rooms[0].blocks, rooms[1].blocks)
+    np.testing.assert_array_equal(passed.state.blocks, placed.state.blocks)
+
+
+def test_signals_of_another_form_or_of_too_few_steps_are_refused(stepper: Stepper) -> None:
+    three = stepper.ensemble(3)
+    with pytest.raises(InputError, match="`signals`: expected steps from 0 to 2, got 1 to 3"):
+        three.record_into(three.room(3), 1, 2, three.signals(2))
+    with pytest.raises(InputError, match="expected `signals` that this ensemble made"):
+        three.record_into(three.room(3), 0, 2, stepper.ensemble(40).signals(2))

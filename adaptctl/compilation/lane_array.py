@@ -77,6 +77,10 @@ class LaneArray:
         column: Array = self.blocks[..., 0, self._place(name), 0]
         return column
 
+    def address_of(self, step: int) -> int:
+        """The address in memory of the numbers of the step of index `step`, where the array has one axis of steps."""
+        return self.address + self.blocks.itemsize * step * self.stride
+
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
         """Assign to the column `name` of some members, by their indices `members` (k,) from 0, values that broadcast to
         (k, n), NaN and infinity too. Raises `InputError` for indices that are no whole numbers, of another shape or of

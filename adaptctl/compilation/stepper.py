@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from threading import Thread
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -96,6 +96,14 @@ class Stepper:
         return Ensemble(self, members)
 
 
+class Signals(NamedTuple):
+    """Memory for the signals of some steps, as `Ensemble.signals` makes it: `shared`, the columns that are the same for
+    all members, and `driven`, those of each member, a `LaneArray` each, one block or more a step."""
+
+    shared: LaneArray
+    driven: LaneArray
+
+
 class Ensemble:
     """The members (copies) of a compiled step that are taken step by step together, made by `Stepper.ensemble`: their
     states and their held columns, which a step reads and leaves as they are.
@@ -111,8 +119,8 @@ class Ensemble:
         self.state = self._array(stepper.columns[Source.STATE])
         self.held = self._array(stepper.columns[Source.HELD])
         self._outputs = {str(k): math.prod(shape) for k, shape in enumerate(stepper.outputs)}
-        self._latest, self._nothing = self._array(self._outputs), self._array({})
-        self._recorded = self._array(self._outputs, 0)
+        self._latest, self._recorded = self._array(self._outputs), self._array(self._outputs, 0)
+        self._nothing = self.signals(0)
 
     def run(
         self,
@@ -137,10 +145,9 @@ class Ensemble:
             steps = whole_count(steps, "steps")
         if type(threads) is not int or threads < 1:
             threads = whole_count(threads, "threads", 1)
-        shared, driven = self._signals(steps, signals)
         outputs = self._record(steps) if record else self._latest
-        strides = shared.stride, driven.stride, outputs.stride if record else 0
-        self._run(threads, steps, strides, (self.state, self.held, shared, driven, outputs), outputs.address)
+        work = _Work(self, steps, self._signals(steps, signals), outputs, outputs.stride if record else 0)
+        self._run(threads, work)
         axes = (steps, self.members) if record else (self.members,)
         parts = zip(outputs.columns, self.stepper.outputs, strict=True)
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
@@ -151,21 +158,31 @@ class Ensemble:
         `InputError` for steps that are no whole number of at least 0."""
         return self._array(self._outputs, steps)
 
-    def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike]) -> None:
+    def signals(self, steps: int) -> Signals:
+        """Memory, zero, for the `Signals` of `steps` steps, to be filled by column and step, as `record_into` reads it:
+        `shared` has axes (steps, lanes, n), to be filled with equal lanes, and `driven` (steps, members, n). Raises
+        `InputError` for steps that are no whole number of at least 0."""
+        columns, lanes = self.stepper.columns, self.stepper.lanes
+        shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,), self.stepper.dtype)
+        return Signals(shared, self._array(columns[Source.DRIVEN], steps))
+
+    def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike] | Signals) -> None:
         """Take `steps` steps of all members from their `state`, which is replaced, and put the outputs into `room`,
         made by `room()`, from its step of index `first` on. `signals` are, by name, the shared columns (steps, n), the
-        same for all members, and the driven ones (steps, members, n). Raises `InputError` where the outputs do not fit
-        into `room`, where `first` or `steps` is no whole number of at least 0, for a room whose columns, number of
-        blocks, lanes or type of number are not this ensemble's, and for signals of other names, of the wrong shape or
-        that are no real numbers."""
-        if not isinstance(room, LaneArray) or _form(room) != _form(self._array(self._outputs, 0)):
-            raise InputError("record: expected a `room` that this ensemble made")
+        same for all members, and the driven ones (steps, members, n); or `Signals` made by `signals()`, of which those
+        from the same index `first` on are read, in place. Raises `InputError` where steps or outputs do not fit, where
+        `first` or `steps` is no whole number of at least 0, for a room or `Signals` whose columns, number of blocks,
+        lanes or type of number are not this ensemble's, and for signals of other names, of the wrong shape or that are
+        no real numbers."""
         first, steps = whole_count(first, "record: first"), whole_count(steps, "record: steps")
-        if first + steps > len(room.blocks):
-            raise InputError(f"record: expected steps from 0 to {len(room.blocks)}, got {first} to {first + steps}")
-        shared, driven = self._signals(steps, signals)
-        strides, arrays = (shared.stride, driven.stride, room.stride), (self.state, self.held, shared, driven, room)
-        self._run(1, steps, strides, arrays, room.address + room.blocks.itemsize * first * room.stride)
+        _require(room, self._recorded, first, steps, "a `room`")
+        if isinstance(signals, Signals):
+            for given, own in zip(signals, self._nothing, strict=True):
+                _require(given, own, first, steps, "`signals`")
+            work = _Work(self, steps, signals, room, room.stride, first, first)
+        else:
+            work = _Work(self, steps, self._signals(steps, signals), room, room.stride, 0, first)
+        self._run(1, work)
 
     def _record(self, steps: int) -> LaneArray:
         """Room for the outputs of all steps, that of the last run if it fits: memory is slow when it is new."""
@@ -173,49 +190,76 @@ class Ensemble:
             self._recorded = self._array(self._outputs, steps)
         return self._recorded
 
-    def _run(self, threads: int, *work: Any) -> None:
+    def _run(self, threads: int, work: _Work) -> None:
         """Run all blocks, the first share of them in this thread."""
         blocks = len(self.state.blocks)
         count = min(threads, blocks)
-        shares = [(blocks * k // count, blocks * (k + 1) // count, *work) for k in range(count)]
-        others = [Thread(target=self._take, args=share) for share in shares[1:]]
+        shares = [(blocks * k // count, blocks * (k + 1) // count) for k in range(count)]
+        others = [Thread(target=work.take, args=share) for share in shares[1:]]
         try:
             for thread in others:
                 thread.start()
-            self._take(*shares[0])
+            work.take(*shares[0])
         finally:
             _wait_for(others)
 
-    def _take(
-        self, first: int, last: int, steps: int, strides: tuple[int, ...], arrays: tuple[LaneArray, ...], out: int
-    ) -> None:
-        """The steps of some blocks, outputs going to an address; whoever takes them holds the memory."""
-        self.stepper.native(first, last, steps, *strides, *[array.address for array in arrays[:-1]], out)
-
-    def _signals(self, steps: int, signals: Mapping[str, ArrayLike]) -> tuple[LaneArray, LaneArray]:
+    def _signals(self, steps: int, signals: Mapping[str, ArrayLike]) -> Signals:
         """The shared ones (steps, n), in one block of equal lanes, and the driven ones."""
         columns, lanes = self.stepper.columns, self.stepper.lanes
         expected = [*columns[Source.SHARED], *columns[Source.DRIVEN]]
         if set(signals) != set(expected):
             raise InputError(f"signals: expected {', '.join(expected) or 'none'}, got {', '.join(signals) or 'none'}")
         if not expected:
-            return self._nothing, self._nothing
+            return self._nothing
         rows = LaneArray(columns[Source.SHARED], steps, dtype=self.stepper.dtype)
         driven = self._array(columns[Source.DRIVEN], steps)
         for name, values in signals.items():
             (rows if name in rows.columns else driven)[name] = values
         if lanes == 1:
-            return rows, driven
+            return Signals(rows, driven)
         shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,), self.stepper.dtype)
         shared.blocks[:, 0] = rows.blocks
-        return shared, driven
+        return Signals(shared, driven)
 
     def _array(self, columns: Columns, *steps: int) -> LaneArray:
         return LaneArray(columns, self.members, self.stepper.lanes, steps, self.stepper.dtype)
 
 
+class _Work(NamedTuple):
+    """Steps to be taken by the members of an ensemble: what is read and written, which stays alive as long."""
+
+    ensemble: Ensemble
+    steps: int
+    signals: Signals
+    outputs: LaneArray
+    stride: int
+    """numbers between the outputs of a step and the next; 0 where each replaces the one before"""
+    read: int = 0
+    """index of the first step among the signals"""
+    written: int = 0
+    """index of the first step among the outputs"""
+
+    def take(self, first: int, last: int) -> None:
+        """Take the steps of the blocks of members from the `first` on, before the `last`."""
+        members = self.ensemble
+        strides = *(part.stride for part in self.signals), self.stride
+        signals = (part.address_of(self.read) for part in self.signals)
+        arrays = members.state.address, members.held.address, *signals, self.outputs.address_of(self.written)
+        members.stepper.native(first, last, self.steps, *strides, *arrays)
+
+
+def _require(given: LaneArray, own: LaneArray, first: int, steps: int, name: str) -> None:
+    """Raise `InputError` unless a memory has the form of the ensemble's own, and these steps."""
+    if not isinstance(given, LaneArray) or _form(given) != _form(own):
+        raise InputError(f"record: expected {name} that this ensemble made")
+    if first + steps > len(given.blocks):
+        raise InputError(
+            f"record: {name}: expected steps from 0 to {len(given.blocks)}, got {first} to {first + steps}"
+        )
+
+
 def _form(room: LaneArray) -> tuple[Any, ...]:
-    """Columns, shape (blocks, width, lanes) and type of the memory of a step's outputs."""
+    """Columns, shape (blocks, width, lanes) and type of the memory of steps."""
     return room.columns, room.blocks.shape[1:], room.blocks.dtype
 
 

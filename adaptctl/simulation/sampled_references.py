@@ -17,18 +17,27 @@ from adaptctl.scalars import Column
 
 REFERENCE = ("reference_p", "reference_v", "reference_a")
 """Names of a reference point's parts as columns."""
-BLOCK = 1024
+BLOCK = 128
 """Control periods evaluated at once."""
 
 
-def sampled(reference: Reference, times: Array, size: int) -> ReferencePoint:
-    """The points (T, size) of a reference at times (T,), s.
+def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
+    """The points of a reference at times (T,), s: positions, velocities and accelerations (T, size) each, rad, rad/s,
+    rad/s^2 (m, m/s, m/s^2), in a fresh array or in `out` (T, 3, size).
 
     Raises `InputError` where they are not of that shape, `NonFiniteError` where they are not finite.
     """
-    point = _sinusoids(reference, times) if isinstance(reference, Sinusoids) else reference(times)
+    points = np.empty((len(times), 3, size)) if out is None else out
+    parts = ReferencePoint(*points.swapaxes(0, 1))
+    if isinstance(reference, Sinusoids) and len(reference.center) == size:
+        _put_sinusoids(points, reference, times)
+        if np.isfinite(points).all():
+            return parts
+    point = reference(times)
     require_point(point)
-    return ReferencePoint(*(_checked(point, name, len(times), size) for name in ReferencePoint._fields))
+    for name, part in parts._asdict().items():
+        part[...] = _checked(point, name, len(times), size)
+    return parts
 
 
 class Preview:
@@ -66,15 +75,20 @@ class Preview:
 
     def _block(self, block: int) -> Array:
         times = self._period * np.arange(block * self._size, (block + 1) * self._size, dtype=np.float64)
-        ahead = [sampled(self.reference, times + t, self._dof).p for t in self._look_ahead]
-        return np.concatenate((*sampled(self.reference, times, self._dof), *ahead), axis=1)
+        n, ahead = self._size, (times + t for t in self._look_ahead)
+        p, v, a = sampled(self.reference, np.concatenate((times, *ahead)), self._dof)
+        later = p[n:].reshape(-1, n, self._dof).swapaxes(0, 1)
+        return np.concatenate((p[:n], v[:n], a[:n], later.reshape(n, -1)), axis=1)
 
 
-def _sinusoids(reference: Sinusoids, times: Array) -> ReferencePoint:
-    """Sinusoids at times (T,), s, in native code."""
+def _put_sinusoids(points: Array, reference: Sinusoids, times: Array) -> None:
+    """Put the points of sinusoids at times (T,), s, into an array (T, 3, r), in native code."""
     numbers = reference.numbers
-    points: Array = _compiled(*map(len, numbers)).map(times[:, None], *numbers)
-    return ReferencePoint(*points.swapaxes(0, 1))
+    evaluated = _compiled(*map(len, numbers)).map
+    if points.flags.c_contiguous:
+        evaluated(times[:, None], *numbers, out=points)
+    else:
+        points[...] = evaluated(times[:, None], *numbers)
 
 
 @lru_cache(maxsize=16)

@@ -127,9 +127,10 @@ class _NativeRun:
         self.loop.begin(self.arms, episode.state, controller.init(*_measured(episode.state)))
         self.samples: dict[str, Array] = {}
         self.file: RolloutFile | None = None
-        self.room = self.arms.room(self._longest)
+        self.room, self.signals = self.arms.room(self._longest + 1), self.arms.signals(self._longest + 1)
         self.sample = Sample(*map(self.room.view, self.room.columns))
-        self.count, self.clips, self.end, self.terminated = 0, 0, episode.state, False
+        self.count, self.clips, self.terminated = 0, 0, False
+        self.place, self.end = self._place(), episode.state
 
     def driven(self, env: Any, progress: Callable[[float], object] | None, file: RolloutFile | None = None) -> Rollout:
         """The run to its end, or to Ctrl-C."""
@@ -152,7 +153,7 @@ class _NativeRun:
     @property
     def _stretch(self) -> int:
         """Control periods of one native call, at most."""
-        return min(LONGEST, max(CHUNK, self.steps // 100))
+        return min(LONGEST, max(CHUNK, self.steps // 4))
 
     @property
     def _first(self) -> int:
@@ -166,19 +167,20 @@ class _NativeRun:
 
     def advance(self) -> None:
         """One stretch, in which the true parameters stay as they are; it counts when all of it is done."""
-        time, place = self._times(), self._place()
-        reference = sampled(self.episode.reference, time, self.loop.controller.reference_size)
+        time = self._times()
+        reference = self._reference(time)
         self.arms.held["parameters"] = self._parameters(time[0])
-        sample = self._taken(len(time) - 1, reference)
+        sample = self._taken(len(time) - 1)
         reward, over = self._judged(sample, reference)
         count = len(reward)
         if count < len(time) - 1:
-            self._return(place)
-            sample = self._taken(count, reference)
+            self._return()
+            sample = self._taken(count)
             if not over:
                 self._fail(time[count], ReferencePoint(*(part[count] for part in reference)))
         self._keep(time[: count + 1], sample, reference, reward)
-        self.count, self.end, self.terminated = self.count + count, self._reached(time[count], sample), over
+        end, place = self._last(time[count], sample), self._place()
+        self.count, self.end, self.place, self.terminated = self.count + count, end, place, over
 
     def _keep(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array) -> None:
         """Keep the samples, of all times but the last, that are to be kept."""
@@ -216,26 +218,35 @@ class _NativeRun:
         yield from ((name, getattr(sample, name)) for name in ("torque", "applied", "estimate", "marks", "learning"))
         yield from ((name, getattr(sample, name)[:, 0]) for name in ("clipped", "energy"))
 
-    def _reached(self, time: float, sample: Sample) -> PlantState:
-        """The plant after the last sample."""
-        end, _ = self.loop.now(self.arms, time)
-        marks = sample.marks[-1, : len(self.episode.plant.marks)]
-        return end._replace(applied=sample.applied[-1], clipped=bool(sample.clipped[-1, 0]), marks=marks)
+    def _last(self, time: float, sample: Sample) -> PlantState:
+        """The time after the last sample, and what that keeps of a plant's state; the rest is in `place`."""
+        marks, clipped = sample.marks[-1, : len(self.episode.plant.marks)].copy(), bool(sample.clipped[-1, 0])
+        return self.end._replace(time=time, applied=sample.applied[-1].copy(), clipped=clipped, marks=marks)
+
+    def _reached(self) -> PlantState:
+        """The plant's state at the end of all that counts, to which it returns from a stretch that was interrupted."""
+        self._return()
+        if not self.count:
+            return self.end
+        own = {name: getattr(self.end, name) for name in ("applied", "clipped", "marks")}
+        return self.loop.now(self.arms, self.end.time)[0]._replace(**own)
 
     def _judged(self, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
         """Rewards of the control periods up to the end of the run or the first number that is not finite; and True if
         the environment ended it."""
-        q, v = (np.concatenate((getattr(sample, name)[1:], self.arms.state[name])) for name in ("q", "v"))
-        sound = len(q) if self._sound(len(q)) else _finite(sample.torque, q, v)
+        count, after = len(sample.q), slice(self._first + 1, self._first + len(sample.q) + 1)
+        q, v = self.sample.q[after], self.sample.v[after]
+        q[-1], v[-1] = self.arms.state["q"][0], self.arms.state["v"][0]
+        sound = count if self._sound(count) else _finite(sample.torque, q, v)
         ahead = ReferencePoint(*(part[1 : sound + 1] for part in reference))
         reward, over = self.episode.judge(q[:sound], v[:sound], ahead, sample.applied[:sound])
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
 
     def _sound(self, count: int) -> bool:
         """True only if all that was just recorded, and the state after it, is finite."""
-        numbers = self.room.blocks[self._first : self._first + count].reshape(count, -1), self.arms.state.blocks.ravel()
-        with np.errstate(over="ignore", invalid="ignore"):  # row by row: BLAS would take threads for one long product
-            return all(math.isfinite(np.vecdot(x, x).sum()) for x in numbers)
+        recorded = self.room.blocks[self._first : self._first + count]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return math.isfinite(recorded.sum()) and math.isfinite(self.arms.state.blocks.sum())
 
     def _times(self) -> Array:
         """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
@@ -248,19 +259,26 @@ class _NativeRun:
     def _parameters(self, time: float) -> Array:
         return self.episode.plant.parameters(self.episode.parameters, time)
 
-    def _taken(self, count: int, reference: ReferencePoint) -> Sample:
+    def _reference(self, time: Array) -> ReferencePoint:
+        """The reference (T, r) at times (T,), put among the signals that the next control periods read."""
+        size, rows = self.loop.controller.reference_size, slice(self._first, self._first + len(time))
+        signals = self.signals.shared.blocks[rows, 0, : 3 * size, 0].reshape(-1, 3, size)
+        return sampled(self.episode.reference, time, size, out=signals)
+
+    def _taken(self, count: int) -> Sample:
         """Samples of the next `count` control periods, which are run."""
-        noise = self.episode.rng.standard_normal((count, self.loop.noise["noise"]))
-        signals = {name: part[:count] for name, part in zip(REFERENCE, reference, strict=True)} | {"noise": noise}
-        self.arms.record_into(self.room, self._first, count, signals)
-        return Sample(*(part[self._first : self._first + count] for part in self.sample))
+        rows, size = slice(self._first, self._first + count), self.loop.noise["noise"]
+        if size:
+            self.signals.shared.view("noise")[rows] = self.episode.rng.standard_normal((count, size))
+        self.arms.record_into(self.room, self._first, count, self.signals)
+        return Sample(*(part[rows] for part in self.sample))
 
     def _place(self) -> tuple[Array, Any]:
         """State of the run and of its noise, to return to."""
         return self.arms.state.blocks.copy(), self.episode.rng.bit_generator.state
 
-    def _return(self, place: tuple[Array, Any]) -> None:
-        self.arms.state.blocks[...], self.episode.rng.bit_generator.state = place
+    def _return(self) -> None:
+        self.arms.state.blocks[...], self.episode.rng.bit_generator.state = self.place
 
     def _fail(self, time: float, reference: ReferencePoint) -> NoReturn:
         """Raise what the controller or the plant raises when they step from here."""
@@ -280,7 +298,7 @@ class _NativeRun:
             wall_time=wall_time,
             complete=complete,
             terminated=self.terminated,
-            info=env.take_back(self.end, self.count, self.clips, self.terminated),
+            info=env.take_back(self._reached(), self.count, self.clips, self.terminated),
             marks=self._marks(*marks),
             every=self.kept.every,
         )
@@ -311,7 +329,7 @@ class _WholeRun(_NativeRun):
         self, episode: Episode, controller: Controller[Any], steps: int, period: float, kept: KeptSamples
     ) -> None:
         super().__init__(episode, controller, steps, period, kept)
-        self.reference = ReferencePoint(*np.empty((3, steps, controller.reference_size)))
+        self.reference = ReferencePoint(*map(self.signals.shared.view, REFERENCE))
         self.reward, self.payload = np.empty((2, steps))
 
     @property
@@ -325,8 +343,6 @@ class _WholeRun(_NativeRun):
     def _keep(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array) -> None:
         """Put what is not recorded with the samples, of all times but the last, in its place."""
         new, plant = slice(self.count, self.count + len(reward)), self.episode.plant
-        for kept, part in zip(self.reference, reference, strict=True):
-            kept[new] = part[: len(reward)]
         self.reward[new], self.payload[new] = reward, plant.payload(time[0])
         self.payload[new.stop - 1] = plant.payload(time[-1])
         self.clips += int(sample.clipped[: len(reward)].sum())
