@@ -1,12 +1,5 @@
 """Compilation of equations over scalars to native code. Knows nothing of robots."""
 
-from adaptctl.compilation.graph import Op
-from adaptctl.compilation.kernel import Kernel, compile_function
-from adaptctl.compilation.lane_array import LaneArray
-from adaptctl.compilation.routine import Operations, Routine, outlined, trace
-from adaptctl.compilation.stepper import Ensemble, Stepper, compile_step
+from adaptctl.lazily import imported_lazily
 
-__all__ = [
-    "Ensemble", "Kernel", "LaneArray", "Op", "Operations", "Routine", "Stepper",
-    "compile_function", "compile_step", "outlined", "trace",
-]  # fmt: skip
+__all__, __getattr__, __dir__ = imported_lazily(__name__)

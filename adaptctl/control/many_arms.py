@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen, stacked
 from adaptctl.caching import cached_property
-from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.scalars import Column
+
+if TYPE_CHECKING:
+    from adaptctl.compilation import Ensemble, Stepper
 
 Columns = Mapping[str, Array]
 """Numbers (N, n) by name, or (n,) that all N arms share."""
@@ -51,6 +54,8 @@ class ManyArms:
 
     @cached_property
     def _stepper(self) -> Stepper:
+        from adaptctl.compilation import compile_step  # a single arm does without it
+
         def step(**columns: Column) -> tuple[Column, ...]:
             torque, *after = self.law(**columns)
             return (*after, torque)

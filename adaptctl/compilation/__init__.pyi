@@ -1,0 +1,11 @@
+from adaptctl.compilation.graph import Op as Op
+from adaptctl.compilation.kernel import Kernel as Kernel
+from adaptctl.compilation.kernel import compile_function as compile_function
+from adaptctl.compilation.lane_array import LaneArray as LaneArray
+from adaptctl.compilation.routine import Operations as Operations
+from adaptctl.compilation.routine import Routine as Routine
+from adaptctl.compilation.routine import outlined as outlined
+from adaptctl.compilation.routine import trace as trace
+from adaptctl.compilation.stepper import Ensemble as Ensemble
+from adaptctl.compilation.stepper import Stepper as Stepper
+from adaptctl.compilation.stepper import compile_step as compile_step
