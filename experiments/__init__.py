@@ -17,7 +17,9 @@ __all__ = ["EXPERIMENTS", "GROUP", "Entry", "find", "offered"]
 
 
 class Entry(NamedTuple):
-    """Entry of the list of experiments: what is needed to choose one without importing it."""
+    """Entry of the list of experiments, all that is needed to choose one without importing it: `name`, as the command
+    line takes it, such as "two-arms"; `summary`, a line of words; `module`, the Python module that defines the
+    experiment; and `kind`, the name of its class there."""
 
     name: str
     summary: str
@@ -154,14 +156,16 @@ GROUP = "adaptctl.experiments"
 
 
 def offered() -> dict[str, EntryPoint]:
-    """The entry points of experiments that installed packages offer, by name."""
+    """Entry points of installed packages in the group "adaptctl.experiments", by their names: each names a class, an
+    experiment that the package offers. Nothing of the packages is imported here."""
     from importlib.metadata import entry_points
 
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def find(name: str) -> type[Experiment]:
-    """Class of the experiment of that name. Raises NotFoundError with the names that exist."""
+    """Class of the built-in experiment of a `name`, such as "two-arms"; its module is imported here. Raises
+    `NotFoundError`, with the names that exist, for another name."""
     names = [entry.name for entry in EXPERIMENTS]
     if name not in names:
         close = get_close_matches(name, names, n=1, cutoff=0.4)

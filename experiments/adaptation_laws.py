@@ -91,11 +91,10 @@ EULER = "gradient-euler"
 
 @dataclass(frozen=True)
 class AdaptationLaws(RoughStart, Learning):
-    """Experiment that compares all adaptation and control laws from one rough model, on one reference and one seed.
-
-    Slotine and Li's control law with every adaptation law in turn; then the other control laws, those that
-    adapt with the gradient.
-    """
+    """Experiment that compares adaptation laws and control laws on one arm, reference and seed, all from one rough
+    model, which has every link's parameters off by `parameter_error`: Slotine and Li's control law with each adaptation
+    law of `laws`, and the other control laws. Raises at construction `NotFoundError` for an unknown law or motion,
+    `InputError` for a law given twice or a setting out of bounds."""
 
     name: ClassVar[str] = "adaptation-laws"
     title: ClassVar[str] = "{robot}: adaptation laws and control laws side by side"
@@ -154,7 +153,7 @@ class AdaptationLaws(RoughStart, Learning):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question for its report: which laws do best from a rough model."""
         return (
             "An arm whose links are known within "
             f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. {self.comparing}"
@@ -168,13 +167,16 @@ class AdaptationLaws(RoughStart, Learning):
     """Sentences on how laws are compared, and by which measure."""
 
     def compare(self, progress: Progress) -> Comparison:
-        """The comparison of all contenders' runs, with a note on what was not remembered."""
+        """Comparison of the runs of all controllers, its answer with a note on laws that never found enough excitation
+        to store. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a
+        reference that the arm cannot follow, `GainError` for gains too large for the control period."""
         done = super().compare(progress)
         notes = [*([done.answer] if done.answer else []), *forgotten_notes(done.findings)]
         return replace(done, answer=" ".join(notes) or None)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment on the reference, with the effects."""
+        """Gymnasium tracking environment with the arm's reference, torque limits and plant effects such as noise; an
+        error above `error_bound` ends a run. Raises `InputError` for a reference that the arm cannot follow."""
         import gymnasium
 
         return gymnasium.make(
@@ -193,19 +195,19 @@ class AdaptationLaws(RoughStart, Learning):
     """rad or m: the error of a joint that ends a run"""
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """Largest torques (r,) that the joints' motors give, N m."""
+        """Largest torques (r,) that the motors of the r primary joints give, N m (N for a prismatic joint)."""
         return finite_torque_limits(mechanism)
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the plant: the noise asked for."""
+        """Effects of the plant: an encoder with velocity noise (deviation `velocity_noise`, rad/s), none if 0."""
         from adaptctl.simulation.effects import Encoder
 
         if self.velocity_noise:
             yield Encoder(velocity_noise=self.velocity_noise)
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Five sinusoids a joint about a bent posture, phases and exact frequencies by seed; or the most exciting.
-        Raises `InputError` for more than six joints."""
+        """Reference of r joints, rad: five sinusoids each about a bent posture (with loops, home), by seed, or the most
+        exciting Fourier series. Raises `InputError` for over six joints, and, if most exciting, for loops."""
         if self.motion == EXCITING:
             return most_exciting(mechanism, self.seed)
         if mechanism.dof > len(CENTER):
@@ -217,7 +219,8 @@ class AdaptationLaws(RoughStart, Learning):
         return Sinusoids(center, self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Reference:
-        """Reference, halted where it is to be, that the loops, if any, allow all of. Raises InputError where not."""
+        """Reference of the r primary joints that is run: `reference`, brought to rest at `halt` (s) unless that is 0.
+        Raises `InputError` where closed loops do not allow all of it, and as `reference` does."""
         moving = self.reference(mechanism)
         reference = Halted(moving, self.halt) if self.halt else moving
         p = reference(np.linspace(0.0, self.duration, REACHES)).p
@@ -230,7 +233,7 @@ class AdaptationLaws(RoughStart, Learning):
         return reference
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings that state the reference: its frequencies; phases follow from the seed."""
+        """Settings for the report: the reference's form and frequencies, Hz. `env` (environment) is unused."""
         if self.motion == EXCITING:
             yield Setting("reference", "Fourier series of five harmonics of 0.1 Hz a joint", "optimised for condition")
             return
@@ -238,7 +241,9 @@ class AdaptationLaws(RoughStart, Learning):
         yield Setting("reference frequencies", numbers(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first is the subject."""
+        """Contenders (controllers to compare, with names) in the order in which they run: one for each of `laws`, the
+        first the experiment's subject, then one with adaptation off; `basis` has the mechanism's k fundamental (base)
+        parameters, which they adapt. Raises `GainError` for gains too large for the control period."""
         model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
         gains, first = self.gains(mechanism), self.first(model)
         knows = f"links within {100 * self.parameter_error:.0f} %"
@@ -326,7 +331,8 @@ class AdaptationLaws(RoughStart, Learning):
         }
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings: each law's parameter error at the end, and the time of its tick in Python."""
+        """Findings, named numbers: each law's parameter error at the end (a share of the torque of all parameters, by
+        the fundamental ones of `basis`), what its memory stored, and the median time, us, of a torque in Python."""
         errors = self._errors(outcome, basis)
         contenders = {c.name: c for c in self.contenders(errors.model.mechanism, basis)}
         for run in outcome.runs:
@@ -339,7 +345,8 @@ class AdaptationLaws(RoughStart, Learning):
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the parameter errors at the end."""
+        """Sentence with the least and the greatest parameter error at the end, of the laws that adapt; None where none
+        has one. `found` has the findings by name."""
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = found.span("parameter_error", adapting)
@@ -347,7 +354,7 @@ class AdaptationLaws(RoughStart, Learning):
         return f"{start} {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure of the parameter errors over time."""
+        """Figure (`Drawing`) of parameter errors (no unit) over time, s, on the base parameters of `basis`."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._errors(outcome, basis)
@@ -369,8 +376,9 @@ class AdaptationLaws(RoughStart, Learning):
 
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """Reference that `exciting_reference` finds for all parameters of a mechanism's reduced model. Raises `InputError`
-    for a mechanism with loops."""
+    """Fourier series, rad, on which a mechanism's regressor of base parameters is conditioned best, found by
+    `exciting_reference` with `seed`; the last four are cached. Raises `InputError` for a mechanism with closed
+    loops."""
     from adaptctl.control import exciting_reference
 
     if mechanism.description.loops is not None:
@@ -380,7 +388,8 @@ def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
 
 
 def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
-    """Median time (s) of a tick on Python's floats."""
+    """Median time, s, in which a controller computes one torque on Python's floats, not compiled: over 20 states spread
+    evenly over a run, each with the controller's first state."""
     o, on_floats = run.rollout, controller.on_floats
     kept = leaves(controller.init(o.p[0], o.v[0]))
     costs = []

@@ -35,8 +35,10 @@ PLANTS = ("adaptctl", "mujoco")
 
 @dataclass(frozen=True)
 class AdaptiveTracking(Learning):
-    """Experiment of learning to track on any arm, with the reference, gains and integration that `tune` chooses for
-    it."""
+    """Experiment of learning to track on any arm from knowing none of its inertial parameters: reference, gains and
+    integration are those that `tune` chooses for it, and the plant is adaptctl's own or MuJoCo. Raises `InputError` at
+    construction for another `plant`, for a floating base in MuJoCo, and for a setting of the wrong type or out of its
+    bounds, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "adaptive"
     title: ClassVar[str] = "{robot}: learning to track from knowing nothing"
@@ -70,7 +72,8 @@ class AdaptiveTracking(Learning):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: whether an arm learns to track from knowing
+        none of its inertial parameters."""
         return (
             f"An arm follows sinusoids drawn by seed {self.seed} within its limits of positions, speeds and torques, "
             "and nobody tells the controller its inertial parameters. First those that its motion depends on are "
@@ -86,18 +89,25 @@ class AdaptiveTracking(Learning):
             raise InputError("plant: floating bases are moved by adaptctl only, whose joints they have")
 
     def mechanism(self) -> Mechanism:
-        """Mechanism that is driven, its base fixed or floating; of a scene that MuJoCo moves, as MuJoCo reads it."""
+        """Mechanism that is driven, loaded from `robot`, its base fixed or floating; a scene (.xml, .mjcf) that MuJoCo
+        moves is loaded as MuJoCo reads it. Raises `NotFoundError` for an unknown name or root body, `FileError` for a
+        file that cannot be used, `InputError` for settings that do not suit it, such as a floating base of no URDF
+        file."""
         root = self.root or None
         if self.plant == "mujoco" and Path(self.robot).suffix.lower() in (".xml", ".mjcf"):
             return load(as_mujoco(self.robot), snap=self.snap, root=root)
         return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
-        """Reference, gains and integration for a mechanism."""
+        """Tuning of a mechanism, `Tuning`: the reference, gains and integration for this experiment's settings; the
+        last four are cached. With MuJoCo, the reference is kept clear of contacts. Raises `InputError` where no gains
+        can hold a joint."""
         return _tuned(self, mechanism)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment on the tuned reference."""
+        """Gymnasium tracking environment of a mechanism on its tuned reference, with the tuned torque limits, N m (N),
+        and first error, rad (m), moved by adaptctl's plant or by MuJoCo. Raises `InputError` where no gains can hold a
+        joint."""
         import gymnasium
 
         tuning = self.tuning(mechanism)
@@ -116,21 +126,24 @@ class AdaptiveTracking(Learning):
         )
 
     def scene(self, mechanism: Mechanism) -> Any:
-        """MuJoCo's scene: that of the robot's file, or a model made of the links of another robot."""
+        """Scene for MuJoCo: the path of the robot's file if it is one of MuJoCo's (.xml, .mjcf), else the `mechanism`,
+        from whose links a model is made."""
         return self.robot if Path(self.robot).suffix.lower() in (".xml", ".mjcf") else mechanism
 
     @property
     def scene_settings(self) -> dict[str, Any]:
-        """Settings of MuJoCo's environment."""
+        """Arguments of MuJoCo's environment, by name: `body`, the name of the body that the arm begins with, None for
+        the one that moves; and `servos_off`, True to switch off actuators that are no torques."""
         return {"body": self.root or None, "servos_off": self.servos_off}
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains Lambda and K as tuned."""
+        """Tuned gains of Slotine and Li's law for the r primary joints: the bandwidth Lambda (r,), 1/s, and the damping
+        K (r,), N m s/rad (N s/m for a prismatic joint). Raises `InputError` where none can hold a joint."""
         return self.tuning(mechanism).gains
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """The tuned adaptation gain Gamma: its diagonal (P,) for all parameters, mapped (k, k) for a reduced
-        model's."""
+        """Tuned adaptation gain Gamma, in the parameters' SI units squared per J: its diagonal (P,) for a model of all
+        P parameters, or, mapped from these, the matrix (k, k) for one of k fundamental (base) parameters."""
         tuning = self.tuning(model.mechanism)
         everything = len(model.columns) == len(model.mechanism.parameter_names)
         return tuning.adaptation if everything else tuning.gain_on(model)
@@ -138,26 +151,37 @@ class AdaptiveTracking(Learning):
     def slotine_li(
         self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
     ) -> SlotineLi:
-        """Slotine and Li's law with the tuned gains, which are to hold along the reference."""
+        """Slotine and Li's control law on a `model` of k parameters, with the tuned gains. `adaptation` is an
+        adaptation law, or the gain Gamma, (k,) or (k, k), or None for none; `first` (k,) is the first estimate in SI
+        units, zeros where None. Raises `GainError` for gains too large for the control period along the tuned
+        reference, `InputError` for other shapes."""
         tuning = self.tuning(model.mechanism)
         gains, given = tuning.gains, (first, self.control_period, tuning.workspace, tuning.torque_limits)
         return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, *given)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first, whose gain is mapped already, is the subject."""
+        """Contenders (controllers to compare, with names) in the order in which they run: those of `Learning` but the
+        one with the mapped gain, for the first, the experiment's subject, has that gain already. `basis` has the
+        mechanism's k fundamental (base) parameters."""
         return [contender for contender in super().contenders(mechanism, basis) if contender.name != MAPPED]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings on whether reduced and full adaptation are one controller."""
+        """Finding on whether adapting the fundamental (base) parameters and adapting all are one controller: the
+        largest difference of their torques, N m; none where either was not run. `outcome` has the runs; `basis` is not
+        used."""
         return one_controller(outcome, ADAPTIVE)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text of the adaptation gain Gamma, for the record."""
+        """Text for the report on the adaptation gain Gamma of a mechanism: its rule, and the adaptation number that was
+        tuned, the largest eigenvalue of T_c K^-1 Y Gamma Y' (no unit; T_c the control period, K the damping, Y the
+        regressor)."""
         number = self.tuning(mechanism).adaptation_number
         return f"as the prior ranges of typical inertias and reach, up to an adaptation number of {number:.3g}, mapped"
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings that state the reference that was drawn, and what limits gains."""
+        """Settings for the report: centre and amplitude (rad or m) and frequency (Hz) of the drawn reference, one a
+        joint; what limits each joint's gains; and notes on the tuning. `env`, the tracking environment, is reset with
+        the experiment's seed."""
         env.reset(seed=self.seed)
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):

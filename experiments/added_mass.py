@@ -26,8 +26,10 @@ STAGE = "Costs of added mass"
 
 @dataclass(frozen=True)
 class AddedMassStudy(Experiment):
-    """Experiment on added mass: costs of a point, a gripper, a camera and a motor on every link, and the places where a
-    mass relieves the arm."""
+    """Experiment on where a mass may be added to an arm: how much a point mass, a gripper, a camera and a motor on
+    every link change the arm's energy over random states, and where a mass makes it smaller; Sheu and Walker (1991)
+    leave the question open. Raises `InputError` at construction for a setting of the wrong type or out of its bounds,
+    `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "added-mass"
     title: ClassVar[str] = "{robot}: where a mass may be added"
@@ -40,14 +42,19 @@ class AddedMassStudy(Experiment):
     share: float = setting(0.2, "largest counterweight over its link's mass", low=0.0, high=10.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the study."""
+        """Result of the study: its outcome in words, facts, and a function that writes its folder. `progress(what,
+        share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for an unknown robot,
+        `FileError` for a file that cannot be used, `InputError` for one without ten parameters a link."""
         from adaptctl.recording.designed.wording import facts, outcome_words
 
         study = self.study(progress)
         return Result(True, outcome_words(study), tuple(facts(study)), Verdict(), partial(self._write, study))
 
     def study(self, progress: Progress) -> DesignStudy:
-        """The design study of the robot."""
+        """Design study of the robot: effects of masses added to every link, optimal counterweights and removable
+        parameters, over random states within the joints' limits. `progress(what, share)` gets the step's name and the
+        share done, 0 to 1. Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be used,
+        `InputError` for one without ten parameters a link."""
         progress(STAGE, 0.0)
         task = DesignTask.within_limits(load(self.robot), self.samples, self.seed, self.speed)
         found = design_study(task, self.mass, share=self.share, percent=self.energy_error, seed=self.seed)
@@ -74,7 +81,8 @@ class AddedMassStudy(Experiment):
 
 
 def bodies(study: DesignStudy) -> dict[str, dict[str, float]]:
-    """Changes of the energy carried by bodies at the centres of mass of links, by body and link."""
+    """Relative changes (no unit, 0.1 for 10 % more) of an arm's root mean square energy when a gripper, a camera or a
+    motor is added to a link, its centre of mass at the link's: by the body's name, then the link's."""
     links = [places.link for places in study.within]
     return {
         name: {
@@ -85,7 +93,8 @@ def bodies(study: DesignStudy) -> dict[str, dict[str, float]]:
 
 
 def bodies_figure(study: DesignStudy) -> Figure:
-    """Figure of what common bodies cost on every link."""
+    """Matplotlib figure of the changes, %, of an arm's root mean square energy by a gripper, a camera and a motor on
+    each of its links, as bars, for a design study."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

@@ -12,8 +12,9 @@ if TYPE_CHECKING:
 
 
 def build_grid(builds: Sequence[Build]) -> Figure:
-    """Figure with a row a law and a column a compiler and kind of number: blue where a build agrees, orange where not,
-    and how far its torques are off."""
+    """Matplotlib figure of builds of exported control laws as a grid, a row for each law, a column for each compiler
+    and kind of number (double or float): a blue square where a build repeats Python's torques, an orange one where not,
+    with the largest difference of torques, N m, written beside it."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

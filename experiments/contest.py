@@ -35,8 +35,9 @@ MANY, FEW = 600_000, 30_000
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """A contender in a contest: its controller, which is made when it is first asked for, names for it, and what it
-    knows of the arm."""
+    """Contender of a contest, a comparison of controllers on one environment: `name`, short and fit for a file;
+    `label`, for legends; `knows`, in words what it knows of the arm beforehand; and `make`, a function without
+    arguments that makes its controller when that is first asked for."""
 
     name: str
     label: str
@@ -45,18 +46,21 @@ class Contender:
 
     @classmethod
     def of(cls, name: str, label: str, knows: str, controller: Controller[Any]) -> Contender:
-        """Contender whose controller is made already."""
+        """Contender of a contest whose `controller` is made already; `name` is short and fit for a file, `label` is for
+        legends, and `knows` says what it knows of the arm beforehand."""
         return cls(name, label, knows, lambda: controller)
 
     @cached_property
     def controller(self) -> Controller[Any]:
-        """The controller. Raises what its making raises."""
+        """Controller of the contender, made by `make` when first asked for, and then the same. Raises what `make`
+        raises, such as `GainError` for gains too large for the control period."""
         return self.make()
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of a contest: the runs; when it was interrupted, those that were begun."""
+    """Outcome of a contest of controllers: the `mechanism` that they drove; `runs`, one for each controller, in their
+    order; and `complete`, False where the contest was interrupted: `runs` are then those that were begun."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -71,10 +75,14 @@ def contest(
     progress: Progress,
     options: Mapping[str, Any] = MappingProxyType({}),
 ) -> Outcome:
-    """The outcome of a contest, in which each contender drives the environment from the same seed and options of its
-    reset.
+    """Outcome of a contest: each of the `contenders` (controllers with names) drives the environment `env`, whose arm
+    is `mechanism`, one after the other, from the same `seed` and `options` of the environment's reset, such as a
+    payload.
 
-    Ctrl-C ends the contest and keeps what was run; before anything was run it passes.
+    `progress(label, share)` gets the contender's label and the share of its run that is done, 0 to 1. All controllers
+    are made before anything runs, so that what their making raises comes first. Of long contests only some control
+    periods are recorded. Ctrl-C ends the contest: the runs that were begun are returned, as not complete;
+    `KeyboardInterrupt` is raised where there are none, and for an environment that gives no sample.
     """
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
@@ -95,14 +103,17 @@ def contest(
 
 
 def thinning(samples: int) -> int:
-    """Number of control periods for each sample that is kept, for all runs' `samples` together."""
+    """Number of control periods for each recorded sample, at least 1, where all runs together have `samples` control
+    periods: 1 for at most 600 000 of them, and else the least that leaves at most 30 000 samples."""
     return -(-samples // FEW) if samples > MANY else 1
 
 
 def live_subject(
     env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int, options: Mapping[str, Any]
 ) -> LiveArm | str:
-    """The closed loop of a contest's subject for a page, from where it began; or why there is none."""
+    """Closed loop of an environment and a controller as a `LiveArm`, WebAssembly for a report's page to run live, from
+    the state in which `env` begins with `seed` and `options` of its reset; or the reason, a text, why it cannot be
+    made, such as a plant of another simulator."""
     if not hasattr(env.unwrapped, "hand_over"):
         return f"{type(env.unwrapped).__name__} does not tell what it is made of"
     if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
@@ -141,7 +152,8 @@ def _run(
 
 @contextmanager
 def shown_live(env: gymnasium.Env[Any, Any], mechanism: Mechanism) -> Iterator[gymnasium.Env[Any, Any]]:
-    """The environment itself, or shown live where experiments stream."""
+    """Context manager of the environment to drive: `env` itself, or, where experiments are told to stream to a live
+    viewer that can be reached, a wrapper of it that also shows the motion of `mechanism` there."""
     from adaptctl.recording.live import CURRENT, Live
 
     if (to := CURRENT.get()) is None:
@@ -167,7 +179,9 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 
 def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
-    """Cost of one control tick, over states of a run."""
+    """Cost of a control tick, the computation of one torque, over 1000 states spread over a run of a controller: the
+    median time of a call from Python, s; the least mean time in a native loop, s; and the number of floating-point
+    operations. The last two are None where the law is not compiled; the native time also beyond 20 000 operations."""
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
     states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
     called, kernel = _called(controller, states), controller.kernel

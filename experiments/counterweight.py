@@ -34,7 +34,10 @@ EVERY, FEW, HELD = "all", "few", "held"
 
 
 class Burden(NamedTuple):
-    """Costs of a run: its tracking errors (rad or m), torque over the limits, work (J) and duration (s)."""
+    """Burden of a run on the arm: root mean square tracking errors of all joints (rad or m), of the whole run and of
+    its last two seconds (None where it was shorter); root mean square torque of all joints together, as a share of
+    their limits (no unit); the motors' work, the integral of |torque times velocity| summed over joints, J; the
+    duration, s; and True in `stopped` where an error passed its bound."""
 
     rms_error: float
     """rad or m, all joints"""
@@ -52,8 +55,10 @@ class Burden(NamedTuple):
 
 @dataclass(frozen=True)
 class CounterweightedTracking(ClosedLoopExperiment):
-    """Experiment on counterweights: an arm tracks one reference as described and with counterweights, adapting all
-    parameters, or ten components."""
+    """Experiment on counterweights in closed loop: an arm tracks one reference as it is described and then with optimal
+    counterweights, each time with Slotine and Li's law adapting all parameters, adapting the `components` essential
+    components that carry most energy, and holding their true values. Raises `InputError` at construction for a setting
+    of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "counterweight"
     title: ClassVar[str] = "{robot}: counterweights in closed loop"
@@ -69,7 +74,10 @@ class CounterweightedTracking(ClosedLoopExperiment):
     energy_error: float = setting(1.0, "at which components are counted, %", low=0.0, high=100.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison. Raises `InputError` for an arm with friction."""
+        """Result of the comparison: outcome in words, facts, and a function that writes its folder. `progress(what,
+        share)` gets the step's name and the share done, 0 to 1; Ctrl-C during a run keeps what was run. Raises
+        `InputError` for an arm with friction, more `components` than the arm has essential parameters, an unknown link
+        or objective (`NotFoundError` for an unknown robot, `FileError` for a file that cannot be used)."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:
@@ -192,7 +200,8 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
 
 def burden(run: ControllerRun, limits: Array) -> Burden:
-    """Costs of a run, its torques over the limits (r,) in N m."""
+    """Burden of a run of r joints on its arm: tracking errors, torque, work and duration; torques are shares of
+    `limits` (r,), N m (N for a prismatic joint)."""
     rollout = run.rollout
     shares = rollout.applied / limits
     power = np.sum(np.abs(rollout.applied * rollout.v), axis=1)
@@ -207,7 +216,8 @@ def burden(run: ControllerRun, limits: Array) -> Burden:
 
 
 def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
-    """Figure of all runs' errors over time."""
+    """Matplotlib figure of the root mean square tracking error of all joints, in mrad (mm), over the last 0.25 s at
+    each time (s): a line for each run, on a logarithmic scale, solid with counterweights and dashed without."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
@@ -227,7 +237,8 @@ def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Fi
 
 
 def applied_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
-    """Figure of every joint's torque in the runs that adapt all parameters."""
+    """Matplotlib figure of the applied torque, N m (N), of every primary joint of a mechanism over time, s, a panel for
+    each: the runs that adapt all parameters, with counterweights and without."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -18,7 +18,11 @@ FAR = 100.0
 
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
-    """A field of an experiment: its default, what it means, and the inclusive bounds of every number in it."""
+    """Dataclass field for a setting of an experiment. Values must be of the type of `default`; those of a tuple, of the
+    type of its entries, numbers where it is empty. `meaning` says in words what it is, with its unit; `symbol`, that of
+    the formula, empty for none, is put before the meaning in the command line's help; `low` and `high` are the
+    inclusive bounds of every number in it, infinite unless given. Nothing is checked here, but when an experiment is
+    made."""
     text = f"{symbol}: {meaning}" if symbol else meaning
     metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)
@@ -26,7 +30,10 @@ def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.
 
 @dataclass(frozen=True)
 class CheckedSettings:
-    """Base class of settings by name. Wrong ones are refused at construction, with an `InputError`."""
+    """Base class of an experiment's settings: a frozen dataclass whose fields are made by `setting`. `name` is the
+    experiment's name on the command line, `seed` (0 to 2^31 - 1) that of all random numbers. Raises `InputError` at
+    construction for a value of another type than its default or out of its bounds, `NonFiniteError` for NaN or
+    infinity."""
 
     name: ClassVar[str]
 
@@ -39,18 +46,27 @@ class CheckedSettings:
 
 @dataclass(frozen=True)
 class Experiment(CheckedSettings, ABC):
-    """Base class of experiments: settings, and a function from them to a result."""
+    """Abstract base class of experiments: settings, and the method `run`, which computes a `Result` from them. A
+    subclass gives `name`, as the command line has it, and `title`, for report and recording, in which "{robot}" may
+    stand for the robot's name. Raises `InputError` at construction for a setting of the wrong type or out of its
+    bounds, `NonFiniteError` for NaN or infinity."""
 
     title: ClassVar[str]
 
     @abstractmethod
     def run(self, progress: Progress) -> Result:
-        """The result of the experiment. Ctrl-C ends it early: what was computed comes back, marked incomplete."""
+        """Result of the experiment, which an implementation must return: the outcome in words, facts, a verdict, and a
+        function that writes the folder. It should call `progress(what, share)` with what is being computed and the
+        share of it that is done, 0 to 1. Ctrl-C (`KeyboardInterrupt`) ends it early: what was computed until then is
+        returned, marked as not complete; where nothing was, the exception passes."""
 
 
 @dataclass(frozen=True)
 class ClosedLoopExperiment(Experiment):
-    """Base class of experiments that run controllers over time."""
+    """Base class of experiments that run controllers in closed loop: each run lasts `duration` (s), and a torque is
+    held for the control period T_c, `control_period` (s). Raises `InputError` at construction for more than 300 000
+    control periods a run, and for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or
+    infinity."""
 
     duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
     control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
@@ -65,27 +81,31 @@ class ClosedLoopExperiment(Experiment):
 
 
 def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
-    """Raise `InputError` unless settings have `count` numbers each, such as "one a joint"."""
+    """Check that the experiment's settings in `names`, tuples, have `count` entries each. Raises `InputError` for
+    another number; `meaning` says in its message what the entries are, such as "one a joint"."""
     for name in names:
         if (given := len(getattr(experiment, name))) != count:
             raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")
 
 
 def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
-    """Fields that can be chosen, the experiment's own before those that all have."""
+    """Dataclass fields of all settings of an experiment, or of its class: its own first, then those that every
+    closed-loop experiment has (seed, duration, control period), in the order of their definition."""
     common = {entry.name for entry in fields(ClosedLoopExperiment)}
     yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
 
 
 def stated(experiment: Experiment) -> Iterator[Setting]:
-    """Settings of an experiment for the record, as flags of the command line."""
+    """Settings of an experiment as its summary and report state them, own ones first: each a `Setting` with the name of
+    its command line flag, such as "--control-period", its value as text, and its meaning in words with the unit."""
     for entry in settings(experiment):
         name = f"--{entry.name.replace('_', '-')}"
         yield Setting(name, text(getattr(experiment, entry.name)), entry.metadata["meaning"])
 
 
 def text(value: object) -> str:
-    """Text of a setting's value, as it would be typed."""
+    """Text of a setting's `value` as one would type it on the command line: entries of a tuple with spaces between,
+    floats with at most six significant digits, anything else as by `str`."""
     if isinstance(value, tuple):
         return " ".join(text(entry) for entry in value)
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExportCheck(Experiment):
-    """Experiment on exports of laws, each built by every compiler that is found, each build run on its own test
-    vectors."""
+    """Experiment on exported control laws: each of `laws` is exported as C for each kind of number in `scalars`
+    ("double", "float"), built by every compiler that is found, and run on test vectors recorded from Python. Raises
+    `InputError` at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or
+    infinity."""
 
     name: ClassVar[str] = "export-check"
     title: ClassVar[str] = "{robot}: exported controllers, compiled and compared"
@@ -42,7 +44,10 @@ class ExportCheck(Experiment):
     control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
 
     def run(self, progress: Progress) -> Result:
-        """Result of all builds. Raises `InputError` where no compiler is found."""
+        """Result of all builds: outcome in words, facts, a verdict with each build that differs from Python, and a
+        function that writes the folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C
+        keeps the builds done. Raises `InputError` where no compiler is found or a kind of number is unknown,
+        `NotFoundError` for an unknown law or robot, `FileError` for a robot's file that cannot be used."""
         compilers = found_compilers()
         if not compilers:
             raise InputError(f"export-check: no compiler is found; install one of: {', '.join(COMPILERS)}")
@@ -76,7 +81,8 @@ class ExportCheck(Experiment):
 
 @dataclass(frozen=True, eq=False)
 class Checked:
-    """Builds that were run for an experiment, by compilers whose versions are given by name."""
+    """Data of an export check: `of`, the experiment; `compilers`, the version of each compiler found, by its name;
+    `builds`, in the order in which they were run; and `complete`, False where the experiment was interrupted."""
 
     of: ExportCheck
     compilers: dict[str, str]
@@ -85,39 +91,42 @@ class Checked:
 
     @property
     def experiment(self) -> str:
-        """Name of the experiment."""
+        """Name of the experiment, as the command line has it."""
         return self.of.name
 
     @property
     def title(self) -> str:
-        """Title of its page and recording."""
+        """Title of the experiment's report and recording, with the robot's name."""
         return self.of.title.format(robot=self.of.robot)
 
     @property
     def seed(self) -> int:
-        """Seed of everything random."""
+        """Seed of all random numbers of the experiment."""
         return self.of.seed
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict on all builds."""
+        """Verdict on all builds: a fault for each that does not compile, or does not repeat Python's torques within its
+        test's tolerance."""
         wrong = [build for build in self.builds if not build.passed]
         return Verdict.of((Failure.DIFFERS, f"{b.law} ({b.scalar}) by {b.compiler}: {b.message}.") for b in wrong)
 
     @property
     def missing(self) -> list[str]:
-        """Names of the compilers that are not here."""
+        """Names of the known compilers that were not found on this computer."""
         return [name for name in COMPILERS if name not in self.compilers]
 
     def result(self) -> Result:
-        """Result of the experiment."""
+        """Result of the experiment, as the command line shows it: outcome in words, facts, verdict, and a function that
+        writes the folder; marked as failed where a build differs."""
         verdict = self.verdict
         return Result(
             self.complete, self.headline(), self.facts(), verdict, self.write, failed=not verdict.passed
         )  # fmt: skip
 
     def headline(self) -> str:
-        """The outcome in a sentence or two, failures first."""
+        """Outcome of the check in a sentence or two, failures first: how many builds repeat Python's torques, and to
+        within how many N m."""
         repeated = f"{self._passed} of {len(self.builds)} builds repeat Python's torques"
         off = " and ".join(f"{scientific(worst, 2)} N m ({scalar})" for scalar, worst in self._worst().items())
         largest = max((build.largest or 0.0 for build in self.builds), default=0.0)
@@ -126,7 +135,8 @@ class Checked:
         )
 
     def facts(self) -> tuple[Fact, ...]:
-        """Facts for terminal and report."""
+        """Facts of the check, questions with answers, for terminal and report: how many builds agree, the largest
+        difference of torques (N m) for each kind of number, and the compilers found and not found."""
         worst = [Fact(f"Off at most, {scalar}", f"{scientific(off, 2)} N m") for scalar, off in self._worst().items()]
         return (
             Fact("Builds that agree", f"{self._passed} of {len(self.builds)}"),
@@ -149,7 +159,8 @@ class Checked:
         return found
 
     def write(self, folder: Path, progress: Progress) -> None:
-        """Write summary, figure, report and recording into a folder."""
+        """Write summary.json, the figure, report.html and recording.rrd into a folder that is there; `progress(what,
+        share)` is called when all is done. Raises `FileError` where a file cannot be written."""
         from adaptctl.recording.drawing import write_drawings
         from adaptctl.recording.illustrated import write_illustrated
 
@@ -171,20 +182,22 @@ class Checked:
         progress("Recording and report", 1.0)
 
     def summary(self) -> dict[str, Any]:
-        """Summary in JSON's types."""
+        """Summary of the check in JSON's types: experiment, robot and seed, verdict, the compilers found and missing,
+        and of every build its law, kind of number, compiler, message and differences of torques (N m, None where not
+        known)."""
         told = [{**asdict(b), "difference": b.difference, "largest": b.largest} for b in self.builds]
         about = {"schema": "adaptctl/export-check/2", "experiment": self.of.name, "robot": self.of.robot}
         passed = {"seed": self.of.seed, "complete": self.complete, "passed": self.verdict.passed}
         return {**about, **passed, "compilers": self.compilers, "missing": self.missing, "builds": told}
 
     def markdown(self) -> str:
-        """Text of the recording, in Markdown."""
+        """Text of the recording, in Markdown: the outcome, the facts as a table, and the compilers' versions."""
         rows = "\n".join(f"| {fact.question} | **{fact.answer}** |" for fact in self.facts())
         versions = "\n".join(f"- {name}: {version}" for name, version in self.compilers.items())
         return f"{self.headline()}\n\n| | |\n|---|---|\n{rows}\n\n{versions}\n"
 
     def drawing(self) -> Drawing:
-        """Figure of which builds agree."""
+        """Drawing for the report of which builds repeat Python's torques, as a grid of laws and compilers."""
         from adaptctl.recording.drawing import Drawing
 
         caption = (

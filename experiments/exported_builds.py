@@ -26,8 +26,9 @@ TOLD = re.compile(r"torques within (\S+) of (\S+) N m")
 
 @dataclass(frozen=True)
 class Build:
-    """A build of an exported law by one compiler, with one kind of number: whether it repeated the recorded ticks, and
-    its message."""
+    """Build of an exported control law, compiled and run: `law`, its name; `scalar`, the kind of number ("double" or
+    "float"); `compiler`, its name; `passed`, True if the program repeated the torques recorded from Python within its
+    tolerance; and `message`, what the program printed, or the compiler's error."""
 
     law: str
     scalar: str
@@ -37,12 +38,14 @@ class Build:
 
     @property
     def difference(self) -> float | None:
-        """Largest difference of its torques from the recorded ones, N m or N; None where it told of none, or of NaN."""
+        """Largest difference of the build's torques from those recorded from Python, N m (N for a prismatic joint);
+        None where its message has none, or NaN."""
         return self._told(1)
 
     @property
     def largest(self) -> float | None:
-        """Largest of the recorded torques, N m or N; None where it told of none, or of NaN."""
+        """Largest of the torques recorded from Python, N m (N for a prismatic joint); None where the build's message
+        has none, or NaN."""
         return self._told(2)
 
     def _told(self, group: int) -> float | None:
@@ -52,7 +55,8 @@ class Build:
 
 
 def found_compilers() -> dict[str, str]:
-    """Compilers that are installed: their versions by name."""
+    """C compilers found on this computer, of those that the export check knows (cc, clang, tcc, zig cc): the first line
+    of each one's version text, by its name."""
     told = {name: _version(command) for name, command in COMPILERS.items()}
     return {name: version for name, version in told.items() if version}
 
@@ -68,7 +72,9 @@ def _version(command: tuple[str, ...]) -> str:
 
 
 def built(done: Exported, law: str, scalar: str, compiler: str) -> Build:
-    """The build of a package's own test by a compiler, run."""
+    """Build of an exported package's own test program, compiled by `compiler` (a key of `COMPILERS`) in the package's
+    folder and then run. `law` and `scalar`, the law's name and the kind of number, are for the result. A program that
+    does not compile, or fails, is a build that did not pass; raises `subprocess.TimeoutExpired` after 300 s."""
     sources = [f"{done.name}.c", f"test_{done.name}.c"]
     program = done.directory / f"test_{compiler.replace(' ', '_')}"
     flags = FLAGS if compiler != "tcc" else FLAGS[:1]

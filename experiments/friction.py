@@ -32,11 +32,13 @@ KINDS = ("viscous", "coulomb")
 
 @dataclass(frozen=True)
 class FrictionInJoints(OnRealPlant):
-    """Experiment on friction: Slotine-Li with the friction's columns and without them; computed torque with friction
-    and without.
+    """Experiment on joint friction: Slotine and Li's law with and without friction among its adapted parameters, and
+    computed torque with and without it.
 
-    The drives' friction is a parameter like the others, and its first estimate is zero. Stribeck's excess is in the
-    plant alone: no column stands for it, so something is left even for a law that learns.
+    Viscous and Coulomb friction of the drives are parameters like the others, first estimated as zero. The plant also
+    has Stribeck's excess of static friction, for which no parameter stands, so that an error remains even for a law
+    that learns. Raises `InputError` at construction for settings of the wrong type, out of their bounds, or not one a
+    joint.
     """
 
     name: ClassVar[str] = "friction"
@@ -55,7 +57,8 @@ class FrictionInJoints(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: whether friction should be among the adapted
+        parameters."""
         return (
             "Gears rub. Viscous and Coulomb friction are two more columns of the regressor a joint: the controller "
             "that has them starts from zero friction and learns it with the rest. Another has the same gains and no "
@@ -64,7 +67,8 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant: Stribeck's excess of static friction. Raises InputError for an arm without friction."""
+        """Effects of the plant besides rigid links: Stribeck's excess of static over Coulomb friction, N m at rest, in
+        each joint. Raises `InputError` for an arm without friction in its joints."""
         from adaptctl.simulation.effects import Friction
 
         coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
@@ -76,20 +80,25 @@ class FrictionInJoints(OnRealPlant):
         return (Friction(stribeck=self.stribeck * coulomb, speed=self.stribeck_speed),)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Diagonal (k,) of Gamma from the rough links' deviations and from the friction's range."""
+        """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
+        `rate` times the square of the links' deviations from the rough model or, for friction, of `friction_range`
+        times the torque limit."""
         gain, ranges = super().adaptation(model), self.friction_range * self.torque_limits(model.mechanism)
         for k, joint in _friction_columns(model):
             gain[k] = self.rate * ranges[joint] ** 2
         return gain
 
     def first(self, model: ReducedModel) -> Array:
-        """The first estimate (k,): the rough model's, without friction."""
+        """First estimate (k,) of a model's k parameters in SI units: the rough model's, with zero friction."""
         estimate = super().first(model)
         estimate[[k for k, _ in _friction_columns(model)]] = 0.0
         return estimate
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first is the subject."""
+        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law with
+        friction parameters, the experiment's subject; the same with adaptation off; without friction parameters; and
+        computed torque with true friction and with none. `basis` has the mechanism's k fundamental (base) parameters.
+        Raises `GainError` for gains too large for the control period."""
         model, smooth = ReducedModel(mechanism, basis), without_friction(mechanism)
         bare = ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=self.seed)))
         bandwidth, knows = self.gains(mechanism).bandwidth, f"links within {100 * self.parameter_error:.0f} %"
@@ -109,7 +118,8 @@ class FrictionInJoints(OnRealPlant):
         ]
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the errors with and without the friction's columns."""
+        """Sentence with the tracking errors of the last two seconds, with friction among the parameters, without, and
+        by computed torque; `outcome` has the runs; `found`, the findings by name, is not used."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "
@@ -117,7 +127,9 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings: errors with the friction's columns over those without, and the learned friction."""
+        """Findings, named numbers: the final RMS error with friction parameters over that without (no unit), and each
+        friction parameter as learned at the end, N m s or N m, beside the true one. `outcome` has the runs, `basis` the
+        mechanism's fundamental (base) parameters."""
         runs = {run.name: run for run in outcome.runs}
         if {ADAPTIVE, NO_COLUMNS} <= set(runs):
             with_columns, without = (runs[name].final_rms_error for name in (ADAPTIVE, NO_COLUMNS))
@@ -133,7 +145,8 @@ class FrictionInJoints(OnRealPlant):
             yield Finding(f"learned.{model.names[k]}", float(final[k]), unit, meaning)
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure of friction over speed."""
+        """Figure for the report, as a `Drawing`: true and learned friction of every joint, N m, over speed, rad/s.
+        `outcome` has the runs, `basis` the mechanism's fundamental (base) parameters."""
         from adaptctl.recording.drawing import Drawing
 
         yield Drawing(
@@ -162,7 +175,7 @@ def _final(outcome: Outcome, name: str) -> str:
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:
-    """The mechanism without its friction, its rotors kept."""
+    """Mechanism equal to the given one but without viscous and Coulomb friction in its joints; rotor inertias stay."""
     return mechanism.with_drives([Drive(link.joint.drive.rotor_inertia) for link in mechanism.links])
 
 

@@ -17,7 +17,9 @@ COLUMNS = 3
 
 
 class Curve(NamedTuple):
-    """Friction of a joint over speed, true and learned, and the speeds at which it moved."""
+    """Friction curve of a joint: its name; `true` and `learned`, pairs of viscous (N m s) and Coulomb (N m) friction;
+    `stribeck`, the excess of static over Coulomb friction, N m; `speed`, rad/s, at which half of that is gone; and
+    `speeds` (T,), rad/s, the joint's velocities at T samples of a run."""
 
     joint: str
     true: tuple[float, float]
@@ -33,7 +35,9 @@ class Curve(NamedTuple):
 
 
 def friction_curves(curves: Sequence[Curve]) -> Figure:
-    """Figure with a panel a joint; the shade tells how often the joint moved how fast."""
+    """Matplotlib figure of friction (N m) over speed (rad/s), a panel for each joint's curve: the true one with
+    Stribeck's excess, the learned one of viscous and Coulomb friction, and in shade how often the joint moved how
+    fast."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, TRUTH, run_color
 

@@ -30,10 +30,11 @@ BEGINNING = 2.0
 
 @dataclass(frozen=True)
 class IdentifyThenAdapt(OnRealPlant):
-    """Experiment on identified estimates: Slotine-Li on a simulated arm from zero, from its URDF, and from what the
-    first part of its log shows.
+    """Experiment on first estimates identified from a real arm's log: Slotine and Li's law adapts on a simulated arm
+    from zero, from the arm's URDF, and from what the log's first part, a share of `known`, shows.
 
-    The simulated arm is what the whole of the real log shows; the first estimate knows the log's first part alone.
+    The simulated arm has the parameters that are identified from the whole log. Raises `InputError` at construction for
+    settings of the wrong type, out of their bounds, or not one a joint.
     """
 
     name: ClassVar[str] = "identify-then-adapt"
@@ -65,7 +66,8 @@ class IdentifyThenAdapt(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """The experiment's question, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: how much an estimate identified from a log is
+        worth as the first one."""
         return (
             "A log of a real arm, motor positions and torques, is worth a first estimate. The simulated arm has the "
             "parameters that the whole log shows, rotors, friction and the wrist's coupling included. Slotine and Li's "
@@ -74,20 +76,26 @@ class IdentifyThenAdapt(OnRealPlant):
         )
 
     def mechanism(self) -> Mechanism:
-        """The arm identified from the whole log."""
+        """Mechanism that is driven, the arm as identified from the whole log of the example `robot`. Raises
+        `NotFoundError` for a `robot` that is no example with a log."""
         return identified_from(self.robot, 1.0)
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """An empty sequence: the identified drives are in the mechanism."""
+        """Effects of the plant besides rigid links: none, an empty sequence, for the mechanism has the identified
+        drives with their friction."""
         return ()
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Diagonal (k,) of Gamma: a share of the true links' and drives' sizes, the same for all."""
+        """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
+        `rate` times the square of `parameter_error`, a share, of each true link's and drive's size."""
         true = model.mechanism.inertial_parameters
         return np.asarray(self.rate * deviations(model, true, self.parameter_error) ** 2)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """The controllers, in order; the first is the subject."""
+        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law from the
+        identified estimate, the experiment's subject; the same with adaptation off; from the URDF; and from zero.
+        `basis` has the mechanism's k fundamental (base) parameters. Raises `GainError` for gains too large for the
+        control period."""
         model = ReducedModel(mechanism, basis)
         part = _parameters(mechanism, identified_from(self.robot, self.known))
         file = _parameters(mechanism, robot_file(self.robot))
@@ -103,7 +111,8 @@ class IdentifyThenAdapt(OnRealPlant):
         return self.slotine_li(model, self.adaptation(model) if adapting else None, model.regrouping @ parameters)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence on the errors in the first seconds from each estimate."""
+        """Sentence on the RMS errors of the first two seconds, mrad, from each first estimate; None where one of the
+        adapting runs in `outcome` is missing. `found`, the findings by name, is not used."""
         first = {run.name: 1e3 * (run.rms_error(stop=BEGINNING) or np.nan) for run in outcome.runs}
         if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
             return None
@@ -113,7 +122,8 @@ class IdentifyThenAdapt(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """The errors of the first seconds."""
+        """Findings, named numbers: the RMS tracking error of each run's first two seconds, rad, and the one from zero
+        over that from the identified estimate (no unit). `outcome` has the runs; `basis` is not used."""
         first = {run.name: run.rms_error(stop=BEGINNING) or np.nan for run in outcome.runs}
         for name, value in first.items():
             yield Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {BEGINNING:g} s, {name}")
@@ -124,7 +134,8 @@ class IdentifyThenAdapt(OnRealPlant):
 
 @cache
 def identified_from(name: str, share: float) -> Mechanism:
-    """The arm identified from the first share of an example's log. Raises `NotFoundError` for another name."""
+    """Mechanism whose parameters are identified from the first part, a `share` (0 to 1), of the log that the example of
+    that `name` has, drives included; cached. Raises `NotFoundError` for a name of no example."""
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import identified
@@ -141,7 +152,8 @@ def identified_from(name: str, share: float) -> Mechanism:
 
 
 def robot_file(name: str) -> Mechanism:
-    """The mechanism of an example's robot as its file has it."""
+    """Mechanism of an example's robot as its URDF file describes it, before any identification. Raises `NotFoundError`
+    for a name of no example."""
     from adaptctl.identification.examples import example
 
     with example(name) as files:

@@ -43,12 +43,14 @@ OFFLINE = "Independent parameters from energies"
 
 @dataclass(frozen=True)
 class Learning(ClosedLoopExperiment):
-    """Base class of experiments in which Slotine-Li learns from zero on the independent parameters, against other
-    controllers of the same arm.
+    """Abstract base class of experiments in which Slotine and Li's law learns from zero on the k fundamental (base)
+    parameters, against other controllers of the same arm.
 
-    The same with adaptation off; computed torque with true, wrong and no parameters; and Slotine-Li on the
-    independent and on all parameters with the gain mapped from these to those (Gamma_beta = K Gamma_D K'),
-    which is one controller to round-off, so that what differs is cost alone.
+    The others are the law with adaptation off; computed torque with true, wrong and no parameters; the law on all P
+    parameters; and on the k with the gain mapped from these (Gamma_beta = K Gamma_D K', K (k, P) the regrouping), which
+    is one controller with that on all P to round-off, so that only cost differs. A subclass gives environment, gains
+    and reference. Raises `InputError` at construction for settings of the wrong type or out of their bounds,
+    `NonFiniteError` for NaN or infinity.
     """
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
@@ -72,43 +74,57 @@ class Learning(ClosedLoopExperiment):
     @property
     @abstractmethod
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the question that the experiment answers, a paragraph for its report, which an implementation must
+        return."""
 
     def mechanism(self) -> Mechanism:
-        """Mechanism that is driven: the robot, unless a subclass makes more of it."""
+        """Mechanism that is driven, loaded from `robot` unless a subclass makes another. Raises `NotFoundError` for an
+        unknown name, `FileError` for a file that cannot be used."""
         return load(self.robot)
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The environment that all contenders drive."""
+        """Gymnasium tracking environment with the mechanism as its arm, in which all controllers run: an implementation
+        must make it of the experiment's settings, with finite torque limits as the bounds of its actions."""
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset."""
+        """Options of the environment's reset, by name, such as a payload; none unless a subclass gives some."""
         return {}
 
     @abstractmethod
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop."""
+        """Gains of the tracking loop for the mechanism's r primary joints, which an implementation must return: the
+        bandwidth Lambda (r,), 1/s, and the damping K (r,), N m s/rad (N s/m for a prismatic joint)."""
 
     @abstractmethod
     def adaptation(self, model: ReducedModel) -> Array:
-        """Diagonal (k,) of Gamma for the parameters of a model."""
+        """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J, which
+        an implementation must return."""
 
     @abstractmethod
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text of the adaptation gain Gamma, for the record."""
+        """Text for the report on how the adaptation gain Gamma of a mechanism is chosen, which an implementation must
+        return."""
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings that state the reference where the experiment's own do not."""
+        """Settings for the report that state the reference where the experiment's own settings do not, each with name,
+        value and meaning: an implementation must yield them. `env` is the tracking environment."""
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison."""
+        """Result of the comparison: outcome in words, facts, verdict, and a function that writes the folder.
+        `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C keeps the runs begun. Raises
+        `InputError` for a robot or reference that do not fit the experiment, `GainError` for gains too large for the
+        control period."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Comparison:
-        """The comparison of all contenders' runs, after the offline stage, with findings on them."""
+        """Comparison of the runs of all controllers with findings on them, after the fundamental (base) parameters are
+        found from energies. `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C keeps the
+        runs begun, as a comparison that is not complete. Raises `InputError` for a robot or reference that do not fit
+        the experiment, `RankError` where the number of parameters cannot be certified, `GainError` for gains too large
+        for the control period."""
         progress(OFFLINE, 0.0)
         mechanism = self.mechanism()
         env = self.environment(mechanism)
@@ -143,28 +159,36 @@ class Learning(ClosedLoopExperiment):
     def outcome(
         self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
-        """Runs of all contenders."""
+        """Outcome of the contest: the runs of all contenders (controllers with names) on the environment `env` with the
+        arm `mechanism`, in turn, from one seed. `progress(label, share)` gets a contender's label and the share of its
+        run done, 0 to 1. Ctrl-C keeps the runs begun."""
         return contest(env, mechanism, contenders, self.seed, progress, self.options)
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings besides the runs."""
+        """Findings, named numbers besides the runs: the largest difference of torques, N m, between adapting the
+        fundamental and all parameters, where both were run; a subclass may give others. `outcome` has the runs, `basis`
+        the mechanism's fundamental (base) parameters."""
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Text of the outcome in a sentence or two; None where it is how much adaptation is worth."""
+        """Text of the outcome in a sentence or two, for which `outcome` has the runs, `found` the findings by name;
+        None, as here, where a text on how much adaptation is worth is to be made."""
         return None
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """The errors that a recording shows first; None where the joints' are."""
+        """Errors that recording and report show before the joints' errors, such as a tool's distance from its path, for
+        the runs in `outcome`; None, as here, where there are no others."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figures besides those of every comparison."""
+        """Figures for the report besides those of every comparison, as `Drawing`s; none unless a subclass gives some.
+        `outcome` has the runs, `basis` the mechanism's fundamental (base) parameters."""
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first is the subject. None is made before it is asked
-        for."""
+        """Contenders (controllers to compare, with names) in the order in which they run, the first being the
+        experiment's subject; each controller is made when first asked for. `basis` has the k fundamental (base)
+        parameters that the subject adapts."""
         model, full = models(mechanism, basis)
         k, everything = len(basis.columns), len(mechanism.parameter_names)
         true, wrong = mechanism.inertial_parameters, f"{100 * self.parameter_error:.0f} % off"
@@ -205,7 +229,10 @@ class Learning(ClosedLoopExperiment):
     def slotine_li(
         self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
     ) -> SlotineLi:
-        """Slotine and Li's law with this experiment's gains, on a model; by default from zero, and not adapting."""
+        """Slotine and Li's control law on a `model` of k parameters, with this experiment's gains and control period.
+        `adaptation` is an adaptation law, or the gain Gamma, (k,) or (k, k), or None for none; `first` (k,) is the
+        first estimate in SI units, zeros where None. Raises `GainError` for gains too large for the control period,
+        `InputError` for other shapes."""
         gains = self.gains(model.mechanism)
         return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period)
 
@@ -221,43 +248,47 @@ class Learning(ClosedLoopExperiment):
 
 @lru_cache(maxsize=8)
 def models(mechanism: Mechanism, basis: FundamentalBasis) -> tuple[ReducedModel, ReducedModel]:
-    """The model on the parameters that a basis keeps, and the one on all: one each for all who ask."""
+    """Reduced models of a mechanism, two: that on the k parameters of a fundamental `basis` (with friction), and that
+    on all P. The last eight pairs are cached, so that all who ask share compiled code."""
     return ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
 
 
 class Found:
-    """Values of findings by name, and their texts for a person."""
+    """Findings (named numbers that an experiment found) by name, and their texts: `of` maps the name of each of the
+    `findings` given to its value, in its own unit."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.of = {finding.name: finding.value for finding in findings}
 
     def text(self, name: str, scale: float = 1.0) -> str:
-        """Text of a finding's value, scaled, with three digits; a dash where it was not measured."""
+        """Text of the value of the finding `name`, times `scale` (no unit), with three significant digits; a dash where
+        there is no such finding."""
         return wording.number(scale * self.of[name] if name in self.of else None)
 
     def each(self, what: str, runs: Sequence[ControllerRun], unit: str = "", *, rising: bool = False) -> list[str]:
-        """Texts of the findings `what.run` of the runs that have one, such as "0.12 s (Gradient)"."""
+        """Texts of the findings `what.run`, one for each of the `runs` that has one, such as "0.12 s (Gradient)":
+        value, `unit` and the run's label, in the order of the runs or, if `rising`, by rising value."""
         owners = [run for run in runs if f"{what}.{run.name}" in self.of]
         if rising:
             owners.sort(key=lambda run: self.of[f"{what}.{run.name}"])
         return [" ".join(filter(None, (self.text(f"{what}.{run.name}"), unit, f"({run.label})"))) for run in owners]
 
     def span(self, what: str, runs: Sequence[ControllerRun], unit: str = "") -> str:
-        """Text of the least and the greatest finding `what.run` of the runs; empty where none has one."""
+        """Text of the least and the greatest of the findings `what.run` of the `runs`, with `unit` and the runs'
+        labels, such as "0.1 s (Natural) to 2 s (Gradient)"; empty where none has one."""
         texts = self.each(what, runs, unit, rising=True)
         return " to ".join(dict.fromkeys((texts[0], texts[-1]))) if texts else ""
 
 
 def numbers(values: Array) -> str:
-    """Text of numbers (n,), four digits each, apart by commas."""
+    """Text of the numbers in `values` (n,): four significant digits each, with commas between."""
     return ", ".join(f"{value:.4g}" for value in values)
 
 
 def one_controller(outcome: Outcome, mapped: str = MAPPED) -> Iterator[Finding]:
-    """Finding on whether reduced and full adaptation are one controller: the largest difference of torques.
-
-    `mapped` is the name of the reduced run whose gain is mapped.
-    """
+    """Finding on whether adapting the fundamental (base) and adapting all parameters are one controller: the largest
+    difference of their commanded torques, N m, in the runs of `outcome`; none where either run is missing. `mapped` is
+    the name of the run on the fundamental ones, whose adaptation gain is mapped from that on all."""
     runs = {run.name: run for run in outcome.runs}
     if mapped not in runs or FULL not in runs:
         return

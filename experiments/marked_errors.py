@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 class Marked(NamedTuple):
-    """A run with its parameter error (T,) and its mark (T,), positive where it was marked."""
+    """Curve of a `run` of T samples for a figure: `error` (T,), its parameter error, no unit; `marked` (T,), positive
+    where an event held, such as a torque at its limit; and `place`, the index from 0 of its colour in the palette."""
 
     run: ControllerRun
     error: Array
@@ -26,7 +27,8 @@ class Marked(NamedTuple):
 
 
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
-    """Figure of errors on a logarithmic scale, and a bar a run, filled while the run was marked."""
+    """Matplotlib figure of the runs' parameter errors (no unit, logarithmic) over time, s, and below a bar for each
+    run, filled while its event held; `meaning`, the title of the bars, says what the event is."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
@@ -47,7 +49,8 @@ def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
 
 
 def spans(time: Array, marked: Array) -> list[tuple[float, float]]:
-    """Start and length (s) of every stretch of marked samples."""
+    """Spans of time in which `marked` (T,) is positive: start and length, s, of each, a last sample counting until the
+    next. `time` (T,), s, is that of the evenly spaced samples."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], (marked > 0.0).astype(int), [0]))))
     period = float(time[1] - time[0]) if len(time) > 1 else 0.0
     starts, stops = edges[::2], edges[1::2]

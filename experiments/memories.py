@@ -15,7 +15,9 @@ from adaptctl.recording import ControllerRun, Finding
 
 
 def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
-    """Findings: the share of periods that were remembered, and the smallest eigenvalue of bodies' pseudo-inertias."""
+    """Findings on the memory of a controller's adaptation law in a run: for laws with an excitation threshold, the
+    share of samples (no unit) with excitation above it; for natural adaptation, the least eigenvalue of any estimated
+    link's pseudo-inertia, SI units; none for other laws."""
     law, learning = getattr(getattr(controller, "of", controller), "adaptation_law", None), run.rollout.learning
     if isinstance(law, Natural):
         yield smallest_eigenvalue(mechanism, run, run.rollout.estimate)
@@ -28,7 +30,8 @@ def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: 
 
 
 def forgotten_notes(findings: tuple[Finding, ...]) -> list[str]:
-    """Sentences on runs that remembered nothing."""
+    """Sentences, one for each finding that a law's excitation never passed its threshold, so that nothing was stored
+    for learning."""
     found = (f for f in findings if f.name.startswith("remembered.") and f.value == 0.0)
     return [
         f"{f.meaning.split(':')[0]} remembered nothing: no excitation passed its threshold; a smaller one would."
@@ -37,7 +40,9 @@ def forgotten_notes(findings: tuple[Finding, ...]) -> list[str]:
 
 
 def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun, parameters: Array) -> Finding:
-    """Finding of the smallest eigenvalue of any link's pseudo-inertia over a run, of all parameters (T, P)."""
+    """Finding of the least eigenvalue, SI units, of the pseudo-inertia (4, 4) of any of the mechanism's links over the
+    T samples of a run, from `parameters` (T, P), ten a link first: positive where all links stayed physically
+    consistent."""
     bodies = len(mechanism.description.bodies)
     tens = parameters[:, : 10 * bodies].reshape(-1, bodies, 10)
     value = float(np.linalg.eigvalsh(pseudos(tens))[..., 0].min())

@@ -42,12 +42,13 @@ TELLING, TELLING_LOOPS = 0.25, 0.1
 
 @dataclass(frozen=True)
 class NoiseAndDelay(AdaptationLaws):
-    """Experiment without excitation: laws on a plant with encoders, delay, lag and a rate limit, holding still, where
-    noise alone can be learned.
+    """Experiment without excitation: adaptation laws hold an arm still on a plant with encoders, delay, lag and weak
+    motors, where only noise can be learned.
 
-    Velocities come from filtered differences of encoder counts, torques are late, lag and are limited. Noise enters the
-    sliding variable and the regressor alike, so that their product has a mean, and an estimate that nothing holds
-    follows it (Ioannou and Kokotovic 1984).
+    Velocities are filtered differences of encoder counts; torques are late, lag and are limited. Noise is in the
+    sliding variable and the regressor alike, so that their product has a mean, which an estimate that nothing bounds
+    follows (Ioannou and Kokotovic 1984). Raises `InputError` at construction for unknown laws and settings of the wrong
+    type or out of their bounds.
     """
 
     name: ClassVar[str] = "noise-and-delay"
@@ -67,7 +68,8 @@ class NoiseAndDelay(AdaptationLaws):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: which estimates drift where nothing but noise
+        excites the arm."""
         return (
             f"For {self.duration:g} s an arm, its links known within {100 * self.parameter_error:.0f} %, is to hold "
             f"still, seen through encoders of {self.resolution:g} rad with {self.noise:g} rad of noise. Its torques "
@@ -84,11 +86,13 @@ class NoiseAndDelay(AdaptationLaws):
     }
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """Largest torques (r,) of weak motors, N m."""
+        """Largest torques (r,) of the r primary joints' weak motors, N m (N for a prismatic joint): `strength`, a
+        share, of the arm's torque limits."""
         return self.strength * super().motors(mechanism)
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the plant: encoders, delay, lag and a rate limit."""
+        """Effects of the plant besides rigid links: encoders with noise, velocities from their filtered differences, a
+        delay of whole control periods, and a lag of the drives unless that is 0 s."""
         from adaptctl.simulation.effects import ActuatorLag, ControlDelay, Encoder, FilteredDifferences
 
         yield Encoder(self.resolution, self.noise, self.velocity_noise)
@@ -98,7 +102,9 @@ class NoiseAndDelay(AdaptationLaws):
             yield ActuatorLag(self.lag)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders behind guards that know the limits: what saturates is not learned from."""
+        """Contenders (controllers to compare, with names) in the order in which they run, the first being the
+        experiment's subject: those of `AdaptationLaws`, each behind guards that know the torque limits, so that nothing
+        is learned while a torque is held back. `basis` has the k fundamental (base) parameters that they adapt."""
         from adaptctl.control import Guarded
 
         limits = self.motors(mechanism)
@@ -110,7 +116,10 @@ class NoiseAndDelay(AdaptationLaws):
         return list(map(guarded, super().contenders(mechanism, basis)))
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings: each estimate's error and drift, shares of saturation, and the delay that the loop tolerates."""
+        """Findings, named numbers: each law's parameter error at the end and its drift a minute (shares of the torque
+        of all parameters), RMS tracking error, rad, and share of periods with a limited torque; then the delay that the
+        tracking loop tolerates and the delay that there is, s. `outcome` has the runs, `basis` the fundamental (base)
+        parameters by which errors are measured."""
         errors = self._errors(outcome, basis)
         contenders = {one.name: one for one in self.contenders(outcome.mechanism, basis)}
         for run in outcome.runs:
@@ -126,7 +135,8 @@ class NoiseAndDelay(AdaptationLaws):
         yield from self._loop(outcome.mechanism)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the parameter errors and drifts."""
+        """Sentences with the least and the greatest parameter error at the end and drift a minute of the laws that
+        adapt; `outcome` has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
         ended = super().answer(outcome, found)

@@ -30,8 +30,10 @@ JOINTS = 6
 
 @dataclass(frozen=True)
 class OnRealPlant(RoughStart, Learning):
-    """Base class of experiments in which a law learns on a plant with effects, from a rough model, as `Learning`
-    compares it."""
+    """Abstract base class of experiments in which laws learn on an arm of six joints whose plant has more effects than
+    rigid links, from a rough model with every link's parameters off by `parameter_error`. A subclass gives the effects.
+    Raises `InputError` at construction for a centre, amplitude or frequency that has not six entries, and for settings
+    of the wrong type or out of their bounds."""
 
     robot: str = setting("puma560_geared", "puma560_geared, puma560_friction, or another arm of six joints")
     rate: float = setting(
@@ -64,11 +66,13 @@ class OnRealPlant(RoughStart, Learning):
 
     @abstractmethod
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links."""
+        """Effects of the plant besides rigid links, such as friction or a payload, for the mechanism that is driven: an
+        implementation must return them."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment with the effects; only an error far off ends a run, so that all can be compared. Raises
-        `InputError` for another number of joints."""
+        """Gymnasium tracking environment of an arm on one sinusoid a joint, with the plant's effects; a run ends early
+        only at an error of 100 rad (m), so that all can be compared. Raises `InputError` for another number of joints
+        than six."""
         import gymnasium
 
         if mechanism.dof != JOINTS:
@@ -89,13 +93,16 @@ class OnRealPlant(RoughStart, Learning):
         )
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of the joints' torques, N m."""
+        """Limits (r,) of the torques of the r primary joints, N m (N for a prismatic joint): the mechanism's own, a
+        generous bound where it has none."""
         return finite_torque_limits(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Setting that states the reference's formula."""
+        """Setting for the report that states the reference's formula, sinusoids faded in over 2 s; `env`, the tracking
+        environment, is not used."""
         yield Setting("reference", "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", "faded in over 2 s")
 
     def from_rough(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:
-        """Slotine and Li's law from the rough model, on the parameters of a model."""
+        """Slotine and Li's control law on a `model` of k parameters, its first estimate (k,) being the rough model's;
+        with adaptation off if not `adapting`. Raises `GainError` for gains too large for the control period."""
         return self.slotine_li(model, self.adaptation(model) if adapting else None, self.first(model))

@@ -13,7 +13,9 @@ from adaptctl.experiments.experiment import Experiment
 
 
 def from_entry_point(point: EntryPoint) -> type[Experiment]:
-    """The class that an entry point names. Raises `InputError` where it names none."""
+    """Class of the experiment that an installed package's entry point names, a subclass of `Experiment`; the package is
+    imported. Raises `InputError` where the import fails, for anything else than such a class, and for one without a
+    `name` and a `title`, texts."""
     try:
         found = point.load()
     except Exception as error:  # whatever the other package raises when it is imported
@@ -22,8 +24,9 @@ def from_entry_point(point: EntryPoint) -> type[Experiment]:
 
 
 def from_file(path: str | Path) -> type[Experiment]:
-    """The one class of an experiment that a Python file defines; the file is run. Raises `FileError` where the file
-    cannot be imported or defines none."""
+    """Class of the experiment, a subclass of `Experiment`, that a Python file at `path` defines; the file is run.
+    Raises `FileError` where there is no such file, where it cannot be imported, and where it defines no such class or
+    several; `InputError` for a class without a `name` and a `title`, texts."""
     file = Path(path)
     if not file.is_file():
         raise FileError(f"{path}: there is no such file")

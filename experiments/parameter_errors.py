@@ -24,7 +24,8 @@ NAME_HEIGHT = 0.062
 
 @dataclass(frozen=True, eq=False)
 class ParameterErrors:
-    """Measure of estimates' errors, each parameter weighed by the torque it makes."""
+    """Measure of the errors of estimates of a `model`'s k parameters, each weighed by the root mean square torque that
+    it makes along a motion: `weights` (k,), N m for each SI unit of the parameter."""
 
     model: ReducedModel
     weights: Array
@@ -32,19 +33,22 @@ class ParameterErrors:
 
     @classmethod
     def along(cls, model: ReducedModel, p: Array, v: Array, a: Array) -> ParameterErrors:
-        """Parameter errors weighed along a motion (T, r) of a model."""
+        """Measure of estimates' errors, weighed along a motion of T samples of the model's r primary joints: positions
+        p, rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), (T, r) each."""
         rows = model.torque_regressor(p, v, a)
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
     def of(self, run: ControllerRun) -> Array | None:
-        """Parameter error (T,) over a run, as a share of the torque of all parameters; None for a law that estimates
-        none."""
+        """Parameter error (T,) of a run at its T samples, no unit: the norm of the weighed error over that of the
+        weighed true parameters; None for a run whose controller estimates none. Raises `ValueError` for estimates of
+        another number of parameters than the model's k, or all P."""
         if run.rollout.estimate.shape[1] == 0:
             return None
         return self._apart(self._reduced(run.rollout.estimate), self.model.fundamental_parameters)
 
     def apart(self, one: Array, other: Array) -> float:
-        """Distance between two estimates (k,), as a share of the torque of all parameters."""
+        """Distance, no unit, between two estimates, (k,) each in SI units: the norm of their weighed difference over
+        that of the weighed true parameters; estimates (P,) of all parameters are regrouped first."""
         return float(self._apart(self._reduced(one), self._reduced(other)))
 
     def _reduced(self, estimate: Array) -> Array:
@@ -58,7 +62,9 @@ class ParameterErrors:
 
 
 def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
-    """Figure of parameter errors over time, on a logarithmic scale, each named where it ends."""
+    """Matplotlib figure of parameter errors (no unit, logarithmic) over time, s, a line for each of `curves`: triples
+    of the colour's index in the palette, the run, and its errors (T,). Each line's last value and label stand at its
+    end."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -29,7 +29,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PayloadDrop(AdaptationLaws):
-    """Experiment on recovery: all laws from one rough model on an arm that picks up a payload and drops it again."""
+    """Experiment on a payload that an arm picks up and drops in motion: the time that each adaptation and control law
+    takes, from one rough model, until its tracking error has come back. Raises `InputError` at construction for a
+    payload that is not picked up 2 s or more after the start and dropped later within the run, `NotFoundError` for
+    unknown laws, and `InputError` for settings of the wrong type or out of their bounds."""
 
     name: ClassVar[str] = "payload-drop"
     title: ClassVar[str] = "{robot}: a payload picked up and dropped"
@@ -68,7 +71,8 @@ class PayloadDrop(AdaptationLaws):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: how fast each law recovers when a payload is
+        picked up and dropped."""
         return (
             f"An arm picks up {self.payload:g} kg at {self.start:g} s and drops it at {self.stop:g} s, and nobody "
             "tells its controller. "
@@ -82,7 +86,8 @@ class PayloadDrop(AdaptationLaws):
     error_bound: ClassVar[float] = FAR
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the plant: the payload, and the noise asked for."""
+        """Effects of the plant besides rigid links: the payload on the last link from `start` to `stop` (s), in each of
+        `times` parts of the run, and the noise of measured velocities."""
         from adaptctl.simulation.effects import PayloadHeld
 
         for k in range(self.times):
@@ -90,7 +95,9 @@ class PayloadDrop(AdaptationLaws):
         yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings: each law's time to return after each event; where it does not, its error over the earlier."""
+        """Findings, named numbers: each law's time to return after each event, s, or, where it does not return, its
+        last error over the earlier one (no unit); its RMS error before the pickup, mrad; and those of `AdaptationLaws`.
+        `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
         for one in self._recoveries(outcome):
             name, event = one.run.name, one.event.replace(" ", "_")
             if one.time is not None:
@@ -106,7 +113,8 @@ class PayloadDrop(AdaptationLaws):
         yield from super().findings(outcome, basis)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the shortest and the longest time to return of the laws that adapt, and those that do not."""
+        """Sentences with the shortest and the longest time to return after pickup and drop of the laws that adapt, and
+        how many do not return; None where no law adapts. `outcome` has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
         events = ("pickup", "drop", *(("last pickup", "last drop") if self.times > 1 else ()))
         return " ".join(self._event_words(event, adapting, found) for event in events) if adapting else None
@@ -122,7 +130,8 @@ class PayloadDrop(AdaptationLaws):
         return f"After the {event} {', and '.join(parts) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure of the times to return, then those of every comparison of laws."""
+        """Figures for the report, as `Drawing`s: the times to return, s, then the parameter errors over time. `outcome`
+        has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
         from adaptctl.recording.drawing import Drawing
 
         found = list(self._recoveries(outcome))
@@ -169,7 +178,8 @@ class PayloadDrop(AdaptationLaws):
         return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
 
     def deviations(self, model: ReducedModel) -> Array:
-        """Deviations (k,) from the rough model, a payload like this on the last link included."""
+        """Standard deviations (k,) of a model's k parameters, in SI units, from their first estimates: those of the
+        rough model and of the payload on the last link together, the root of the sum of their squares."""
         nothing = np.zeros(len(model.mechanism.parameter_names))
         loaded = self._body().added_to(nothing, len(model.mechanism.description.bodies) - 1)
         return np.hypot(super().deviations(model), deviations(model, loaded, 1.0))

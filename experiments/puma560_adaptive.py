@@ -11,7 +11,9 @@ from adaptctl.experiments.stated_task import StatedTask
 
 @dataclass(frozen=True)
 class Puma560Adaptive(StatedTask):
-    """Experiment of learning to track on the PUMA 560: every joint swings by 0.4 rad or more at 0.1 Hz and above."""
+    """Experiment of learning to track on the PUMA 560 from knowing none of its inertial parameters, on one sinusoid a
+    joint: each of the six joints swings by 0.4 rad or more at 0.1 Hz or more. Raises `InputError` at construction for
+    settings of the wrong type, out of their bounds, or not one a joint."""
 
     name: ClassVar[str] = "puma560-adaptive"
     title: ClassVar[str] = "PUMA 560: learning to track from knowing nothing"
@@ -34,7 +36,8 @@ class Puma560Adaptive(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: whether the PUMA 560 learns to track from
+        knowing none of its inertial parameters."""
         return (
             "The PUMA 560 follows sinusoids in all six joints, and nobody tells the controller a single mass, centre "
             "of mass or inertia. First the parameters that its motion depends on are found, from energies alone. "

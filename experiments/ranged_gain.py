@@ -9,8 +9,8 @@ from adaptctl.identifiability import ReducedModel
 
 
 class RangedGain:
-    """Base class of experiments whose Gamma is the rate times the square of prior ranges, which it names in SI
-    units."""
+    """Base class of experiments whose adaptation gain Gamma is `rate` (1/J) times the square of each parameter's prior
+    range (its greatest plausible error): `mass_range` (kg), `first_moment_range` (kg m) or `inertia_range` (kg m^2)."""
 
     mass_range: float
     first_moment_range: float
@@ -19,14 +19,17 @@ class RangedGain:
 
     @property
     def ranges(self) -> PriorRanges:
-        """The prior ranges that the settings give."""
+        """Prior ranges of parameters by kind, as set: of masses (kg), first moments (kg m) and inertias (kg m^2)."""
         return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Diagonal (k,) of Gamma for a model's parameters."""
+        """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
+        `rate` (1/J) times the square of each parameter's prior range. Raises `InputError` for ranges that are not
+        positive."""
         return adaptation_gain(model, self.ranges, self.rate)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text of the adaptation gain Gamma, by kinds of parameters."""
+        """Text for the report on the adaptation gain Gamma: rate times squared prior range of masses, first moments and
+        inertias; `mechanism` is not used."""
         of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)

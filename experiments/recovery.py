@@ -21,7 +21,10 @@ TWICE = 2.0
 
 @dataclass(frozen=True)
 class Recovery:
-    """A recovery: the return of a run's error after an event."""
+    """Recovery of the tracking error of a `run` after an `event`, such as a payload's drop: `earlier`, the RMS error
+    (rad or m) over the 2 s before the first event; `time`, s from the event until the RMS error over the next 2 s is
+    below twice that, None if never; and `left`, the RMS error of the last 2 s before the next event over the earlier
+    one (no unit)."""
 
     run: ControllerRun
     event: str
@@ -34,14 +37,16 @@ class Recovery:
 
 
 def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
-    """The recovery of a run from an event at `begin` (s) to the next at `end`."""
+    """Recovery of a run's tracking error between an event at `begin` (s) and the next at `end` (s, or the run's end);
+    `event` is its name, `earlier` the RMS error (rad or m) before the first event."""
     end = min(end, run.duration)
     left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
     return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)
 
 
 def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
-    """Time (s) from `begin` to the first WINDOW before `end` with an RMS error below a bound; None for never."""
+    """Time, s, from `begin` (s) until the RMS tracking error (rad or m) of a run over the 2 s that follow, which end at
+    `end` (s) or before, is less than `below`; None if it never is."""
     length = round(WINDOW / run.rollout.spacing)
     coming = run.moving_rms_error(WINDOW)[length - 1 :]
     time = run.rollout.time[: len(coming)]
@@ -50,7 +55,8 @@ def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -
 
 
 def recovery_times(found: Sequence[Recovery]) -> Figure:
-    """Figure with a bar a law and event, the events side by side; a law that is not back has its error written."""
+    """Matplotlib figure of times to return, s: a panel for each event, with a bar for each run; for a run that did not
+    return, the last error over the earlier one is written instead."""
     from adaptctl.recording.drawing import sheet
 
     events = list(dict.fromkeys(one.event for one in found))

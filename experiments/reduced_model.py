@@ -37,12 +37,13 @@ ADAPTIVE, FIXED = "adaptive", "fixed"
 
 @dataclass(frozen=True)
 class ReducedModelTracking(Puma560Adaptive):
-    """Experiment that carries Table 3 of Sheu and Walker (1991) over to adaptive control: tracking with only some
-    essential components.
+    """Experiment on tracking with reduced models: controllers that carry only the s essential components of the
+    parameters with the most energy, which carries Table 3 of Sheu and Walker (1991) over to adaptive control.
 
-    The components alpha_j v_j of the essential parameters are sorted by the energy they carry over sampled states.
-    For each count s, Slotine and Li's controller adapts s numbers from zero, those along the first s of the v_j;
-    and, with adaptation off, holds the first s components of the truth.
+    The components alpha_j v_j of the essential parameters (P,), v_j their orthonormal directions, are sorted by the
+    energy that they carry over sampled states. For each count s in `components`, Slotine and Li's law adapts s numbers
+    from zero, along the first s of the v_j; and, with adaptation off, holds the first s components of the truth. Raises
+    `InputError` at construction for settings of the wrong type, out of their bounds, or not one a joint.
     """
 
     name: ClassVar[str] = "reduced-model"
@@ -57,7 +58,8 @@ class ReducedModelTracking(Puma560Adaptive):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: how well a controller tracks with only some
+        essential components."""
         return (
             "Sheu and Walker sort the components of the essential parameters by the energy that each carries, and "
             "tell how little energy is lost when only the first s are kept. Here the controller carries only these: "
@@ -67,7 +69,10 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders: adapting ones by falling s, then fixed ones, then one that knows nothing."""
+        """Contenders (controllers to compare, with names) in the order in which they run: for each count s of
+        components one that adapts s numbers from zero, the first being the experiment's subject; for each s one that
+        holds the true s components; then one that knows nothing. `basis` has the k fundamental (base) parameters.
+        Raises `InputError` for an arm with friction, a count above the arm's k, or one given twice."""
         model, reduction, space_basis = ReducedModel(mechanism, basis), *self._reduction(mechanism)
         self._require_counts(mechanism, model, len(reduction.weights))
 
@@ -88,7 +93,9 @@ class ReducedModelTracking(Puma560Adaptive):
         return [*found, contender(ADAPTATION_OFF, "Adaptation off", "nothing", nothing)]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings: the energy errors, as in Table 3, and the tracking errors of each s."""
+        """Findings, named numbers: the energy error of each count of components, %, as in Table 3 of Sheu and Walker
+        (1991), and each run's RMS tracking error of the last two seconds, mrad. `outcome` has the runs; `basis` is not
+        used."""
         errors = self._reduction(outcome.mechanism)[0].percent_errors
         for s in self.components:
             yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
@@ -97,7 +104,8 @@ class ReducedModelTracking(Puma560Adaptive):
                 yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the tracking errors by number of components."""
+        """Sentence with the final RMS tracking errors, mrad, of the largest and the smallest number of components;
+        `outcome` has the runs, `found` the findings by name."""
         least, most = min(self.components), max(self.components)
         few, many = (found.text(f"final_rms_error.{ADAPTIVE}-{s}") for s in (least, most))
         return (
@@ -107,7 +115,8 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure of tracking and energy errors over s."""
+        """Figure for the report, as a `Drawing`: tracking errors, mrad, and energy errors, %, over the number of
+        components. `outcome` has the runs; `basis` is not used."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._reduction(outcome.mechanism)[0].percent_errors
@@ -140,7 +149,9 @@ class ReducedModelTracking(Puma560Adaptive):
 
 
 def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array) -> Figure:
-    """Figure of final tracking errors and energy errors over the number of components, on logarithmic scales."""
+    """Matplotlib figure of the runs' final RMS tracking errors, mrad, and of the energy errors `percent_errors` (k +
+    1,), %, with 0 to k components, over the number of components, on logarithmic scales; `counts` are the numbers that
+    were run."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 

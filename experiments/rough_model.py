@@ -11,10 +11,12 @@ from adaptctl.identifiability import ReducedModel
 
 
 def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:
-    """Deviations (k,) of a model's parameters when those of links and drives (P,) are off by a share.
+    """Standard deviations (k,) of a model's k parameters, in SI units, where those of links and drives, `parameters`
+    (P,), are off by a `share` (no unit) of their size.
 
-    A link of mass m and second moments I = tr Sigma about its frame has first moments of at most sqrt(m I) and
-    inertias of at most I. What is regrouped adds as independent deviations do.
+    A link of mass m and second moments I = tr Sigma about its frame has first moments of at most sqrt(m I) and inertias
+    of at most I, which are taken as sizes; Sigma (3, 3) is its second-moment matrix. Deviations of parameters that are
+    regrouped into one add as independent ones do, by squares.
     """
     values, bodies = np.asarray(parameters, dtype=np.float64), len(model.mechanism.description.bodies)
     sizes = np.abs(values)

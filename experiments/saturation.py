@@ -32,11 +32,12 @@ WITHOUT_FREEZE = "without-freeze"
 
 @dataclass(frozen=True)
 class Saturation(OnRealPlant):
-    """Experiment on saturation: Slotine-Li behind guards with weak motors, adaptation frozen while they saturate, and
-    not.
+    """Experiment on saturated motors: an arm holds, for a while, a payload that its weak motors cannot carry, under
+    Slotine and Li's law with adaptation frozen while a torque is held back, never frozen, and off.
 
-    For a while the arm holds a payload that its motors cannot carry. It sags, whatever the law does; the question
-    is what is left when the payload is gone.
+    The question is which error is left when the payload is gone. Raises `InputError` at construction for a payload that
+    is not dropped after it is picked up and within the run, and for settings of the wrong type, out of their bounds, or
+    not one a joint.
     """
 
     name: ClassVar[str] = "saturation"
@@ -63,7 +64,8 @@ class Saturation(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: whether adaptation should be frozen while
+        motors saturate."""
         return (
             f"An arm whose motors have {100 * self.strength:.0f} % of their strength holds {self.payload:g} kg from "
             f"{self.start:g} to {self.stop:g} s, more than it can carry. While a motor saturates, the error says "
@@ -72,19 +74,24 @@ class Saturation(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant: the payload, and the torques' rate limit."""
+        """Effects of the plant besides rigid links: the payload of mass `payload` (kg) on the last link from `start` to
+        `stop` (s), and the limit of the torques' rate, N m/s (N/s for a prismatic joint)."""
         from adaptctl.simulation.effects import PayloadHeld, TorqueRateLimit
 
         return (PayloadHeld(self.payload, self.start, self.stop), TorqueRateLimit(self.rate_limit))
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of the weak motors' torques, N m."""
+        """Limits (r,) of the weak motors' torques at the r primary joints, N m (N for a prismatic joint): `strength`, a
+        share, of the arm's own."""
         return self.strength * super().torque_limits(mechanism)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first is the subject.
+        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law frozen
+        while a torque is held back, the experiment's subject; with adaptation off; and never frozen. `basis` has the
+        mechanism's k fundamental (base) parameters.
 
-        The guards hold the torques back, not the law, which would stop learning of itself.
+        Guards around the law hold torques back, not the law, which would stop learning by itself. Raises `GainError`
+        for gains too large for the control period.
         """
         model = ReducedModel(mechanism, basis)
         law, off = (
@@ -98,7 +105,9 @@ class Saturation(OnRealPlant):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings: errors after the payload is gone, shares of saturation, and the largest estimates."""
+        """Findings, named numbers, of each run: the RMS tracking error from the payload's drop on, rad; the share of
+        samples with a torque held back; the largest estimate, SI units; and the RMS error of the whole run, frozen over
+        never frozen (no unit). `outcome` has the runs; `basis` is not used."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"
@@ -114,7 +123,8 @@ class Saturation(OnRealPlant):
             )
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the errors of frozen and never frozen adaptation."""
+        """Sentences with the RMS tracking errors, mrad, of the whole run and of its last two seconds, with adaptation
+        frozen, never frozen and off; `outcome` has the runs; `found`, the findings by name, is not used."""
         runs = {run.name: run for run in outcome.runs}
         frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
         return (
@@ -125,7 +135,8 @@ class Saturation(OnRealPlant):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure of the estimates' errors, and of when a torque was held back."""
+        """Figure for the report, as a `Drawing`: the estimates' errors (no unit) over time, s, and when a torque was
+        held back. `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
         from adaptctl.recording.drawing import Drawing
 
         points = outcome.runs[0].rollout
@@ -143,6 +154,7 @@ class Saturation(OnRealPlant):
 
 
 def held_back(run: ControllerRun) -> Array:
-    """Marks (T,): 1 in the periods in which the torque was not what the law wanted."""
+    """Indicators (T,) for the T samples of a run: 1 where limits of the torque or of its rate, or the plant, held back
+    a torque that the law wanted, else 0."""
     marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
     return np.asarray(np.max([run.rollout.clipped, *marks], axis=0))

@@ -11,8 +11,10 @@ from adaptctl.experiments.stated_task import StatedTask
 
 @dataclass(frozen=True)
 class SemiDirectDriveAdaptive(StatedTask):
-    """Experiment of learning to track on the five-bar arm: every joint swings by 0.4 rad or more at 0.15 Hz and
-    above."""
+    """Experiment of learning to track on the semi-direct-drive arm, a five-bar linkage (closed loop) on a turning
+    pillar, from knowing none of its inertial parameters: each of its three primary joints swings by 0.4 rad or more at
+    0.15 Hz or more. Raises `InputError` at construction for settings of the wrong type, out of their bounds, or not one
+    a joint."""
 
     name: ClassVar[str] = "semi-direct-drive-adaptive"
     title: ClassVar[str] = "Semi-direct-drive arm: learning to track through a closed loop"
@@ -32,7 +34,8 @@ class SemiDirectDriveAdaptive(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: whether an arm with a closed loop learns to
+        track from knowing none of its inertial parameters."""
         return (
             "Two motors on a turning pillar move a five-bar linkage, whose forearm follows through a closed loop. "
             "Nobody tells the controller a single mass, centre of mass or inertia. The parameters that the motion "

@@ -37,10 +37,12 @@ RIGID = np.inf
 
 @dataclass(frozen=True)
 class StableBandwidth(AdaptationLaws):
-    """Experiment on elastic joints: the largest stable bandwidth of every law on an arm whose motors turn the links
-    through springs.
+    """Experiment on elastic joints: the largest bandwidth of the tracking loop at which each law is stable on an arm
+    whose motors turn the links through springs, by the springs' stiffness.
 
-    The contest is run on the stiffest springs; then, for every law, stiffness and the rigid arm, bandwidths are tried.
+    The laws are compared on the stiffest springs; then, for every law and stiffness and for the rigid arm, bandwidths
+    from 0.5 to 1024 1/s are tried by bisection. Raises at construction `NotFoundError` for an unknown law, `InputError`
+    for settings of the wrong type or out of their bounds.
     """
 
     name: ClassVar[str] = "stable-bandwidth"
@@ -61,7 +63,8 @@ class StableBandwidth(AdaptationLaws):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: up to which bandwidth each law is stable on
+        elastic joints."""
         return (
             f"Motors turn the links through springs and dampers (Spong 1987); encoders sit on the {self.encoders}. No "
             f"law knows of the springs. {self.comparing} A bandwidth counts as stable where, after {self.trial:g} s, "
@@ -70,12 +73,15 @@ class StableBandwidth(AdaptationLaws):
         )
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the contest's plant: the stiffest springs, and the noise asked for."""
+        """Effects of the plant besides rigid links: the stiffest of the springs in the joints, N m/rad, and the noise
+        of measured velocities. Raises `InputError` for an arm without rotor inertias."""
         yield self._springs(self.mechanism(), max(self.stiffness))
         yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings: the largest stable bandwidth of every law at every stiffness, 0 where none that is tried is."""
+        """Findings, named numbers: the largest stable bandwidth, 1/s, of every law on springs of every stiffness and on
+        the rigid arm, 0 where none that was tried is stable; and those of `AdaptationLaws`. `outcome` has the runs,
+        `basis` the k fundamental (base) parameters that are adapted."""
         yield from super().findings(outcome, basis)
         labels = {run.name: run.label for run in outcome.runs}
         for stiffness in (*self.stiffness, RIGID):
@@ -87,7 +93,8 @@ class StableBandwidth(AdaptationLaws):
                 yield Finding(f"stable_bandwidth.{name}.{_stiffness_text(stiffness)}", found, "1/s", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the largest stable bandwidths of the subject."""
+        """Sentence with the largest stable bandwidths, 1/s, of the first law on the rigid arm, the stiffest and the
+        softest springs; `outcome` has the runs, `found` the findings by name."""
         stiffest, softest = max(self.stiffness), min(self.stiffness)
         rigid, stiff, soft = (
             found.text(f"stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}") for k in (RIGID, stiffest, softest)
@@ -98,7 +105,9 @@ class StableBandwidth(AdaptationLaws):
         )
 
     def compare(self, progress: Progress) -> Comparison:
-        """The comparison of runs and trials, with a figure of the bandwidths found."""
+        """Comparison of the runs on the stiffest springs, with the trials' findings and a figure of the largest stable
+        bandwidths. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for an
+        arm without rotor inertias, `GainError` for gains too large for the control period."""
         from adaptctl.recording.drawing import Drawing
 
         done = super().compare(progress)
@@ -153,7 +162,10 @@ class StableBandwidth(AdaptationLaws):
 
 
 def tracks(plant: Plant, controller: Controller[Any], reference: Any, seconds: float) -> bool:
-    """True if a controller follows a reference for so long without shaking or saturating in the last third."""
+    """True if a controller follows a reference on a plant for `seconds`, so that in the last third the RMS velocity
+    error is below 0.25 rad/s (m/s) and a torque is at its limit in fewer than 1 % of the control periods; False also
+    where numbers become infinite or NaN. `reference` gives positions, velocities and accelerations (T, r) at times
+    (T,), s."""
     count = round(seconds / plant.control_period)
     points = reference(plant.control_period * np.arange(count))
     state = plant.init(points.p[0], points.v[0])
@@ -191,7 +203,9 @@ def _stiffness_text(stiffness: float) -> str:
 def bandwidths_over_stiffness(
     found: dict[str, float], stiffness: tuple[float, ...], laws: list[tuple[str, str]]
 ) -> Figure:
-    """Figure of the bandwidths found, the rigid arm's to the right of the stiffest springs'."""
+    """Matplotlib figure of the largest stable bandwidths, 1/s, over the `stiffness` (N m/rad) of the joints, a line for
+    each of `laws` (pairs of a name and a label), the rigid arm at the right. `found` has findings by name, such as
+    "stable_bandwidth.gradient.1000"."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

@@ -30,14 +30,17 @@ Named: TypeAlias = tuple[tuple[str, Any], ...]
 
 
 class SinusoidTask(NamedTuple):
-    """Task of a tracking environment on sinusoids, in SI units: environments of equal tasks are equal."""
+    """Task of a tracking environment on sinusoids, as data, so that equal tasks compare equal: `environment_id`, the
+    Gymnasium environment's; `reference`, the arguments of `Sinusoids` as pairs of name and value, SI units (Hz for
+    frequencies); and `settings`, other arguments of the environment as such pairs."""
 
     environment_id: str
     reference: Named
     settings: Named
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """The environment of a mechanism, made of nothing but the task."""
+        """Gymnasium tracking environment of a mechanism on this task's sinusoids. Raises `InputError` for arguments
+        that do not suit the mechanism, such as another number of joints."""
         import gymnasium
 
         reference = Sinusoids(**dict(self.reference))
@@ -48,10 +51,10 @@ class SinusoidTask(NamedTuple):
 
 @dataclass(frozen=True)
 class StatedTask(RangedGain, Learning):
-    """Base class of experiments of learning to track in an arm's own environment, every number of the task a setting.
-
-    A subclass gives `joints` and `environment_id`, and the defaults of the settings that are one number a joint.
-    """
+    """Base class of experiments of learning to track in an arm's own environment, every number of the task a setting. A
+    subclass gives `joints`, the number of primary joints, `environment_id`, and defaults of the settings that have one
+    number a joint. Raises `InputError` at construction for another number of these, and for settings of the wrong type
+    or out of their bounds."""
 
     joints: ClassVar[int]
     environment_id: ClassVar[str]
@@ -72,7 +75,8 @@ class StatedTask(RangedGain, Learning):
         require_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment of the arm. Raises InputError for another number of joints."""
+        """Gymnasium tracking environment of a mechanism, on the task as set. Raises `InputError` for another number of
+        primary joints than `joints`."""
         if mechanism.dof != self.joints:
             raise InputError(
                 f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
@@ -81,7 +85,8 @@ class StatedTask(RangedGain, Learning):
         return self.task(mechanism).environment(mechanism)
 
     def task(self, mechanism: Mechanism) -> SinusoidTask:
-        """Task that the environment poses, as set."""
+        """Task of the tracking environment as set: reference, duration, control period, first error and torque limits,
+        as data in SI units."""
         limits = self.torque_limits(mechanism)
         limited = ("torque_limits", None if limits is None else tuple(limits.tolist()))
         return SinusoidTask(self.environment_id, self._named(REFERENCE), (*self._named(ENVIRONMENT), limited))
@@ -91,19 +96,22 @@ class StatedTask(RangedGain, Learning):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset: the payload, where there is one."""
+        """Options of the environment's reset, by name: `payload`, the mass on the last link, kg, where it is not 0."""
         return {"payload": self.payload} if self.payload > 0.0 else {}
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:
-        """Limits (r,) of the joints' torques, in N m; None for the mechanism's own."""
+        """Limits (r,) of the torques of the r primary joints, N m (N for a prismatic joint), for the environment; None,
+        as here, for those that it takes by itself."""
         return None
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop: Lambda and K as set."""
+        """Gains of the tracking loop as set: the bandwidth Lambda (r,), 1/s, the same for all of the r joints, and the
+        damping K (r,), N m s/rad. `mechanism` is not used."""
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Setting that states the reference's formula."""
+        """Setting for the report that states the reference's formula, sinusoids faded in from rest over `start_time`
+        (s); `env`, the tracking environment, is not used."""
         yield Setting(
             "reference",
             "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)",

@@ -40,11 +40,13 @@ SAMPLES = 600
 
 @dataclass(frozen=True)
 class TaskSpaceTracking(TipPath, Learning):
-    """Experiment of tracking a path in the world with the tool of an arm of three degrees of freedom, from estimates of
-    zero.
+    """Experiment on control in task space: the tool of an arm of three degrees of freedom tracks a path in the world,
+    from estimates of zero.
 
-    Task-space Slotine-Li, with the gradient, with composite adaptation, and with a damped Jacobian; against
-    Slotine-Li in joints on the same path turned into joints, adaptation off, and computed torque with the truth.
+    The laws are Slotine and Li's in task space, with the gradient, with composite adaptation, with a damped Jacobian
+    and with adaptation off; in joints, on the same path by inverse kinematics; and computed torque with the true
+    parameters. Raises `InputError` at construction for path settings that have not three entries (x, y, z), and for
+    settings of the wrong type or out of their bounds.
     """
 
     name: ClassVar[str] = "task-space"
@@ -72,7 +74,8 @@ class TaskSpaceTracking(TipPath, Learning):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: how control in task space compares with
+        control in joints on a tool's path."""
         return (
             "A tool follows a path in the world, and nobody tells the controller the arm's inertial parameters. The "
             "task-space law takes the tool's error and chooses joint velocities through the Jacobian; the law in "
@@ -81,7 +84,8 @@ class TaskSpaceTracking(TipPath, Learning):
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment on the path, turned into joints."""
+        """Gymnasium tracking environment of a mechanism on the tool's path, turned into joint positions (rad). Raises
+        `InputError` for a robot whose tool is not known and for a path that is out of reach."""
         import gymnasium
 
         return gymnasium.make(
@@ -95,23 +99,29 @@ class TaskSpaceTracking(TipPath, Learning):
 
     @property
     def arm(self) -> ArmWithTip:
-        """Arm whose tool is known. Raises InputError for another robot."""
+        """Arm that `robot` names, with the point that is its tool. Raises `InputError` for a robot whose tool is not
+        known."""
         known = {arm.robot: arm for arm in ARMS}
         if self.robot not in known:
             raise InputError(f"robot: expected one whose tool is known, {' or '.join(known)}, got {self.robot!r}")
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
-        """The tool of a mechanism."""
+        """Tool of a mechanism as a point of its link, `Tip`. Raises `InputError` for a robot whose tool is not known,
+        or a mechanism without that link."""
         return self.arm.on(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings that state the path, how it becomes joints, and the tool."""
+        """Settings for the report: the path's formula, how it is turned into joint positions, and the tool's place (m)
+        in its link's frame; `env`, the tracking environment, is not used."""
         yield from self.path_settings("tool")
         yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders in the order in which they drive; the first is the subject."""
+        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law in task
+        space with the gradient, the experiment's subject; with adaptation off; with composite adaptation; with a damped
+        Jacobian; in joints; and computed torque. `basis` has the k fundamental (base) parameters that they adapt.
+        Raises `GainError` for gains too large for the control period."""
         model, gains = ReducedModel(mechanism, basis), self.gains(mechanism)
         gain, tool = self.adaptation(model), np.array(self.arm.tip)
         composite = Composite(gain, self.prediction / finite_torque_limits(mechanism) ** 2)
@@ -140,7 +150,8 @@ class TaskSpaceTracking(TipPath, Learning):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings of the tool's errors."""
+        """Findings, named numbers: the RMS distance, mm, of each run's tool from its path in the first second and in
+        the last two. `outcome` has the runs; `basis` is not used."""
         for run in outcome.runs:
             errors, time = self._tool_errors(outcome.mechanism, run), run.rollout.time
             for what, inside in (("first", time < BEGINNING), ("final", time >= run.duration - END)):
@@ -149,19 +160,22 @@ class TaskSpaceTracking(TipPath, Learning):
                 yield Finding(f"{what}_tool_error.{run.name}", 1e3 * rms, "mm", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the tool's errors."""
+        """Sentences with the tool's RMS distances from its path in the last two seconds, mm: the subject's, that with
+        adaptation off, and the least of all. `outcome` has the runs, `found` the findings by name."""
         subject, off = (found.text(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
         text = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
         least = found.each("final_tool_error", outcome.runs, "mm", rising=True)[:1]
         return " ".join((text, *(f"The least of all controllers is {one}." for one in least)))
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """The tool's distances from its path."""
+        """Errors that recording and report show first: the distances (T,), m, of the tool from its path at the T
+        samples of each run in `outcome`."""
         errors = {run.name: self._tool_errors(outcome.mechanism, run) for run in outcome.runs}
         return Leading("Distance of the tool from its path", "mm", errors)
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure of the tool's errors over time."""
+        """Figure for the report, as a `Drawing`: the tool's distance from its path, mm, over time, s. `outcome` has the
+        runs; `basis` is not used."""
         from adaptctl.recording.drawing import Drawing
 
         places = color_places(outcome.runs)
@@ -179,7 +193,8 @@ class TaskSpaceTracking(TipPath, Learning):
 
 
 def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
-    """Figure of the tool's errors over time, on a logarithmic scale."""
+    """Matplotlib figure of a tool's distances from its path (mm, logarithmic) over time, s, a line for each of
+    `curves`: triples of the colour's index in the palette, the run, and its distances (T,), m."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -21,8 +21,10 @@ AHEAD = 1.0
 
 @dataclass(frozen=True)
 class ArmWithTip:
-    """An arm of three degrees of freedom, the point that is its tip, and the positions where inverse kinematics
-    starts."""
+    """Arm of three degrees of freedom with its tip: `name`, short and fit for a file; `label`; `robot`, the built-in's
+    name; `link` and `tip`, the point (x, y, z), m, in that link's frame; `start`, joint positions (rad) from which
+    inverse kinematics starts, which choose its branch; and `printed_rank`, the number of independent parameters in
+    Table 13 of Sheu and Walker (1991)."""
 
     name: str
     label: str
@@ -36,7 +38,8 @@ class ArmWithTip:
     """number of independent parameters in Table 13 of Sheu and Walker (1991)"""
 
     def on(self, mechanism: Mechanism) -> Tip:
-        """Tip of this arm's mechanism. Raises InputError where it has no such link."""
+        """Tip of the arm as a point of its link, `Tip`, on a mechanism of this arm. Raises `InputError` where the
+        mechanism has no such link."""
         return Tip(mechanism, self.link, np.array(self.tip))
 
 
@@ -49,8 +52,10 @@ ARMS = (
 
 
 class TipPath(RangedGain):
-    """Base class of experiments whose tip follows sinusoids in space, learned from zero; it names the settings
-    below."""
+    """Base class of experiments in which an arm's tip follows a sinusoid along each world axis, learned from zero.
+    `center`, `amplitude` (m), `frequency` (Hz) and `phase` (rad) have three entries, x, y and z; `duration` and
+    `start_time`, of the smooth start, are in s; `bandwidth` is Lambda (1/s), `stiffness` the damping K over Lambda
+    times typical inertia (no unit)."""
 
     duration: float
     bandwidth: float
@@ -63,21 +68,26 @@ class TipPath(RangedGain):
 
     @property
     def path(self) -> Sinusoids:
-        """Desired path of the tip in the world, m."""
+        """Desired path of the tip in the world: positions x, y, z in m, velocities and accelerations, at any times in
+        s."""
         center, amplitude, frequency = np.array(self.center), np.array(self.amplitude), np.array(self.frequency)
         return Sinusoids(center, amplitude, frequency, np.array(self.phase), self.start_time)
 
     def in_joints(self, tip: Tip, arm: ArmWithTip) -> Spline:
-        """The path in joints, by inverse kinematics. Raises `InputError` where it is out of reach."""
+        """Reference of the three joints, rad, that moves the tip along its path, by inverse kinematics every 0.02 s and
+        a spline through these. `tip` is the point that follows the path; `arm` gives where inverse kinematics starts.
+        Raises `InputError` for a path that is out of reach or passes a singularity."""
         times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
         return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop: Lambda as set, K from typical inertia."""
+        """Gains of the tracking loop for the mechanism's r primary joints: Lambda (r,), 1/s, the bandwidth as set, and
+        K (r,), N m s/rad, `stiffness` times Lambda times the joint's typical inertia."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
 
     def path_settings(self, tip: str) -> Iterator[Setting]:
-        """Settings that state the path of what is called `tip`, and how it becomes joints."""
+        """Settings for the report that state the path's formula and how it is turned into joint positions; `tip` is
+        what the point is called there, such as "tool"."""
         law = "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)"
         yield Setting("path", law, f"of the {tip}, in the world")
         yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")

@@ -34,11 +34,12 @@ RIGHT = (2.455, -2.233, -0.116, 1.624, -1.103, -2.392)
 
 @dataclass(frozen=True)
 class TwoArms(StatedTask):
-    """Experiment of learning to track with two arms welded to one rod: twelve links, six degrees of freedom, a loop of
-    six rows.
+    """Experiment of learning to track with two arms whose hands are welded to one rod: one mechanism of twelve links
+    with a closed loop (six closure conditions) and six degrees of freedom.
 
-    The left arm's joints are the coordinates. A torque in them is what both arms' motors give together, however it
-    is shared between them: the motion is the same.
+    The left arm's joints are the coordinates. A torque in them is what the motors of both arms give together, however
+    shared: the motion is the same. Raises `InputError` at construction for settings of the wrong type, out of their
+    bounds, or not one a joint.
     """
 
     name: ClassVar[str] = "two-arms"
@@ -62,7 +63,8 @@ class TwoArms(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: whether two arms that hold one rod learn to
+        track as one mechanism."""
         return (
             "Two PUMAs stand face to face and hold one rod. Together they are one mechanism of twelve links with a "
             "closed loop, which moves with six degrees of freedom. Nobody tells the controller a single mass, centre "
@@ -73,29 +75,34 @@ class TwoArms(StatedTask):
         )
 
     def mechanism(self) -> Mechanism:
-        """Mechanism of the two arms and their rod."""
+        """Mechanism of the two arms and their rod, each arm as `robot` describes it. Raises `InputError` for a robot of
+        another number of links than six or with loops, `NotFoundError` for an unknown name, `FileError` for a file that
+        cannot be used, `LoopError` where the arms cannot hold the rod."""
         return two_arms(self.robot)
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of both arms' motors together in the left one's joints, at the reference configuration. Raises
-        `InputError` for joints without a limit."""
+        """Limits (r,) of the torques, N m, that both arms' motors give together in the left arm's r = 6 joints, at the
+        reference configuration. Raises `InputError` for joints without a torque limit."""
         limits = np.array([link.joint.limits.effort for link in mechanism.links])
         if not np.isfinite(limits).all():
             raise InputError(f"robot: {self.robot} has joints without a torque limit: give each an effort")
         return np.abs(_slopes(mechanism)) @ limits
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings that state the reference, the rod and the torque limits."""
+        """Settings for the report: the reference's formula, the rod's length (m), and what the torque limits are;
+        `env`, the tracking environment, is not used."""
         yield from super().reference_settings(env)
         yield Setting("rod", f"{ROD:g} m", f"from hand to hand, between bases {APART:g} m apart; part of both hands")
         yield Setting("torque limits", "of both arms' motors together", "in the left arm's joints, at the centre")
 
 
 def two_arms(robot: str) -> Mechanism:
-    """Mechanism of two equal arms of six joints, face to face, with a rod welded to both hands.
+    """Mechanism of two equal arms of six joints, face to face with bases 1.1 m apart, and a rod of 0.3 m welded to both
+    hands; `robot` is a built-in's name or a file.
 
-    The rod has no parameters of its own: its ten are among those of both hands, which they are regrouped into. Raises
-    `InputError` for another arm than one of six links without loops.
+    The rod has no parameters of its own: its ten are part of those of both hands. Raises `InputError` for an arm of
+    another number of links than six or with loops, `NotFoundError` for an unknown name, `FileError` for a file that
+    cannot be used, `LoopError` where the arms cannot hold the rod.
     """
     arm = load(robot).description
     if len(arm.links) != len(LEFT) or arm.loops is not None:

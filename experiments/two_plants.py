@@ -32,12 +32,13 @@ FIRST_ORDER = 0.5 * SHORTER
 
 @dataclass(frozen=True)
 class TwoPlants(AdaptiveTracking):
-    """Experiment on plants: Slotine and Li's law, the same to the bit, on MuJoCo, on MuJoCo at a quarter of its steps,
-    and on our plant.
+    """Experiment on two simulators: Slotine and Li's law, the same to the bit, drives an arm in MuJoCo, in MuJoCo at a
+    quarter of its time steps, and in adaptctl's own plant.
 
-    MuJoCo's default integrator is semi-implicit and of first order, ours Runge and Kutta's of fourth. What remains at
-    shorter steps is what the plants do not share: contacts, joint stops, springs, and dry friction, which MuJoCo
-    models as a constraint.
+    MuJoCo's default integrator is semi-implicit and of first order, ours is Runge and Kutta's of fourth. Differences
+    that remain at shorter steps come from contacts, joint stops, springs, and dry friction, which MuJoCo models as a
+    constraint. Raises `InputError` at construction for a setting of the wrong type or out of its bounds, and another
+    plant than "mujoco" or "adaptctl".
     """
 
     name: ClassVar[str] = "two-plants"
@@ -47,7 +48,8 @@ class TwoPlants(AdaptiveTracking):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: how far motions simulated by MuJoCo and by
+        adaptctl are apart, and why."""
         return (
             "The same adaptive controller, from estimates of zero and on the same reference, drives the arm as MuJoCo "
             "moves it and as adaptctl's own plant does. Where only integration differs, the motions come together as "
@@ -55,7 +57,9 @@ class TwoPlants(AdaptiveTracking):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders: the law with and without adaptation."""
+        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law in
+        MuJoCo, the experiment's subject, and the same with adaptation off. `basis` has the k fundamental (base)
+        parameters that it adapts."""
         model = ReducedModel(mechanism, basis)
         return [
             Contender.of(ADAPTIVE, "Slotine-Li on MuJoCo", "nothing", self.slotine_li(model, self.adaptation(model))),
@@ -65,7 +69,9 @@ class TwoPlants(AdaptiveTracking):
     def outcome(
         self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
-        """Runs on MuJoCo, then the law again on MuJoCo at shorter steps and on our plant."""
+        """Outcome of the contest: runs of the `contenders` (controllers with names) on MuJoCo, `env`, then of the first
+        one in MuJoCo at a quarter of its steps and in adaptctl's plant. `progress(label, share)` gets a run's label and
+        the share of it done, 0 to 1. Ctrl-C keeps the runs begun."""
         done = super().outcome(env, mechanism, contenders, progress)
         for name, label, other in (
             (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
@@ -79,7 +85,8 @@ class TwoPlants(AdaptiveTracking):
         return done
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings of the largest differences between the plants' positions, at MuJoCo's steps and at shorter ones."""
+        """Findings, named numbers: the largest difference, rad (m), of any joint's position between MuJoCo and
+        adaptctl's plant at MuJoCo's own steps and at a quarter of them. `outcome` has the runs; `basis` is not used."""
         runs = {run.name: run for run in outcome.runs}
         for name, other, meaning in (
             ("plants_apart", ADAPTIVE, "at MuJoCo's own steps"),
@@ -90,7 +97,8 @@ class TwoPlants(AdaptiveTracking):
                 yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence on whether integration explains the difference."""
+        """Sentence on how far the two plants' motions are apart, mrad (mm), and whether integration explains it;
+        `outcome` has the runs, `found` the findings by name."""
         coarse, fine = found.of["plants_apart"], found.of["plants_apart_fine"]
         text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart"
         if coarse < FIRST_ORDER * fine:

@@ -27,19 +27,22 @@ links: LLVM takes 1 s and 4 s for these. What grows with the links alone it comp
 
 
 class ArrayEquation:
-    """An equation on arrays: a function of columns, called with arrays (..., n), whose trailing axes are the columns
-    and leading ones samples.
+    """Equation of a mechanism on NumPy arrays, made from a function of `Column`s (vectors of scalars of any kind). Its
+    attribute `call` takes arrays (..., size) in SI units, whose leading axes are samples and broadcast, and returns an
+    array (..., m) or (..., m, k); `into` takes before them a float64 array `out` of the result's shape, fills and
+    returns it.
 
-    The rule: it runs in Python, on floats or on NumPy's arrays, until it has been called CALLS times or for STATES
-    states, or as much of both; then it is compiled, or found in the cache of compiled objects, one state at a time for
-    single ones and in SIMD lanes for many. Mechanisms of more than `longest` links always run in Python. Both ways
-    agree to round-off.
+    Made of the mechanism's `name`, for messages; `function`, called by position with one `Column` (size,) for each
+    argument, which returns one `Column` (m,) or a list of m of them, the rows (k,); `sizes`, a callable without
+    arguments that returns the arguments' sizes by name, first that of the positions p (r,) of the r primary joints, rad
+    (m if prismatic); `configured`, a callable that makes of p the configuration (..., n) of the tree's n joints, which
+    `function` takes in its place, None where that is p; `links`, the number n of links; and `longest`, the most links
+    with which it is compiled.
 
-    `call` is what is called; `into` takes an array `out` of the result's shape (..., *shape) before the arguments, puts
-    the result there and returns it. Both do without any detour once there is native code. The function is called with
-    Columns by position, with the tree's configuration q, which `configured` makes of p, in place of p; `sizes` has the
-    arguments' names and lengths, p first, and the result is a Column or a list of Columns (rows). Raises `InputError`
-    on a wrong shape and `NonFiniteError` on NaN or infinity, in what is given or computed.
+    It runs in Python until it has been called 50 times or for 25000 samples, or as much of both; then as native code,
+    several samples at once in SIMD registers where there are many. Both agree to round-off. `call` and `into` raise
+    `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, in their arguments or the result, and what
+    `configured` and `function` raise.
     """
 
     __slots__ = (

@@ -20,38 +20,56 @@ REGRESSORS = "torque_regressor", "slotine_li_regressor"
 
 
 class ArrayMechanism(Protocol):
-    """Protocol of a `Mechanism` as the equations on arrays need it."""
+    """Protocol of the members of a `Mechanism` that `ArrayEquations` uses: its description and equations of motion, its
+    name, the number r of its primary joints, its parameters' names, its configurations, and the check of its links'
+    mass."""
 
     @property
     def description(self) -> Description:
-        """The description that the mechanism is made of."""
+        """The `Description` that the mechanism is made of: its links, joints, loops, gravity and inertial
+        parameters."""
 
     @property
     def equations(self) -> Equations:
-        """The mechanism's equations over scalars of any kind."""
+        """The mechanism's equations of motion, an `Equations`, over scalars of any kind (floats, arrays, dual numbers,
+        traced ones)."""
 
     @property
     def name(self) -> str:
-        """The mechanism's name."""
+        """The mechanism's name, as error messages give it."""
 
     @property
     def dof(self) -> int:
-        """Number of primary joints r."""
+        """Number r of primary joints, the degrees of freedom: all joints of a tree, the independent ones of loops."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """The P parameters' names."""
+        """Names of the P inertial and friction parameters, such as `link3.I_xx` or `joint2.viscous`, in the order of
+        their values."""
 
     def configuration(self, p: ArrayLike) -> Array:
-        """The tree's joints (..., n) at positions (..., r)."""
+        """The closed configuration (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of
+        the r primary joints, rad (m); p itself for a tree. An implementation raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity, and `SingularityError` near locked loops."""
 
     def require_mass(self) -> None:
-        """Raise `InputError` where links have no mass to be accelerated."""
+        """Check that torques determine the accelerations; nothing is returned. An implementation raises `InputError`
+        for links of a tree that have neither mass nor rotor and carry none that has."""
 
 
 class ArrayEquations:
-    """A mechanism's equations on arrays, as attributes, so that a call finds them at once. None is traced before it is
-    called."""
+    """The equations of motion of one mechanism on NumPy arrays: `ArrayEquation`s, whose `call` takes arrays and returns
+    one, as attributes. Made of a `Mechanism`, of r primary joints and P inertial and friction parameters.
+
+    `energy_regressor.call(p, v)` is (..., P), J per unit of each parameter; `torque_regressor.call(p, v, a)` and
+    `slotine_li_regressor.call(p, v, v_r, a_r)` are (..., r, P), N m (N if prismatic) per unit of each;
+    `inverse_dynamics.call(p, v, a, D)` is the torque (..., r), N m (N); `forward_dynamics.call(p, v, torque, D)` the
+    accelerations (..., r), rad/s^2 (m/s^2); `mass_matrix.call(p, D)` (..., r, r), kg m^2 (kg). p, v, a are positions,
+    velocities, accelerations (..., r), v_r and a_r Slotine and Li's reference velocities and accelerations, rad, rad/s,
+    rad/s^2 (m), and D (P,) or (..., P) parameters in SI units; leading axes are samples. Calls raise `InputError` on a
+    wrong shape and for accelerations of links without mass, `NonFiniteError` on NaN or infinity, `LoopError` where
+    loops do not fit together, `SingularityError` near where they lock. No equation is compiled before it is called.
+    """
 
     def __init__(self, mechanism: ArrayMechanism) -> None:
         self._mechanism = mechanism
@@ -75,8 +93,11 @@ class ArrayEquations:
         self.mass_matrix = self.of(inertia, "parameters", longest=LONGEST_MATRIX)
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> ArrayEquation:
-        """The equation on arrays of a regressor, "torque_regressor" or "slotine_li_regressor", with the asked columns
-        only. Raises `InputError` for another name."""
+        """The `ArrayEquation` of a `regressor`, "torque_regressor" or "slotine_li_regressor", of the k parameters of
+        indices `columns` alone, each from 0 to P - 1: its `call` takes arrays (p, v, a), or (p, v, v_r, a_r), each
+        (..., r), rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per unit of each parameter, for
+        r primary joints. The same request returns the same object. Raises `InputError` for another name; indices are
+        not checked."""
         if regressor not in REGRESSORS:
             raise InputError(f"regressor: expected {' or '.join(REGRESSORS)}, got {regressor!r}")
         key = regressor, columns
@@ -91,8 +112,15 @@ class ArrayEquations:
         longest: int = LARGEST_COMPILED,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
-        """An equation on arrays from a function of columns: of q, the configuration of the p that it is called with,
-        and of other arguments: (r,), `parameters` (P,), or of other `sizes`."""
+        """An `ArrayEquation` of this mechanism from a `function` of `Column`s (vectors of scalars of any kind), which
+        is called with the configuration q (n,) of the tree's n joints, rad (m if prismatic), and one column for each
+        further name in `arguments`, and returns a `Column` (m,) or a list of m rows (k,).
+
+        The equation's `call` takes the positions p (..., r) of the r primary joints in place of q, then the further
+        arguments, and returns an array (..., m) or (..., m, k). An argument named in `sizes` has that size,
+        `parameters` otherwise P (the number of parameters), any other r. Mechanisms of more than `longest` links, 100
+        by default, are never compiled.
+        """
         mechanism = self._mechanism
         configured = None if mechanism.description.loops is None else mechanism.configuration
 

@@ -12,7 +12,12 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ConstrainedMotion(Motion):
-    """A mechanism's motion, with torques and regressors in the free parameters z."""
+    """The motion of a mechanism of r primary joints at one instant, with torques and regressors in the Z parameters z
+    that linear constraints leave free: all P parameters are D = D0 + N z.
+
+    Made of `equations`, the `ConstrainedEquations`, which have D0 (P,) and N (P, Z), and `whole`, the same motion of
+    the mechanism without constraints, a `Motion`. Nothing is checked.
+    """
 
     __slots__ = ("equations", "whole")
 
@@ -20,32 +25,45 @@ class ConstrainedMotion(Motion):
         self.equations, self.whole = equations, whole
 
     def torque(self, parameters: Column) -> Column:
-        """The torque M a_r + C(p, v) v_r + g + friction (r,), N m, with the part due to known parameters."""
+        """The torque M a_r + C v_r + g + friction at v_r (r,), N m (N if prismatic), of the r primary joints under
+        reference velocities v_r and accelerations a_r, M the mass matrix, C the Christoffel (Coriolis) matrix, g
+        gravity's torque, for values z (Z,) of the free `parameters` in SI units, with the torque of the values that
+        linear constraints fix. Raises `ValueError` for another number of them."""
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Rows (r,) of Y N, each with the asked columns only."""
+        """The r rows of the Slotine-Li regressor Y N (r, k), one `Column` (k,) each, for the k of Z free parameters
+        whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. Y (r, P) is the regressor of
+        all P parameters D = D0 + N z; over all columns Y N z is the torque but for that of D0. Raises `IndexError` for
+        an index of Z or more; negative ones are not refused."""
         needed = self.equations.needed(columns)
         rows = self.whole.regressor(needed)
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """The product (Y N)' s (c,) of the regressor's asked columns and joint rates s (r,), without forming Y."""
+        """The powers (Y N)' s (k,), W per unit of each, for the k of Z free parameters whose indices `columns` are, at
+        rates s (r,) of the r primary joints, rad/s (m/s if prismatic). Y N (r, Z), whose transpose is (Y N)', is the
+        Slotine-Li regressor in the free parameters z, D = D0 + N z being all P; it is not formed. Raises `IndexError`
+        for an index of Z or more; negative ones are not refused."""
         needed = self.equations.needed(columns)
         return self.equations.combined(dict(zip(needed, self.whole.powers(s, needed), strict=True)), columns)
 
     @property
     def numbers(self) -> Column:
-        """Numbers (n,) of the motion without constraints."""
+        """The scalars in SI units that hold this motion, a `Column` of length `ConstrainedEquations.motion_size`: those
+        of the motion without constraints on parameters."""
         return self.whole.numbers
 
 
 @dataclass(frozen=True)
 class ConstrainedEquations(Equations):
-    """The equations of motion in free parameters z (Z,), of which all the mechanism's parameters are D = D0 + N z.
+    """Equations of motion in the Z parameters z that linear constraints leave free, all P inertial and friction
+    parameters being D = D0 + N z. Regressors are those of z alone, Y N; torques and accelerations include the share of
+    D0.
 
-    Regressors are those of z alone, Y N; torques and accelerations include the share of D0. Columns of N that are
-    zero but for a single one cost nothing: that parameter itself is free.
+    `whole` are the equations without constraints; `spread` has for each of the Z columns of N its entries other than
+    zero, as pairs (index from 0 to P - 1, entry), each in the unit of its D per unit of its z; `known` is D0 (P,), SI
+    units. Nothing is checked.
     """
 
     whole: Equations
@@ -56,75 +74,109 @@ class ConstrainedEquations(Equations):
 
     @property
     def dof(self) -> int:
-        """Number of primary joints r."""
+        """Number r of primary joints, the degrees of freedom: all joints of a tree, the independent ones of loops."""
         return self.whole.dof
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """The tree's links, as geometry."""
+        """Geometry of the tree's n links, a `Segment` each, lengths in m, parents before their children."""
         return self.whole.links
 
     @property
     def parameters(self) -> int:
-        """Number of free parameters."""
+        """Number Z of inertial and friction parameters that the linear constraints leave free."""
         return len(self.spread)
 
     @property
     def has_known_share(self) -> bool:
-        """True where D0 is other than zero."""
+        """True where linear constraints fix parameters at values other than zero (D0 of D = D0 + N z): torques and
+        energies then have a part for which regressors have no columns. False otherwise."""
         return any(self.known)
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The configuration q = U(p) (n,) for positions p (r,), from a nearby configuration."""
+        """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
+        primary joints, on the assembly branch of `guess` (n,), a closed configuration, best within 0.05 rad; p itself
+        for a tree. Constraints on parameters do not change it. Not checked: where the loops stay open, nothing is
+        raised."""
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
-        """The configuration (n,) with loops closed better, by one Newton step or all the way."""
+        """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary joints' positions of q
+        (n,) and the loops closed: exactly where a closed form exists, else by one Newton step from q, which is near a
+        closed one; q itself for a tree. Constraints on parameters do not change it. Nothing is checked."""
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:
-        """The tree's joint velocities J v (n,)."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their configuration q (n,), rad (m),
+        and velocities v (r,) of the r primary joints; J (n, r) is the derivative of q by the primary positions. For a
+        tree v itself. Not checked: with loops, columns too short raise `IndexError` or `ValueError`."""
         return self.whole.rates(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """Energy regressor N' E (Z,) of the free parameters: J per unit of each."""
+        """Energy regressor N' E (Z,), J per unit of each of the Z free parameters z, at a configuration q (n,) of the
+        tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary joints, rad/s (m/s). N' is the
+        transpose of N, D = D0 + N z being all P parameters, and E (P,) their energy regressor; the inner product with z
+        is kinetic plus potential energy in J but for the share of D0. Not checked: columns too short raise `IndexError`
+        or `ValueError`."""
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part (Z,) of the energy regressor N' E, J per unit of each free parameter."""
+        """The potential part (Z,) of the energy regressor, J per unit of each of the Z free parameters z, at a
+        configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with z is the potential
+        energy in J, 0 at the ground frame's origin, but for the share of the values that linear constraints fix. Not
+        checked: too short a q raises `IndexError`."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:
-        """The mechanism's motion, with torques and regressors in the free parameters z."""
+        """The state of motion, a `ConstrainedMotion`, at a configuration q (n,) of the tree's n joints, rad (m if
+        prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary joints, rad/s
+        (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers in the Z free
+        parameters follow from it. Not checked: columns too short raise `IndexError` or `ValueError`."""
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
-        """The motion that has these numbers."""
+        """The state of motion, a `ConstrainedMotion`, made again from its `Motion.numbers` (`motion_size`,), scalars in
+        SI units, without the work that it took to make it. Not checked: too few numbers raise `TypeError` or
+        `IndexError`, or pass until torques are asked for; too many may pass."""
         return ConstrainedMotion(self, self.whole.remembered(numbers))
 
     @property
     def motion_size(self) -> int:
-        """Length of `Motion.numbers`."""
+        """Number of scalars that store one state of motion, `Motion.numbers`: that of the equations without constraints
+        on parameters."""
         return self.whole.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (r,) of the primary joints under their torques (r,), with the part due to known parameters."""
+        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary joints under a torque (r,), N m (N),
+        gravity and friction, at a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s
+        (m/s), for values z (Z,) of the free `parameters` in SI units, with the share of the values that linear
+        constraints fix. Not checked: columns too short raise `IndexError` or `ValueError`, a joint without inertia or
+        locked loops `ZeroDivisionError` in floats."""
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
     def weightless(self) -> ConstrainedEquations:
-        """The same equations without gravity."""
+        """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential
+        energy."""
         return replace(self, whole=self.whole.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows (r,) of the mass matrix M(p), kg m^2."""
+        """The r rows of the mass matrix (r, r) of the r primary joints, symmetric, rotors included, in kg m^2 (kg
+        between prismatic joints, kg m mixed), at a configuration q (n,) of the tree's n joints, rad (m), for values z
+        (Z,) of the free `parameters` in SI units, with the share of the values that linear constraints fix. Not
+        checked: columns too short raise `IndexError` or `ValueError`."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Rows (r,) of the damping B, N m s/rad: derivatives of friction by velocities."""
+        """The r rows of the damping matrix B (r, r) of the r primary joints, symmetric, in N m s/rad (N s/m between
+        prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s (m/s), but for its
+        constant offsets. At a configuration q (n,) of the tree's n joints, rad (m), for values z (Z,) of the free
+        `parameters` in SI units. Not checked: columns too short raise `IndexError` or `ValueError` where they are
+        read."""
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
-        """All parameters D = D0 + N z (P,) of free ones z (Z,)."""
+        """All P inertial and friction parameters D = D0 + N z (P,) from values z (Z,) of the free `parameters`, SI
+        units, for the linear constraints' D0 and N. Raises `ValueError` for another number than Z."""
         terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]
         for z, enters in zip(parameters, self.spread, strict=True):
             for place, weight in enters:
@@ -132,14 +184,19 @@ class ConstrainedEquations(Equations):
         return Column(map(_sum, terms))
 
     def needed(self, columns: Sequence[int]) -> list[int]:
-        """Indices, rising, of the parameters among D that the asked free ones enter."""
+        """Indices, rising, of the parameters among all P that depend on the free ones of indices `columns`, from 0 to Z
+        - 1: the rows in which these columns of N (P, Z), D = D0 + N z, have entries. Raises `IndexError` for an index
+        of Z or more."""
         return sorted({place for column in columns for place, _ in self.spread[column]})
 
     def _gathered(self, entries: Sequence[Scalar]) -> Column:
         return self.combined(dict(enumerate(entries)), range(self.parameters))
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
-        """The entries (Z,) of the asked free parameters: N' times entries, one for each `needed` parameter."""
+        """A covector in the free parameters' space, a `Column` (k,), for the k of Z free parameters whose indices
+        `columns` are: the entries N' y of a row of derivatives y by all P parameters D = D0 + N z, such as of an energy
+        or torque, N' being the transpose of N (P, Z). `entries` has y's entries by index from 0 to P - 1, those of
+        `needed(columns)` at least, else `KeyError` is raised; units are y's times N's."""
         return Column(_sum([(weight, entries[place]) for place, weight in self.spread[c]]) for c in columns)
 
 

@@ -23,7 +23,13 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """Affine map from the Z free parameters, which are some of the P, to all P: D = known + matrix z."""
+    """Affine map D = D0 + N z from the Z parameters z that linear constraints leave free to all P inertial and friction
+    parameters D of a mechanism, SI units.
+
+    `left` are the indices, rising, of the free parameters among the P, so that z = D[left]; `matrix` is N (P, Z), each
+    entry in the unit of its D per unit of its z, whose rows `left` are the identity; `known` is D0 (P,), zero at
+    `left`. Nothing is checked at construction.
+    """
 
     left: tuple[int, ...]
     """which of D the free parameters z are, rising"""
@@ -33,16 +39,20 @@ class Parametrisation:
     """D0 (P,)"""
 
     def expanded(self, z: ArrayLike) -> Array:
-        """All parameters D (P,) of the free ones z (Z,)."""
+        """All P inertial and friction parameters D = D0 + N z (P,) from the free ones z (Z,), in SI units. Raises
+        `InputError` for a wrong shape and for numbers that are not finite."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
 
 class ConstrainedMechanism(Mechanism):
-    """A mechanism under linear constraints on its parameters, with the Z parameters that are left free.
+    """A mechanism under linear constraints on its inertial and friction parameters: all P are D = D0 + N z of the Z
+    that are left free, z. A `Mechanism`, whose parameters, names, regressors (..., r, Z) and energy regressors (..., Z)
+    are those of z; made by `constrained`.
 
-    All that takes or gives parameters means those Z: names, values, regressors, and so the essential space, bases
-    and controllers made from it. Regressors times parameters leave out the share of known values other than zero
-    (`known_torque`); torques and accelerations include it.
+    `whole` is the mechanism without constraints, whose values of z are taken over, and `parametrisation` the map from z
+    to D. Regressors times z leave out the share of D0 (`known_torque`); torques, energies and accelerations include it.
+    Raises `InputError` for a mechanism that is constrained already and for parameters that its description refuses,
+    such as rotors below 0.
     """
 
     def __init__(self, whole: Mechanism, parametrisation: Parametrisation) -> None:
@@ -54,7 +64,9 @@ class ConstrainedMechanism(Mechanism):
 
     @cached_property
     def equations(self) -> ConstrainedEquations:
-        """The equations in the free parameters."""
+        """The equations of motion in the Z free parameters z, a `ConstrainedEquations`, over scalars of any kind
+        (floats, arrays, dual numbers, traced ones), to trace or to differentiate; they check nothing. Raises
+        `LoopError` where loops do not fit together."""
         N = self.parametrisation.matrix
         columns = (np.flatnonzero(column) for column in N.T)
         spread = tuple(tuple((int(i), float(N[i, j])) for i in places.tolist()) for j, places in enumerate(columns))
@@ -62,58 +74,74 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def is_plain_tree(self) -> bool:
-        """False: the mechanism has constraints, so its parameters are fewer than ten a link."""
+        """False: linear constraints hold between the inertial parameters, so that bodies do not have ten free ones
+        each."""
         return False
 
     @property
     def unconstrained(self) -> Mechanism:
-        """The mechanism on all its parameters."""
+        """The same mechanism, a `Mechanism`, with no linear constraints on its P inertial and friction parameters."""
         return self.whole
 
     @property
     def free_directions(self) -> Array:
-        """The matrix N (P, Z) of D = D0 + N z: derivatives of all parameters by the free ones."""
+        """Derivatives N (P, Z) of all P inertial and friction parameters D by the Z free ones z, D = D0 + N z: each
+        entry in the unit of its D per unit of its z."""
         return self.parametrisation.matrix
 
     @property
     def continuation(self) -> Continuation | None:
-        """The branch of closed configurations, which no parameter changes."""
+        """The `Continuation` that follows closed loops from the reference configuration to others on its assembly
+        branch, the same as without constraints on parameters; None for a tree. Raises `LoopError` where loops do not
+        fit together."""
         return self.whole.continuation
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """The free parameters' names."""
+        """Names of the Z free inertial and friction parameters, such as `link3.I_xx` or `joint2.viscous`, in their
+        order among all P."""
         return tuple(self.whole.parameter_names[i] for i in self.parametrisation.left)
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The free parameters' values (Z,), read-only."""
+        """Values (Z,) of the free inertial and friction parameters, in the order of `parameter_names`, in SI units
+        (masses kg, first moments kg m, inertias kg m^2); read-only."""
         values = self.description.inertial_parameters[list(self.parametrisation.left)]
         return frozen_array(values, values.shape, "parameters")
 
     @property
     def energetic(self) -> int:
-        """Number of free parameters that enter the energy."""
+        """Number of free parameters that enter the energy, the first of all Z: all but friction, which comes last."""
         return sum(i < self.whole.energetic for i in self.parametrisation.left)
 
     @property
     def geometry_sha256(self) -> str:
-        """A hash of what decides which parameters matter: the mechanism's, and the relations."""
+        """SHA-256 hash (hexadecimal) of what decides which parameters matter: gravity, joints, frames, link names,
+        loops, drive terms and the linear constraints, but no free parameters' values. Constraints count to 1e-12."""
         N, known = self.parametrisation.matrix, self.parametrisation.known
         numbers = [[round(x, 12) + 0.0 for x in array.ravel().tolist()] for array in (N, known)]
         content = [self.whole.geometry_sha256, list(self.parametrisation.left), numbers]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def with_parameters(self, parameters: ArrayLike) -> ConstrainedMechanism:
-        """The same mechanism with other values of the free parameters (Z,)."""
+        """The same mechanism under the same constraints with other values (Z,) of its free parameters, SI units, in the
+        order of `parameter_names`. Raises `InputError` for another number of them, values not finite, and where any of
+        all P parameters is above 1e20 in size or a rotor, viscous or Coulomb friction below 0."""
         whole = self.whole.with_parameters(self.parametrisation.expanded(parameters))
         return ConstrainedMechanism(whole, self.parametrisation)
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J, with the part due to known parameters."""
+        """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad (m
+        if prismatic), and velocities v, rad/s (m/s), both (..., r), of the r primary joints; with the share of
+        parameters that the constraints fix. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `SingularityError` near locked loops."""
         return Mechanism(self.description).energy(p, v)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The torque (..., r) N m of the known values, which regressors times free parameters leave out."""
+        """Torque (..., r), N m (N if prismatic), of the r primary joints due to the known share D0 of all parameters D
+        = D0 + N z, which regressors times the free parameters z leave out, at positions p, velocities v and
+        accelerations a, all (..., r), rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape and where D0 has a
+        rotor's inertia, viscous or Coulomb friction below 0, `NonFiniteError` on NaN or infinity, `SingularityError`
+        near locked loops."""
         known = self.whole.with_parameters(self.parametrisation.known)
         return known.inverse_dynamics(p, v, a)

@@ -27,7 +27,13 @@ REACHED = 1e-9
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Tip:
-    """A point of a link: `offset` (3,) in the frame of the link of that name, m."""
+    """A point fixed to a link of a mechanism, such as a tool's tip, whose place in the world and whose inverse
+    kinematics are asked for.
+
+    `mechanism` is the `Mechanism`, `link` the name of the link that carries the point, and `offset` (3,) its
+    coordinates in the link's frame, m. Raises `InputError` for an unknown link and for an offset of another shape or
+    not finite.
+    """
 
     mechanism: Mechanism
     link: str
@@ -40,15 +46,20 @@ class Tip:
         object.__setattr__(self, "offset", frozen_array(self.offset, (3,), "offset"))
 
     def at(self, p: ArrayLike) -> Array:
-        """The point in the world (..., 3) at positions p (..., r), m."""
+        """Coordinates (..., 3) of the point in the world frame, m, at positions p (..., r) of the mechanism's r primary
+        joints, rad (m if prismatic). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `SingularityError` near locked loops."""
         return self._moved(self.mechanism.configuration(p))[0]
 
     def joints(self, goals: ArrayLike, start: ArrayLike) -> Array:
-        """Positions p (..., 3) of the joints at which the point is at goals (..., 3), reached from `start` (3,) along
-        straight lines.
+        """Inverse kinematics: positions p (..., 3) of a mechanism's three primary joints, rad (m if prismatic), at
+        which the point is within 1e-9 m of `goals` (..., 3), coordinates in the world frame, m. Each is reached from
+        the positions `start` (3,) along a straight line of the point by Newton's steps of at most 0.02 m, on the
+        kinematic branch of `start`.
 
-        For mechanisms of three freedoms. All goals are reached on the branch of `start`, by Newton's steps. Raises
-        `InputError` where that fails: out of reach, or on the other side of a singularity.
+        Raises `InputError` for a mechanism of other than three degrees of freedom, goals or `start` of a wrong shape or
+        not finite, and goals that are out of reach, beyond a singularity or met where the point's Jacobian is singular;
+        `SingularityError` for a `start` near locked loops.
         """
         aim = np.asarray(goals, dtype=np.float64)
         if self.mechanism.dof != 3 or aim.shape[-1:] != (3,) or not np.isfinite(aim).all():

@@ -21,7 +21,12 @@ NEWTON_STEPS = 3
 
 
 class LoopMotion(Motion):
-    """A mechanism with loops at one instant: its tree's motion, and how its dependent joints follow."""
+    """The motion of a mechanism with closed loops, of r primary joints, at one instant: that of its tree of n joints,
+    whose dependent joints follow the primary ones.
+
+    Made of `following`, the `Following`, which has the Jacobian J (n, r) of the tree's joints by the primary ones, and
+    `tree`, the tree's motion, a `TreeMotion`, under velocities that keep the loops closed. Nothing is checked.
+    """
 
     __slots__ = ("following", "tree")
 
@@ -29,29 +34,47 @@ class LoopMotion(Motion):
         self.following, self.tree = following, tree
 
     def torque(self, parameters: Column) -> Column:
-        """The torques J' tau_tree (r,) of the primary joints, N m, from the tree's."""
+        """The torque J' tau (r,), N m (N if prismatic), of the r primary joints for values (P,) of the P inertial and
+        friction `parameters` in SI units: tau (n,) is the torque M a_r + C v_r + g + friction of the n joints of the
+        tree under its reference velocities v_r and accelerations a_r (M the mass matrix, C the Christoffel matrix, g
+        gravity), J (n, r) their Jacobian by the primary joints, J' its transpose. Too short `parameters` raise
+        `IndexError` or `ValueError`."""
         return self.following.primary(self.tree.torque(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Rows (r,) of Y = J' Y_tree, each with the asked columns only."""
+        """The r rows of the Slotine-Li regressor Y = J' Y_tree (r, k) of r primary joints, one `Column` (k,) each, for
+        the k of P parameters whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. Y_tree
+        (n, k) is that of the tree's n joints, J' the transpose of their Jacobian (n, r) by the primary ones. Raises
+        `IndexError` for an index of P or more; negative ones are not refused."""
         rows = self.tree.regressor(columns)
         by_column = [self.following.primary([row[k] for row in rows]) for k in range(len(columns))]
         return [Column(column[i] for column in by_column) for i in range(len(self.following.slopes))]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """Powers Y' s = Y_tree' J s on the asked columns (c,), without forming Y."""
+        """The powers Y' s (k,), W per unit of each parameter, with the transpose Y' of the Slotine-Li regressor Y (r,
+        k), which is not formed, for the k of P parameters whose indices `columns` are, at rates s (r,) of the r primary
+        joints, rad/s (m/s if prismatic). Raises `IndexError` for an index of P or more, `ValueError` for s of a wrong
+        length."""
         return self.tree.powers(self.following.tree(s), columns)
 
     @property
     def numbers(self) -> Column:
-        """Slopes of the dependent joints, then the tree's numbers (n,)."""
+        """The scalars in SI units that hold this motion, a `Column` of length `LoopEquations.motion_size`: for each of
+        the r primary joints in turn the derivatives of the n - r dependent joints by it, then the numbers of the tree's
+        motion."""
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
 
 
 @dataclass(frozen=True)
 class LoopEquations(Equations):
-    """The equations of a tree with closures, at configurations q (n,) that close them, in primary velocities and
-    torques (r,). The tree keeps all its links, so the parameters are the tree's (P,)."""
+    """Equations of motion of a mechanism with closed loops, a tree of n joints with closures, at configurations q (n,)
+    that close them, in velocities and torques of its r primary joints. Its P inertial and friction parameters are the
+    tree's.
+
+    `tree` has the tree's equations; `closing` the closure conditions, and which joints are primary and which dependent;
+    `rules` the closed forms by which dependent joints follow from primary ones, in order, empty where Newton's steps
+    are used instead. Nothing is checked.
+    """
 
     tree: TreeEquations
     closing: Closing
@@ -60,25 +83,30 @@ class LoopEquations(Equations):
 
     @property
     def dof(self) -> int:
-        """Number of primary joints r."""
+        """Number r of primary joints, the degrees of freedom: the joints of the tree whose positions determine the
+        others'."""
         return len(self.closing.primary)
 
     @property
     def parameters(self) -> int:
-        """Number of parameters P."""
+        """Number P of inertial and friction parameters: ten for each body and one for each rotor or friction term of a
+        drive."""
         return self.tree.parameters
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """The tree's links, as geometry."""
+        """Geometry of the tree's n links, a `Segment` each, lengths in m, parents before their children."""
         return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The closed configuration q = U(p) (n,) on the branch of one nearby (n,): by rules where they close all loops,
-        else by Newton steps.
+        """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
+        primary joints, on the assembly branch of `guess` (n,), a closed configuration nearby: in closed form where one
+        exists, else by three Newton steps.
 
-        By rules, joints are within half a turn of the nearby ones. The number of steps is fixed, so nothing branches on
-        a value: from 0.05 rad away the first leaves 1e-3, the second 1e-6, the third round-off.
+        In closed form, angles are within half a turn of the guess's. The number of steps is fixed, so that no code
+        branches on a value: from 0.05 rad away the first leaves 1e-3, the second 1e-6, the third round-off. Not
+        checked: where the loops stay open, nothing is raised; too short a p or guess raises `ValueError` or
+        `IndexError`, locked loops `ZeroDivisionError` in floats.
         """
         entries = dict(zip(self.closing.primary, p, strict=True))
         q = Column(entries.get(i, guess[i]) for i in range(self.joints))
@@ -87,7 +115,10 @@ class LoopEquations(Equations):
         return q
 
     def projected(self, q: Column) -> Column:
-        """The configuration (n,) with its loops closed, or after one Newton step of the dependent joints."""
+        """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary joints' positions of q
+        (n,) and the loops closed: exactly where a closed form exists, else more closely than in q, by one Newton step
+        of the dependent joints, q being near a closed one. Not checked: too short a q raises `IndexError`, locked loops
+        `ZeroDivisionError` in floats."""
         return self._placed(q) if self.rules else self._stepped(q)
 
     def _placed(self, q: Column) -> Column:
@@ -111,61 +142,95 @@ class LoopEquations(Equations):
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
 
     def residual(self, q: Column) -> Column:
-        """Gaps (m,) of the loops, in m or rad, independent rows only: zero at a closed configuration."""
+        """Closure residual (d,) of the loops and couplings at a configuration q (n,) of the tree's n joints, rad (m if
+        prismatic): by how much each of the d = n - r independent closure conditions is violated, in m for positions and
+        rad for directions, zero at a closed configuration."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
-        """The closed configuration with J factored."""
+        """The `Posture` of a closed configuration q (n,) of the tree's n joints, rad (m if prismatic): the links'
+        placements, the factored closure Jacobian, and with it the Jacobian J (n, r) of all joints by the primary ones.
+        Not checked: exactly locked loops raise `ZeroDivisionError` in floats."""
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
-        """The columns of the residual's Jacobian (m, m) by the dependent joints: singular where the loop locks."""
+        """The d columns (d,) of the Jacobian (d, d) of the closure residual by the d = n - r dependent joints, at a
+        configuration q (n,) of the tree's n joints, rad (m if prismatic): rad or m per rad or m. It is singular where
+        the loops lock, the primary joints not determining the others."""
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
     def rates(self, q: Column, v: Column) -> Column:
-        """The tree's joint velocities J v (n,)."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their closed configuration q (n,),
+        rad (m), and velocities v (r,) of the r primary joints; J (n, r) is the derivative of q by the primary
+        positions. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops
+        `ZeroDivisionError` in floats."""
         return self.posture(q).tree(v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """Energy regressor E (P,): total energy is E' D, in J."""
+        """Energy regressor E (P,), J per unit of each of the P parameters D (P,), at a closed configuration q (n,) of
+        the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary joints, rad/s (m/s): the inner
+        product of E and D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin. E is 0 for
+        friction. Not checked: columns too short raise `IndexError` or `ValueError`."""
         return self.tree.energy_regressor(q, self.posture(q).tree(v))
 
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part (P,) of the energy regressor, J per unit of each parameter."""
+        """The potential part (P,) of the energy regressor, J per unit of each of the P parameters D (P,), at a
+        configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with D is the potential
+        energy in J, 0 at the ground frame's origin. Not checked: too short a q raises `IndexError`."""
         return self.tree.potential_regressor(q)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
-        """The tree's motion under J v, J v_r and J a_r + J_dot v_r."""
+        """The state of motion, a `LoopMotion`, at a closed configuration q (n,) of the tree's n joints, rad (m if
+        prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary joints, rad/s
+        (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). The tree's joints move at J v, J v_r and J a_r +
+        J_dot v_r, J (n, r) being their Jacobian by the primary ones. Not checked: columns too short raise `IndexError`
+        or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
     def remembered(self, numbers: Column) -> LoopMotion:
-        """The motion that has these numbers."""
+        """The state of motion, a `LoopMotion`, made again from its `Motion.numbers` (`motion_size`,), scalars in SI
+        units, without the sines, the recursion over the links and the loops' Jacobian that it took to make it. Not
+        checked: too few numbers raise `TypeError`, or pass until the motion is asked for torques; too many may pass."""
         rest, size = iter(numbers), len(self.closing.dependent)
         slopes = [Column(islice(rest, size)) for _ in self.closing.primary]
         return LoopMotion(Following(self.closing, slopes), self.tree.remembered(Column(rest)))
 
     @property
     def motion_size(self) -> int:
-        """Length of `Motion.numbers`."""
+        """Number of scalars that store one state of motion, `Motion.numbers`: the tree's, and the derivative of each of
+        the n - r dependent joints by each of the r primary ones."""
         return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Primary accelerations (r,) under primary torques, with J factored once for the bias and M."""
+        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary joints under their torque (r,), N m (N),
+        gravity and friction, at a closed configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,),
+        rad/s (m/s), for values (P,) of the P `parameters` in SI units. Not checked: columns too short raise
+        `IndexError` or `ValueError`, an exactly singular mass matrix or locked loops `ZeroDivisionError` in floats."""
         posture = self.posture(q)
         bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
         return solve_symmetric(self._mass_matrix(posture, q, parameters), torque - bias)
 
     def weightless(self) -> LoopEquations:
-        """The same equations without gravity."""
+        """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential
+        energy."""
         return replace(self, tree=self.tree.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """The rows of the mass matrix M(p) = J' M_tree J (r, r), kg m^2."""
+        """The r rows of the mass matrix J' M J (r, r) of the r primary joints, symmetric, rotors included, in kg m^2
+        (kg between prismatic joints, kg m mixed), at a closed configuration q (n,) of the tree's n joints, rad (m), for
+        values (P,) of the P `parameters` in SI units: M (n, n) is the tree's mass matrix, J (n, r) the Jacobian of its
+        joints by the primary ones, J' its transpose. Not checked: columns too short raise `IndexError` or
+        `ValueError`."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The rows of the damping matrix B = J' B_tree J (r, r), N m s/rad."""
+        """The r rows of the damping matrix B = J' B_tree J (r, r) of the r primary joints, symmetric, in N m s/rad (N
+        s/m between prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s (m/s), but for
+        its constant offsets. At a closed configuration q (n,) of the tree's n joints, rad (m), for values (P,) of the P
+        `parameters` in SI units; J (n, r) is the Jacobian of these joints by the primary ones, J' its transpose, B_tree
+        (n, n) their own damping matrix. Not checked: columns too short raise `IndexError` or `ValueError` where they
+        are read."""
         posture = self.posture(q)
         rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]
         ways = self._ways(posture)

@@ -13,9 +13,12 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ParameterLayout(NamedTuple):
-    """The order of P parameters: ten for each body, in the order of the links, then one for each drive's term.
+    """Order of a mechanism's P inertial and friction parameters: ten for each body, m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), bodies in the order of the links; then one
+    for each of `drives`, the terms (rotor inertia or friction) of the joints' drives.
 
-    `bodies` are those of the tree's `links` that have mass; the others only join two joints.
+    `links` is the number N of the tree's links; `bodies` are the indices, rising, of those with parameters, the others
+    being massless. Nothing is checked at construction.
     """
 
     links: int
@@ -24,21 +27,26 @@ class ParameterLayout(NamedTuple):
 
     @property
     def driven(self) -> int:
-        """Index of the first parameter of the drives."""
+        """Index of the drives' first parameter among all P: ten times the number of bodies, whose parameters come
+        before."""
         return 10 * len(self.bodies)
 
     @property
     def size(self) -> int:
-        """Number of parameters P."""
+        """Number P of parameters: ten a body, and one for each rotor or friction term of a drive."""
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """The asked columns of bodies, each with its column of ten a link, and those of drives, with their numbers."""
+        """Pair of dicts by which parameters of indices `columns`, from 0 to P - 1, are found: for those of bodies, the
+        index in a list of ten parameters for each of the N links, massless ones too (10 N of them), by the parameter's
+        index; for those of drives, the number of the drive's term, counted from 0, by the parameter's index."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
     def tens(self, parameters: Column) -> Column:
-        """Ten entries a link (10N,); exact zeros for massless ones, so that they cost nothing once traced."""
+        """The ten inertial parameters of each of the N links (10 N,), link by link, from all `parameters` (P,): m,
+        mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Those of
+        massless links are exact zeros, which cost nothing in compiled equations."""
         if len(self.bodies) == self.links:
             return Column(parameters.of[: self.driven]) if self.drives else parameters
         tens: list[Scalar] = [0.0] * (10 * self.links)
@@ -47,17 +55,20 @@ class ParameterLayout(NamedTuple):
         return Column(tens)
 
     def owned(self, tens: Column) -> Sequence[Scalar]:
-        """The entries that are parameters, from ten a link (10N,)."""
+        """The entries of `tens` (10 N,), ten for each of N links, that belong to links with inertial parameters: ten
+        for each such body, in the order of the parameters, without the drives'."""
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:
-        """The drives' values, one for each of `drives`."""
+        """The entries of `parameters` (P,) that are the drives', SI units: one for each rotor or friction term, in the
+        order of `drives`."""
         return parameters.of[self.driven :]
 
 
 def required_columns(columns: Sequence[int], known: int, name: str) -> Sequence[int]:
-    """The columns. Raises `InputError`, which begins with the mechanism's `name`, for what is no index among the
-    `known` parameters."""
+    """The given parameter indices `columns`, unchanged, once they are checked. Raises `InputError`, whose message
+    begins with the mechanism's `name`, for an entry that is not a whole number from 0 to `known` - 1, `known` being the
+    number of parameters."""
     for c in columns:
         if not ((type(c) is int or isinstance(c, np.integer)) and 0 <= c < known):
             raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {c!r}")

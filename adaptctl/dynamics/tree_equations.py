@@ -25,8 +25,14 @@ of a chain of 12. In shorter trees the mass matrix costs less, for its entries a
 
 
 class TreeMotion(Motion):
-    """A tree at one instant: every link's place and motion, and the torque that a drive's parameter takes per unit
-    (`drives`)."""
+    """The motion of a tree of n links, one joint each, at one instant, from which joint torques, regressors and powers
+    follow: under velocities v, Slotine and Li's reference velocities v_r and reference accelerations a_r (n,) of its
+    joints.
+
+    Made of `layout`, the order of the P parameters; `places`, the n links' placements in their parents; `links`, their
+    n `LinkMotion`s; and `drives`, for each rotor or friction term of the drives the torque about its shaft per unit of
+    its parameter. Nothing is checked.
+    """
 
     __slots__ = ("drives", "layout", "links", "places")
 
@@ -40,7 +46,10 @@ class TreeMotion(Motion):
         self.layout, self.places, self.links, self.drives = layout, places, links, drives
 
     def torque(self, parameters: Column) -> Column:
-        """The torque M a_r + C(p, v) v_r + g + friction at v_r (r,), N m."""
+        """The joint torques M a_r + C v_r + g + friction at v_r (n,), N m (N if prismatic), of a tree's n joints under
+        reference velocities v_r and accelerations a_r, M the mass matrix, C the Christoffel (Coriolis) matrix, g
+        gravity's torque, for values (P,) of the P inertial and friction `parameters` in SI units. Too short ones raise
+        `IndexError` or `ValueError`."""
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
@@ -49,7 +58,10 @@ class TreeMotion(Motion):
         return Column(total)
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Rows (r,) of Y, each with the asked columns only: Y D is the torque."""
+        """The n rows of the Slotine-Li regressor Y (n, k) of a tree's n joints, one `Column` (k,) each, for the k of P
+        parameters whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. Over all P
+        columns Y D is the torque of parameters D (P,). Raises `IndexError` for an index of P or more; negative ones are
+        not refused."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
         by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
@@ -59,7 +71,10 @@ class TreeMotion(Motion):
         return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """Powers Y' s on the asked columns (c,), without forming Y."""
+        """The powers Y' s (k,), W per unit of each parameter, with the transpose Y' of the Slotine-Li regressor Y (n,
+        k), which is not formed, for the k of P parameters whose indices `columns` are, at rates s (n,) of the tree's n
+        joints, rad/s (m/s if prismatic). Raises `IndexError` for an index of P or more, or for s too short; negative
+        indices are not refused."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
         found |= {column: self.layout.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}
@@ -67,14 +82,22 @@ class TreeMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """Coordinates of every link, then twelve numbers of each, then the drives' (n,)."""
+        """The scalars in SI units that hold this motion, a `Column` of length `TreeEquations.motion_size`: of every
+        link the cosine and sine of its joint's angle (or its displacement), then of every link twelve numbers of its
+        accelerations, then the torque per unit of each rotor or friction term of the drives."""
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 
 
 @dataclass(frozen=True)
 class TreeEquations(Equations):
-    """The equations of a tree, all of whose joints are primary: q = p. Gravity is an acceleration (m/s^2)."""
+    """Equations of motion of a tree of n links, one joint each, all of whose joints are primary: positions p and
+    configuration q are the same (n,), rad (m if prismatic), and r = n.
+
+    `segments` has the links' geometry, parents before children; `gravity` is the gravitational acceleration in the
+    ground frame (3), m/s^2; `layout` the order of the P inertial and friction parameters. Made by `TreeEquations.of`;
+    nothing is checked.
+    """
 
     segments: tuple[Segment, ...]
     gravity: Vec
@@ -82,60 +105,75 @@ class TreeEquations(Equations):
 
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
-        """The equations of a described mechanism, its loops, if any, left open."""
+        """The equations of motion of the tree of a `description`: of all its links, joints and drives under its
+        gravity. Its loops, if it has any, are left open."""
         drives = tuple(DriveTerm(description.shaft(joint), kind) for joint, kind in description.drive_parameters)
         layout = ParameterLayout(len(description.links), description.bodies, drives)
         return cls(segments(description), Vec(*description.gravity.tolist()), layout)
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """The tree's links, as geometry."""
+        """Geometry of the tree's n links, a `Segment` each, lengths in m, parents before their children."""
         return self.segments
 
     @property
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number n of joints, which for a tree is the number r of degrees of freedom."""
         return len(self.segments)
 
     @property
     def parameters(self) -> int:
-        """Number of parameters P."""
+        """Number P of inertial and friction parameters: ten for each body and one for each rotor or friction term of a
+        drive."""
         return self.layout.size
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The configuration q (n,) of primary positions: p itself."""
+        """The configuration (n,) of a tree's n joints at positions p (n,), rad (m if prismatic): p itself, there being
+        no loop to close. `guess` is not used."""
         return p
 
     def projected(self, q: Column) -> Column:
-        """The configuration q (n,) itself, there being no loop."""
+        """The configuration q (n,) of a tree's n joints, rad (m if prismatic), itself: there is no loop to close."""
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
-        """The rates of q (n,) at velocities v: v itself."""
+        """The velocities v (n,) of a tree's n joints, rad/s (m/s if prismatic), themselves, all joints being primary.
+        The configuration q (n,) is not used."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
-        """Energy regressor E (P,): total energy is E' D, in J."""
+        """Energy regressor E (P,), J per unit of each of the P parameters D (P,), at positions p, rad (m if prismatic),
+        and velocities v, rad/s (m/s), both (n,), of a tree's n joints: the inner product of E and D is kinetic plus
+        potential energy in J, the latter 0 at the ground frame's origin (Sheu and Walker 1991, section 2.2). E is 0 for
+        friction. Not checked: columns too short raise `IndexError`."""
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:
-        """The energy regressor E (P,) from the energies of every link's ten parameters (10N,) and the joints'
-        velocities."""
+        """Energy regressor (P,), J per unit of each of P parameters, from `tens` (10 n,), the energies per unit of ten
+        inertial parameters of each of n links, and the velocities v (n,) of the joints, rad/s (m/s if prismatic), at
+        which the drives' rotors have theirs: s^2/2 at a shaft's speed s, and 0 for friction."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
-        """The potential part (P,) of the energy regressor, J per unit of each parameter."""
+        """Potential part (P,) of the energy regressor, J per unit of each of the P parameters D (P,), at positions p
+        (n,) of a tree's n joints, rad (m if prismatic): the inner product with D is the potential energy in J, 0 at the
+        ground frame's origin. Not checked: too short a p raises `IndexError`."""
         links = energy.potential_regressor(self.segments, p, self.gravity)
         return Column((*self.layout.owned(links), *(0.0 for _ in self.layout.drives)))
 
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
-        """The links' motion by Newton-Euler's forward recursion, and the drives' shares."""
+        """The state of motion, a `TreeMotion`, at positions p (n,) of a tree's n joints, rad (m if prismatic), under
+        velocities v and Slotine and Li's reference velocities v_r (n,), rad/s (m/s), and reference accelerations a_r
+        (n,), rad/s^2 (m/s^2): the forward recursion of Newton and Euler's equations over the links. Not checked:
+        columns too short raise `IndexError`."""
         places = placements(self.segments, p)
         drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
-        """The motion that has these numbers."""
+        """The state of motion, a `TreeMotion`, made again from its `Motion.numbers` (`motion_size`,), scalars in SI
+        units, without the sines and the recursion over the links. Not checked: too few numbers raise `TypeError` or,
+        where only a few lack, pass until the motion is asked for torques; too many may pass."""
         rest = iter(numbers)
         places = [link.placed(tuple(islice(rest, link.coordinates))) for link in self.segments]
         links = [LinkMotion.of(tuple(islice(rest, 12))) for _ in self.segments]
@@ -143,11 +181,15 @@ class TreeEquations(Equations):
 
     @property
     def motion_size(self) -> int:
-        """Length of `Motion.numbers`."""
+        """Number of scalars that store one state of motion, `Motion.numbers`: 14 a link (13 with a prismatic joint),
+        and one for each rotor or friction term of a drive."""
         return sum(link.coordinates + 12 for link in self.segments) + len(self.layout.drives)
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
-        """The rows of the mass matrix M(p) (r, r): the links' by composite bodies, and the rotors'."""
+        """The n rows of the mass matrix (n, n) of a tree's n joints, symmetric, rotors included, in kg m^2 (kg between
+        prismatic joints, kg m mixed), at positions p (n,), rad (m), for values (P,) of the P `parameters` in SI units;
+        by composite rigid bodies (Walker and Orin 1982). Not checked: columns too short raise `IndexError` or
+        `ValueError`."""
         rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
@@ -156,8 +198,10 @@ class TreeEquations(Equations):
         return rows
 
     def damping(self, p: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The rows of the damping matrix B (r, r), N m s/rad, which is diagonal but for shafts that turn with several
-        joints."""
+        """The n rows of the damping matrix B (n, n) of a tree's n joints, symmetric, in N m s/rad (N s/m between
+        prismatic joints, N s mixed): B v is the drives' friction at velocities v (n,), rad/s (m/s), but for its
+        constant offsets. B is diagonal but for drives whose shafts turn with several joints. `parameters` (P,) are the
+        P parameters' values in SI units; the positions p (n,) are not used. Not checked."""
         rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             if not term.kind.is_friction:
@@ -168,7 +212,11 @@ class TreeEquations(Equations):
         return rows
 
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (r,) under a torque (r,), by articulated bodies or the mass matrix, whichever costs less."""
+        """Accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree's n joints under a torque (n,), N m (N), gravity
+        and friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (n,), for values (P,) of the P
+        `parameters` in SI units. Found by the articulated-body algorithm (Featherstone 2008, chapter 7) in long trees,
+        else from the mass matrix. Not checked: columns too short raise `IndexError` or `ValueError`, a joint without
+        inertia raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
         if not self._is_long:
             return super().forward_dynamics(p, v, torque, parameters)
         motion, own, rotors = self.motion(p, v, v, Column.zeros(self.dof)), list(torque), [0.0] * self.dof
@@ -190,5 +238,6 @@ class TreeEquations(Equations):
         return sum(depths) >= ARTICULATED * len(depths) and not coupled
 
     def weightless(self) -> TreeEquations:
-        """The same equations without gravity."""
+        """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential
+        energy."""
         return replace(self, gravity=ZERO)

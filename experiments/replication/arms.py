@@ -21,8 +21,8 @@ FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [ra
 
 @dataclass(frozen=True, eq=False)
 class StatedMotion:
-    """The stated motion of an arm: positions (T, r) along a sinusoid at times (T,), and its torque regressors Y (T, r,
-    P)."""
+    """Motion of an arm of r primary joints along a stated sinusoid, at T times: `time` (T,), s; positions `p` (T, r),
+    rad; and torque regressors `Y` (T, r, P), N m per SI unit of each of the P inertial parameters."""
 
     time: Array
     p: Array
@@ -31,9 +31,12 @@ class StatedMotion:
 
 @dataclass(frozen=True, eq=False)
 class SampledArm:
-    """A mechanism sampled in a box: p = mixing u with lower < u < upper (rad), velocities (rad/s) up to a bound.
+    """Arm whose states are sampled in a box, as in Sheu and Walker (1991): positions p = mixing u, r joints in rad,
+    with u between `lower` and `upper` (r,), and velocities between minus and plus `fastest` (r,), rad/s, times a
+    factor.
 
-    For the PUMA u is p. For the semi-direct-drive arm it is p1, p2 and p2 - p3, which is what Table 9 bounds.
+    For the PUMA 560 `mixing` (r, r) is the identity. For the semi-direct-drive arm u is p1, p2 and p2 - p3, which the
+    paper's Table 9 bounds.
     """
 
     mechanism: Mechanism
@@ -44,23 +47,25 @@ class SampledArm:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """The essential space, its rank certified at random states."""
+        """Essential space of the arm's P inertial parameters: the k of their directions that change energies, k
+        certified at random states. Raises `RankError` where it cannot be."""
         return essential_space(self.mechanism)
 
     @property
     def parameters(self) -> Array:
-        """The inertial parameters D (P,)."""
+        """Inertial parameters D (P,) of the arm, ten a link, in SI units (kg, kg m, kg m^2)."""
         return self.mechanism.inertial_parameters
 
     def states(self, generator: np.random.Generator, samples: int, velocity_scale: float) -> tuple[Array, Array]:
-        """Positions and velocities (samples, r), uniform in the box and up to `velocity_scale` times the bound."""
+        """Random positions, rad, and velocities, rad/s, of the r joints, each (samples, r): uniform in the arm's box,
+        and up to `velocity_scale` (no unit) times its bound of velocities. `generator` draws them."""
         u = generator.uniform(self.lower, self.upper, (samples, len(self.lower)))
         v = velocity_scale * generator.uniform(-self.fastest, self.fastest, u.shape)
         return u @ self.mixing.T, v
 
     def sinusoid(self, frequency: float, samples: int) -> StatedMotion:
-        """The stated motion: one period in which every bound coordinate swings through its whole range, all in
-        phase."""
+        """Motion of the arm over one period of a sinusoid of `frequency` (Hz), at `samples` evenly spaced times, the
+        last a period after the first: every bound coordinate swings through its whole range, all in phase."""
         time = np.linspace(0.0, 1.0 / frequency, samples)
         rate = 2.0 * np.pi * frequency
         sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]
@@ -73,7 +78,8 @@ class SampledArm:
         return StatedMotion(time, p, stacked_rows(rows, time.shape))
 
     def energies(self, p: Array, v: Array) -> Array:
-        """Energy regressors E (..., P) at positions and velocities (..., r)."""
+        """Energy regressors E (..., P), J per SI unit of each of the P inertial parameters, at positions p (rad) and
+        velocities v (rad/s), both (..., r): E D is the kinetic plus potential energy for parameters D (P,)."""
         E = self.mechanism.equations.energy_regressor(column(self._configuration(p)), column(v))
         return stacked(E.of, p.shape[:-1])
 
@@ -98,14 +104,15 @@ class SampledArm:
 
 
 def puma560() -> SampledArm:
-    """The PUMA 560 within Table 1."""
+    """PUMA 560 of Sheu and Walker (1991), sampled within the positions and velocities of their Table 1."""
     table = printed().tables["table1"]
     lower, upper, fastest = table.values(FROM, TO, FASTEST)
     return SampledArm(load("puma560"), lower, upper, np.eye(6), fastest)
 
 
 def semi_direct_drive(mechanism: Mechanism | None = None) -> SampledArm:
-    """The semi-direct-drive arm within Table 9: the built-in one, or another of its kind."""
+    """Semi-direct-drive arm (five-bar linkage), sampled within the positions and velocities of Table 9 of Sheu and
+    Walker (1991); `mechanism` is another arm of its kind, None for the built-in one."""
     rows = {label: row.split() for label, row in printed().tables["table9"].rows.items()}
     lower, upper = ([float(rows[label][column]) for column in (0, 1, 3)] for label in (FROM, TO))
     mixing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, -1.0]])
@@ -114,7 +121,8 @@ def semi_direct_drive(mechanism: Mechanism | None = None) -> SampledArm:
 
 
 def near_parallelogram(share: float) -> Mechanism:
-    """The built-in parallelogram with link 4 longer by a share."""
+    """Mechanism of the built-in semi-direct-drive parallelogram whose link 4 is longer by a `share` (no unit, 0.005 for
+    0.5 %) than the opposite side, link 2."""
     description = load("semi_direct_drive_parallelogram").description
     links = tuple(
         replace(link, near=Pose(link.near.rotation, (1.0 + share) * link.near.translation))

@@ -12,7 +12,8 @@ from adaptctl.recording.verdict import Verdict
 
 
 def shown(replication: Replication) -> Result:
-    """The replication as an experiment's result."""
+    """Result of the replication, as the command line shows it: outcome in words, facts, an empty verdict, and a
+    function that writes its folder."""
     return Result(
         complete=replication.complete,
         headline=headline(replication),
@@ -23,8 +24,9 @@ def shown(replication: Replication) -> Result:
 
 
 def write_artifacts(folder: Path, replication: Replication, progress: Progress) -> None:
-    """Write summary, draws, figures, recording and report, every file whole or not at all. Raises FileError where it
-    cannot be written."""
+    """Write the files of the replication into a `folder` that is there: summary, random draws, figures (PNG), recording
+    and report, each whole or not at all. `progress(what, share)` gets what is written and the share done, 0 to 1.
+    Raises `FileError` where a file cannot be written."""
     from adaptctl.experiments.replication.draws_table import write_draws
     from adaptctl.experiments.replication.recording import write_recording
     from adaptctl.experiments.replication.report import write_report

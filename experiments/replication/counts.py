@@ -11,7 +11,9 @@ from adaptctl.experiments.replication.verdict import Check, Item, Outturn
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of printed entries of one kind, by verdict."""
+    """Counts of entries of one kind that Sheu and Walker (1991) print: `printed`, all; by verdict, `given` (inputs),
+    `reproduced`, `in_shape` (among the values of random draws), `errata` (shown to be wrong) and `not_reproduced`; of
+    those reproduced, `to_the_last_digit` and `one_digit_short`."""
 
     printed: int
     given: int
@@ -24,7 +26,7 @@ class Counts:
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> Counts:
-        """Counts of some checks."""
+        """Counts by verdict of some `checks`, each of one entry that Sheu and Walker (1991) print."""
         by = Counter(check.verdict for check in checks)
         done = [check for check in checks if check.verdict is Outturn.REPRODUCED]
         short = [(check.of_digits or 0) - (check.digits or 0) for check in done]
@@ -41,10 +43,11 @@ class Counts:
 
 
 def numbers(items: Sequence[Item]) -> Counts:
-    """Counts of all printed numbers."""
+    """Counts by verdict of all printed numbers of the `items`, tables and figures of Sheu and Walker (1991); crosses
+    and blanks are left out."""
     return Counts.of([check for item in items for check in item.checks if not check.is_mark])
 
 
 def marks(items: Sequence[Item]) -> Counts:
-    """Counts of all crosses and blanks of Tables 5 and 12."""
+    """Counts by verdict of all crosses and blanks (parameter kept, or not) of the `items`: those of Tables 5 and 12."""
     return Counts.of([check for item in items for check in item.checks if check.is_mark])

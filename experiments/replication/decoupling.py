@@ -20,7 +20,13 @@ NEGLIGIBLE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Decoupling:
-    """Decoupling relations of an arm among fundamental parameters, linear and homogeneous."""
+    """Decoupling of an arm: the linear homogeneous relations among its k fundamental (base) parameters of `basis` under
+    which all off-diagonal entries of the mass matrix are zero in every configuration (Sheu and Walker 1991, section
+    5.3).
+
+    `relations` (m, k) holds a relation a row, coefficients in SI units, each with one parameter that no other row has;
+    `per_term` is how many of them each entry needs alone, by its name, such as "M12".
+    """
 
     basis: FundamentalBasis
     per_term: dict[str, int]
@@ -30,7 +36,8 @@ class Decoupling:
 
     @classmethod
     def of(cls, arm: SampledArm, basis: FundamentalBasis) -> Decoupling:
-        """The relations that make every off-diagonal inertia zero wherever the arm works."""
+        """Decoupling of an arm: the relations among the fundamental (base) parameters of `basis` that make every
+        off-diagonal entry of its mass matrix zero at 200 random positions within the arm's range."""
         rows = off_diagonal_rows(arm, basis.columns)
         everything = np.concatenate(list(rows.values()))
         _, values, right = np.linalg.svd(everything, full_matrices=False)
@@ -39,20 +46,24 @@ class Decoupling:
 
     @property
     def left(self) -> int:
-        """Number of independent parameters left under all relations."""
+        """Number of independent parameters that are left when all relations hold: k fundamental ones less the
+        relations."""
         return self.basis.rank - len(self.relations)
 
     def lines(self) -> tuple[str, ...]:
-        """Texts of the relations, the star marking fundamental parameters."""
+        """Texts of the relations, one each, such as "link5.mc_x* = 0.6667 link4.mc_x*"; the star marks fundamental
+        (base) parameters."""
         return tuple(_line(row, self.basis.names) for row in self.relations)
 
     def of_parameters(self) -> Array:
-        """Coefficients (m, P) of the same relations among all inertial parameters."""
+        """Coefficients (m, P) of the m relations among all P inertial parameters, in SI units: the relations (m, k)
+        times the regrouping (k, P)."""
         return self.relations @ self.basis.regrouping
 
 
 def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Array]:
-    """Rows (states, k) whose products with parameters are M12, M13, ... at random positions."""
+    """Regressors (200, k) of the off-diagonal entries of an arm's mass matrix, by name ("M12", "M13", ...): times the k
+    inertial parameters whose indices are `columns`, they give the entry, kg m^2, at each of 200 random positions."""
     weightless = Mechanism(replace(arm.mechanism.description, gravity=np.zeros(3)))
     p, _ = arm.states(np.random.default_rng(0), STATES, 1.0)
     rest, unit = np.zeros_like(p), np.eye(arm.mechanism.dof)
@@ -61,8 +72,8 @@ def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Arra
 
 
 def reduced_rows(rows: Array) -> Array:
-    """Rows (m, n) reduced by Gauss and Jordan from the last column: the same row space, a column for every row that is
-    its own."""
+    """Matrix (rank, n) with the same row space as `rows` (m, n), reduced by Gauss and Jordan from the last column to
+    the first: each row has a 1 in a column that is zero in all others. Entries below 1e-9 become zero."""
     left, done = rows.copy(), 0
     for column in reversed(range(rows.shape[1])):
         if done == len(left):

@@ -14,7 +14,9 @@ from adaptctl.identifiability import Reduction, reduce
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Random draws of an arm's states: the energy differences H of each, factored."""
+    """Random draws of an arm's states, one for each seed, with the energy differences H (samples - 1, P) of each
+    factored: `singular_values` (seeds, P) of H, J per SI unit, falling; and `reductions`, for each draw the arm's
+    parameters as a sum of essential components, by falling energy (Sheu and Walker 1991, section 3)."""
 
     arm: SampledArm
     singular_values: Array
@@ -24,7 +26,9 @@ class Draws:
 
     @classmethod
     def of(cls, arm: SampledArm, seeds: Sequence[int], samples: int, velocity_scale: float) -> Draws:
-        """Draws of `samples` states a seed, as section 5.1 makes one."""
+        """Random draws of `samples` states of an arm for each of the `seeds`, as section 5.1 of Sheu and Walker (1991)
+        makes one; velocities are uniform up to `velocity_scale` (no unit) times the arm's bound. Raises `RankError`
+        where the arm's rank cannot be certified."""
         drawn = [arm.states(np.random.default_rng(seed), samples, velocity_scale) for seed in seeds]
         p, v = (np.stack(parts) for parts in zip(*drawn, strict=True))
         H = np.diff(arm.energies(p, v), axis=1)
@@ -34,21 +38,24 @@ class Draws:
 
     @property
     def rank(self) -> int:
-        """Certified rank k of the arm."""
+        """Number k of the arm's essential parameters, its certified rank."""
         return self.arm.space.rank
 
     @property
     def percent_errors(self) -> Array:
-        """Energy errors (seeds, k + 1) when 0, 1, ..., k components are kept (equation 23)."""
+        """Energy errors (seeds, k + 1), %, when the first 0, 1, ..., k essential components are kept (Sheu and Walker
+        1991, equation 23)."""
         return np.stack([reduction.percent_errors for reduction in self.reductions])
 
     @property
     def weights(self) -> Array:
-        """Weights |beta_j| (seeds, k) by falling size."""
+        """Energy weights |beta_j| (seeds, k) of the essential components, J, by falling size (Sheu and Walker 1991,
+        equation 19)."""
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
     def torque_errors(self, motion: StatedMotion) -> Array:
-        """Mean square torque errors (seeds, k + 1, r) along a motion when 0, 1, ..., k components are kept."""
+        """Mean square torque errors (seeds, k + 1, r), (N m)^2, of the r joints along a motion, when the first 0, 1,
+        ..., k essential components are kept."""
         Y = motion.Y
         parts = np.stack([reduction.components for reduction in self.reductions])
         missing = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
@@ -60,7 +67,9 @@ class Draws:
         return np.concatenate([errors, nothing_missing[:, None]], axis=1)
 
     def torque(self, motion: StatedMotion, seed: int, components: int) -> Array:
-        """Torques (T, r), N m, along a motion with the parameters of one seed that keeps some components."""
+        """Torques (T, r), N m, of the r joints at the T times of a motion, with the first so many essential
+        `components` of one draw: `seed` is its index from 0. Raises `InputError` for a number of components that is not
+        from 0 to the rank k, `IndexError` for no such draw."""
         return motion.Y @ self.reductions[seed].parameters(components)
 
 

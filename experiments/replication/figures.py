@@ -29,7 +29,9 @@ SLOPE, REAL = 0.5, np.array([3.0, 2.5])
 
 
 def figure1(study: Study) -> Item:
-    """Item of Figure 1: real, essential and independent parameters of a plane (equations 27 to 30)."""
+    """Replication (an `Item`: verdict, checks and claims) of Figure 1 of Sheu and Walker (1991), the real, essential
+    and independent parameters in a plane: equations 27 to 30, checked by projection in 1000 random planes drawn by the
+    seed of `study`."""
     essential, independent, closed_forms = _plane(SLOPE, REAL)
     rng = np.random.default_rng(study.seed)
     worst = max(_plane(float(c), M)[2] for c, M in zip(rng.normal(size=1000), rng.normal(size=(1000, 2)), strict=True))
@@ -53,7 +55,9 @@ def figure1(study: Study) -> Item:
 
 
 def figure3(study: Study) -> Item:
-    """Item of Figure 3: the energy error over the number of components, for both arms."""
+    """Replication (an `Item`: verdict, checks and claims) of Figure 3 of Sheu and Walker (1991), the energy error, %,
+    over the number of components: printed numbers and claims checked against the random draws of both arms in
+    `study`."""
     panels = {
         "PUMA 560": study.puma_draws,
         "semi-direct-drive, generic": study.five_bar_draws,
@@ -91,12 +95,15 @@ def figure3(study: Study) -> Item:
 
 
 def figure4(study: Study) -> Item:
-    """Item of Figure 4: torque of the PUMA's first joint."""
+    """Replication (an `Item`: verdict, checks and claims) of Figure 4 of Sheu and Walker (1991), the torque of the PUMA
+    560's first joint with 10, 25 and 36 components, computed along a stated sinusoid. `study` has the arm and draws."""
     return _torque_figure("figure4", "PUMA 560", study, 1, study.puma_draws, study.puma_motion, (10, 25, 36))
 
 
 def figure6(study: Study) -> Item:
-    """Item of Figure 6: torque of the semi-direct-drive arm's second joint."""
+    """Replication (an `Item`: verdict, checks and claims) of Figure 6 of Sheu and Walker (1991), the torque of the
+    semi-direct-drive arm's second joint with 10, 20 and 26 components, computed along a stated sinusoid. `study` has
+    the arm and draws."""
     draws, motion = study.nearly_parallel_draws, study.nearly_parallel_motion
     return _torque_figure("figure6", "semi-direct-drive arm", study, 2, draws, motion, (10, 20, 26))
 

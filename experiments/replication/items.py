@@ -42,7 +42,8 @@ ITEMS: dict[str, Callable[[Study], Item]] = {
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
-    """Names of items that are asked for, in the paper's order. Raises NotFoundError with those that exist."""
+    """Names, such as "table7", of the tables, figures and sections of Sheu and Walker (1991) that `names` ask for,
+    "all" for all, in the paper's order. Raises `NotFoundError`, with the names that exist, for another name."""
     asked = set(names)
     for name in sorted(asked - ITEMS.keys() - {ALL}):
         close = get_close_matches(name, ITEMS, n=1)

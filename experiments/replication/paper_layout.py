@@ -15,17 +15,21 @@ PRODUCTS = ("I_xy", "I_xz", "I_yz")
 
 
 def index(row: str, link: str) -> int:
-    """Index among all parameters of that in a row of the paper's tables, of link "1", "2", ..."""
+    """Index from 0, among all parameters (ten a link), of the inertial parameter in a `row` of Sheu and Walker's (1991)
+    tables, such as "I_x", and the column of a `link`, "1", "2", .... Raises `ValueError` for a row that is no parameter
+    or a link that is no number."""
     return 10 * (int(link) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
 def sign(row: str) -> float:
-    """Sign of a row's parameters in the paper: -1 for products of inertia."""
+    """Sign of the inertial parameters in a `row` of Sheu and Walker's (1991) tables against those of the inertia tensor
+    here: -1 for products of inertia ("I_xy", ...), which the paper takes as +integral xy dm, and 1 for others."""
     return -1.0 if row in PRODUCTS else 1.0
 
 
 def parameters(table: Table) -> Array:
-    """Inertial parameters (10 N,) from a table's numbers, blanks as zeros."""
+    """Inertial parameters (10 N,) of N links, in SI units and the order and signs of this package, from the numbers of
+    one of Sheu and Walker's (1991) tables, blanks as zeros. Raises `ValueError` for an entry that is no number."""
     out = np.zeros(10 * len(table.columns))
     for row, link, text in table.entries():
         if text != BLANK:
@@ -34,11 +38,13 @@ def parameters(table: Table) -> Array:
 
 
 def kept(table: Table) -> tuple[int, ...]:
-    """Indices of the parameters that a table marks with a cross, or prints at all."""
+    """Indices from 0, rising, of the inertial parameters that one of Sheu and Walker's (1991) tables has an entry for,
+    a cross or a number: those that the paper keeps as independent."""
     entries = table.entries()
     return tuple(sorted(index(row, link) for row, link, text in entries if text == MARK or text != BLANK))
 
 
 def name(row: str, link: str) -> str:
-    """Name here of a parameter of the paper's tables, such as ``link3.I_xx``."""
+    """Name in this package of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, such as "I_x", and
+    the column of a `link`, such as "3": "link3.I_xx"."""
     return f"link{link}.{NAMES.get(row, row)}"

@@ -13,12 +13,15 @@ THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 def paper_rank(singular_values: Array) -> Array:
-    """Number of the falling singular values (..., P) that count."""
+    """Rank by the rule of Sheu and Walker (1991, section 3.1): the number (...) of falling singular values (..., P)
+    that are above the square root of the machine precision, as a share of the first."""
     return np.count_nonzero(singular_values > THRESHOLD * singular_values[..., :1], axis=-1)
 
 
 def rank_claim(claim: str, singular_values: Array, certified: int) -> Claim:
-    """Claim on how often, over singular values (seeds, P), the paper's threshold finds the paper's rank."""
+    """Claim of Sheu and Walker (1991) on a rank, judged: the share of the seeds on which the paper's own threshold
+    finds the rank it prints. `claim` is the name of the quotation, such as "puma_rank"; `singular_values` (seeds, P)
+    are those of the energy differences, `certified` is the rank certified here."""
     saying = printed().claims[claim]
     share = float(np.mean(paper_rank(singular_values) == int(saying.numbers)))
     return Claim(

@@ -20,7 +20,9 @@ BLANK, MARK = ".", "x"
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Table as printed: rows by label, entries apart by spaces, a dot for a blank."""
+    """Table as Sheu and Walker (1991) print it: `title`, `columns` by their labels, and `rows`, texts by their labels,
+    with an entry for each column, spaces between, and a dot for a blank. Raises `ValueError` for a row with another
+    number of entries."""
 
     title: str
     columns: list[str]
@@ -32,19 +34,21 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
                 raise ValueError(f"row {label!r} has {len(row.split())} entries, expected {len(self.columns)}")
 
     def entries(self) -> Iterator[tuple[str, str, str]]:
-        """Row, column and text of every entry, blanks too."""
+        """Entries of the table, row by row: each its row's label, its column's label, and its text, "." for a blank."""
         for label, row in self.rows.items():
             for column, text in zip(self.columns, row.split(), strict=True):
                 yield label, column, text
 
     def values(self, *labels: str) -> Array:
-        """Numbers (rows, columns) of some rows, all if none is named; a blank is not a number."""
+        """Numbers (rows, columns) in the rows with these `labels`, all rows unless any is given. Raises `KeyError` for
+        an unknown label, `ValueError` for a blank or other entry that is no number."""
         rows = [self.rows[label].split() for label in labels or self.rows]
         return np.array([[float(text) for text in row] for row in rows])
 
 
 class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A saying of the paper: a sentence of the text, the section it stands in, and the numbers that are in question."""
+    """Quotation from Sheu and Walker (1991) that is to be judged: `where`, the number of its section; `quote`, the
+    sentence; and `numbers`, those in question, with spaces between."""
 
     where: str
     quote: str
@@ -52,7 +56,8 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Contents of the paper that can be computed: its tables and sayings."""
+    """Contents of Sheu and Walker (1991) that can be computed again: `tables` and quotations (`claims`), each by a
+    short name, such as "table7"; `schema` names the file's format."""
 
     schema: Literal["adaptctl/printed/1"]
     tables: dict[str, Table]
@@ -61,17 +66,18 @@ class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 @cache
 def printed() -> Printed:
-    """The printed contents of the paper, read once."""
+    """Contents of Sheu and Walker (1991), tables and quotations, from the file printed.toml of this package, read
+    once."""
     with as_file(files("adaptctl.experiments.replication") / "printed.toml") as path:
         return read_toml(path, Printed)
 
 
 @dataclass(frozen=True)
 class Number:
-    """A printed number: its value, one unit of its last digit, and how many digits it has.
+    """Number as printed: its `text`; its `value`; `unit`, one unit of its last digit; and `digits`, how many it has.
 
-    Digits are the decimals where there are any and no exponent, since columns of a table share them; all digits but
-    leading zeros otherwise.
+    Digits are the decimals where there are any and no exponent, since columns of a table share them; else all digits
+    but leading zeros.
     """
 
     text: str
@@ -81,7 +87,8 @@ class Number:
 
     @classmethod
     def of(cls, text: str) -> Number:
-        """The number that a text prints: ``-0.0805``, ``4.4E+04``. Raises `InputError` for another text."""
+        """Number that a `text` such as "-0.0805" or "4.4E+04" prints, with its digits. Raises `InputError` for another
+        text."""
         mantissa, _, exponent = text.upper().partition("E")
         decimals = len(mantissa.partition(".")[2])
         significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1
@@ -92,13 +99,15 @@ class Number:
             raise InputError(f"{text!r} is not a printed number") from error
 
     def digits_met(self, computed: float) -> int:
-        """Number of printed digits that a computed value has when it is rounded like it."""
+        """Number of the printed digits, 0 to all, that a `computed` value in the same unit agrees with when it is
+        rounded likewise."""
         off = abs(computed - self.value) / self.unit
         lost = 0 if off <= 0.5 + 1e-9 else math.ceil(math.log10(2.0 * off) - 1e-12)
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
-        """Text of a computed value in the same style."""
+        """Text of a `computed` value in the style of the printed number: as many decimals, with an exponent or
+        without."""
         decimals = len(self.text.upper().partition("E")[0].partition(".")[2])
         if "E" in self.text.upper():
             return f"{computed:.{decimals}E}"

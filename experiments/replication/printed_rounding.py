@@ -12,7 +12,8 @@ from adaptctl.identifiability import EssentialSpace
 
 
 def half_units(table: Table) -> Array:
-    """Half a unit of every entry's last digit (P,)."""
+    """Half a unit of the last printed digit (10 N,) of every inertial parameter of N links in a table, in the
+    parameters' SI units. Raises `InputError` for a blank."""
     out = np.zeros(10 * len(table.columns))
     for row, link, text in table.entries():
         out[index(row, link)] = 0.5 * Number.of(text).unit
@@ -20,10 +21,12 @@ def half_units(table: Table) -> Array:
 
 
 def excess(space: EssentialSpace, real: Table, essential: Table, free: Array) -> float:
-    """Least distance of V1 V1' D from the printed essential parameters, in half units of their last digits.
+    """Least possible distance, in half units of their last printed digits (no unit), of the essential parameters V1 V1'
+    D from those of the table `essential`, where D (P,) is any vector that rounds to the table `real`.
 
-    D may be anything that rounds to the printed real parameters where `free` (P,), and is as printed elsewhere. At most
-    1 means that the two tables agree. A linear program. Raises ArithmeticError where the linear program is not solved.
+    D may differ from the printed numbers only where `free` (P,), of bools, is True. V1 (P, k) is the basis of `space`.
+    At most 1 means that the two tables agree. It is the solution of a linear program; raises `ArithmeticError` where
+    that is not solved.
     """
     project, D, goal = space.basis @ space.basis.T, parameters(real), parameters(essential)
     tolerance, slack = half_units(essential), np.where(free, half_units(real), 0.0)

@@ -30,7 +30,8 @@ FIRST = 34
 
 
 def table1(study: Study) -> Item:
-    """Item of Table 1, the ranges of motion, which are given and not computed."""
+    """Replication (an `Item`: verdict, checks and claims) of Table 1 of Sheu and Walker (1991), the PUMA 560's ranges
+    of positions and velocities: inputs, checked against the arm's own in `study`."""
     table, limits = printed().tables["table1"], [joint.limits for joint in study.puma.mechanism.primary_joints]
     used = {
         FROM: [x.lower for x in limits],
@@ -59,7 +60,9 @@ def table1(study: Study) -> Item:
 
 
 def table2(study: Study) -> Item:
-    """Item of Table 2, the singular values: one draw of 101 states, drawn many times."""
+    """Replication (an `Item`: verdict, checks and claims) of Table 2 of Sheu and Walker (1991), the PUMA 560's singular
+    values: each printed one checked against those of many random draws in `study`, since the paper's one draw is not
+    known."""
     table, draws = printed().tables["table2"], study.puma_draws
     k, values = draws.rank, draws.singular_values
     texts = [text for _, _, text in table.entries()]
@@ -96,7 +99,9 @@ def table2(study: Study) -> Item:
 
 
 def table3(study: Study) -> Item:
-    """Item of Table 3: torque errors along a sinusoid that the paper does not state."""
+    """Replication (an `Item`: verdict, checks and claims) of Table 3 of Sheu and Walker (1991), the PUMA 560's energy
+    and torque errors by the number of components: each printed one checked against those of many random draws in
+    `study`, along a sinusoid chosen here."""
     table, draws = printed().tables["table3"], study.puma_draws
     checks = checked_torque_errors(table, draws.percent_errors, study.puma_torque_errors)
     return Item(

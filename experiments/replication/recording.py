@@ -26,7 +26,9 @@ WIDTHS = (4.0, 1.2, 1.5, 1.5)
 
 
 def write_recording(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the recording whole or not at all. Raises FileError where it cannot be written."""
+    """Write the replication's recording for the rerun viewer, a file .rrd: both arms along the stated sinusoids,
+    verdicts, and `figures`, PNG files by name. The file is written whole or not at all. Raises `FileError` where it
+    cannot be written."""
     scenes = [item.scene for item in replication.items if item.scene is not None]
     content = ",".join((str(replication.study.seeds), *(item.name for item in replication.items))).encode()
     with saved_stream(path, replication, content, _layout(scenes, figures)) as recording:
@@ -39,14 +41,15 @@ def write_recording(path: str | Path, replication: Replication, figures: Mapping
 
 
 def verdicts_markdown(replication: Replication) -> str:
-    """Outcome and verdicts of all items, in Markdown."""
+    """Text in Markdown of the replication's outcome, its facts as a table, and the verdict on every item of Sheu and
+    Walker (1991)."""
     answers = "\n".join(f"| {question} | **{answer}** |" for question, answer, _ in facts(replication))
     verdicts = "\n".join(f"- **{item.label}**, {item.verdict.value}: {item.summary}" for item in replication.items)
     return f"{headline(replication)}\n\n| | |\n|---|---|\n{answers}\n\n{verdicts}\n"
 
 
 def evidence_markdown(items: Sequence[Item]) -> str:
-    """Claims and evidence of every item that has some, in Markdown."""
+    """Text in Markdown of the claims and the evidence of every one of the `items` that has some."""
     parts = []
     for item in items:
         claims = [f"- “{claim.saying.quote}”: **{claim.verdict.value}**. {claim.found}." for claim in item.claims]

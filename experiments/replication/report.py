@@ -23,19 +23,21 @@ STYLES = {
 
 
 class Grid(NamedTuple):
-    """Grid of checks in the rows and columns of the paper's table; None where a blank was not checked."""
+    """Grid of checks in the layout of a table of Sheu and Walker (1991): `columns`, their labels, and `rows`, each a
+    label and, for every column, a check or None where there is none."""
 
     columns: list[str]
     rows: list[tuple[str, list[Check | None]]]
 
 
 def write_report(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside. Raises FileError where it cannot be written."""
+    """Write the replication's report, one HTML page with the `figures` (PNG files by name) inside, whole or not at all.
+    Raises `FileError` where it cannot be written, `OSError` where a figure cannot be read."""
     write_text(path, report(replication, figures))
 
 
 def report(replication: Replication, figures: Mapping[str, Path]) -> str:
-    """HTML of a replication's page."""
+    """Text, in HTML, of the replication's report: one page with the `figures`, PNG files by name, inside."""
     drawings = [drawing for item in replication.items for drawing in item.drawings]
     return rendered(
         "replication.html",
@@ -66,7 +68,8 @@ MEANINGS = {
 
 
 def grid(name: str, checks: Sequence[Check]) -> Grid:
-    """The grid of checks in the order of the printed table, or else in that in which they come."""
+    """Grid of the `checks` of an item called `name`, such as "table7", with the columns of that table in Sheu and
+    Walker (1991), or, where it is no table, in the order in which they come."""
     table = printed().tables.get(name)
     present = dict.fromkeys(check.column for check in checks)
     columns = [column for column in (table.columns if table else present) if column in present]

@@ -12,7 +12,9 @@ from adaptctl.recording import Setting
 
 @dataclass(frozen=True, eq=False)
 class Replication:
-    """Result of the replication: items of the paper that were computed again, in its order."""
+    """Data of a replication of Sheu and Walker (1991): `items`, the tables, figures and sections that were computed
+    again, in the paper's order; `study`, the arms and draws behind them; name and title of the experiment, its
+    settings, the `seconds` that it took; and `complete`, False where it was interrupted."""
 
     experiment: str
     title: str
@@ -24,27 +26,28 @@ class Replication:
 
     @property
     def seed(self) -> int:
-        """Seed of the first draw."""
+        """Seed of the first random draw of states."""
         return self.study.seed
 
     @property
     def numbers(self) -> Counts:
-        """Counts of printed numbers by verdict."""
+        """Counts of the numbers that Sheu and Walker (1991) print, by verdict, crosses and blanks left out."""
         return numbers(self.items)
 
     @property
     def marks(self) -> Counts:
-        """Counts of printed crosses and blanks by verdict."""
+        """Counts of the crosses and blanks (parameter kept, or not) that Sheu and Walker (1991) print, by verdict."""
         return marks(self.items)
 
     @property
     def errata(self) -> tuple[str, ...]:
-        """Names of the items that are wrong somewhere in the paper."""
+        """Names of the items, such as "table6", that are shown to be wrong somewhere in Sheu and Walker (1991)."""
         return self._named(Outturn.ERRATUM)
 
     @property
     def not_reproduced(self) -> tuple[str, ...]:
-        """Names of the items that could not be reproduced."""
+        """Names of the items of Sheu and Walker (1991), such as "table10", that could neither be reproduced nor be
+        shown to be wrong."""
         return self._named(Outturn.NOT_REPRODUCED)
 
     def _named(self, verdict: Outturn) -> tuple[str, ...]:

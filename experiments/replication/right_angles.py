@@ -28,7 +28,9 @@ TURNS = (-1, 0, 1, -1, 1, 0)
 
 @dataclass(frozen=True, eq=False)
 class RoundedSet:
-    """Set of parameters that theorem 4.1 keeps with right angles rounded, and equation 25's vector on them."""
+    """Set of parameters that the paper's rule (Sheu and Walker 1991, theorem 4.1) keeps: `kept`, their indices from 0;
+    `condition`, the condition number of F2' V2 (P-k, P-k), the removed parameters' rows of the null vectors V2; and
+    `independent`, the vector D_I (P,) of equation 25, SI units, zero where removed."""
 
     kept: tuple[int, ...]
     condition: float
@@ -38,7 +40,8 @@ class RoundedSet:
 
 
 def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
-    """The PUMA with `quarter` (rad) in place of every pi/2."""
+    """Mechanism of the PUMA 560 with the number `quarter` (rad), such as 1.5708, in place of pi/2 in every twist
+    between joint axes."""
     links = tuple(
         replace(link, far=Pose(rotation_about((1, 0, 0), n * quarter), link.far.translation))
         for link, n in zip(mechanism.links, TURNS, strict=True)
@@ -47,14 +50,18 @@ def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
 
 
 def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
-    """The semi-direct-drive arm on a base that is turned by `quarter` (rad) in place of pi/2 about x."""
+    """Mechanism of the semi-direct-drive arm on a base that is turned about x by `quarter` (rad), such as 1.5708, in
+    place of pi/2."""
     first = mechanism.links[0]
     base = replace(first, near=Pose(rotation_about((1, 0, 0), -quarter), first.near.translation))
     return Mechanism(replace(mechanism.description, links=(base, *mechanism.links[1:])))
 
 
 def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) -> RoundedSet:
-    """Set of theorem 4.1 on the unscaled V2, rows independent above a tight tolerance, and equation 25's vector."""
+    """Set of parameters that the paper's rule keeps (Sheu and Walker 1991, theorem 4.1 and equation 25). A parameter is
+    removed where its row of the null vectors of `space`, in the order of `priority`, is independent, beyond 1e-8, of
+    the rows of those removed before; `parameters` are D (P,), SI units. Raises `NotFoundError` for a priority with
+    unknown names."""
     removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
     kept = tuple(sorted(set(range(len(parameters))) - set(removed)))
     essential, square = space.project(parameters), space.null_basis[removed]
@@ -63,5 +70,7 @@ def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) ->
 
 
 def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> RoundedSet:
-    """Set of the paper's rule on the PUMA with right angles rounded."""
+    """Set of parameters that the paper's rule (Sheu and Walker 1991, theorem 4.1) keeps on the PUMA 560 with `quarter`
+    (rad), such as 1.5708, in place of pi/2; `priority` is the order in which parameters are removed. Raises
+    `NotFoundError` for a priority with unknown names."""
     return papers_rule(essential_space(with_twists(mechanism, quarter)), mechanism.inertial_parameters, priority)

@@ -33,7 +33,8 @@ INEQUALITIES = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 def table9(study: Study) -> Item:
-    """Item of Table 9, the ranges of motion, which are given and not computed."""
+    """Replication (an `Item`: verdict, checks and claims) of Table 9 of Sheu and Walker (1991), the semi-direct-drive
+    arm's ranges of positions and velocities: inputs, checked against the arm's own in `study`."""
     table, arm = printed().tables["table9"], study.five_bar
     checks = tuple(given(*entry, _limit(arm, *entry[:2])) for entry in table.entries() if entry[2] != BLANK)
     bends = np.linspace(arm.lower[2], arm.upper[2], 200)
@@ -66,7 +67,9 @@ def table9(study: Study) -> Item:
 
 
 def table10(study: Study) -> Item:
-    """Item of Table 10: torque errors of an arm and along a sinusoid that are not printed."""
+    """Replication (an `Item`: verdict, checks and claims) of Table 10 of Sheu and Walker (1991), the semi-direct-drive
+    arm's energy and torque errors by the number of components: each printed one checked against those of many random
+    draws in `study`, with lengths and a sinusoid chosen here."""
     table = printed().tables["table10"]
     near, generic = study.nearly_parallel_draws, study.five_bar_draws
     checks = checked_torque_errors(table, near.percent_errors, study.nearly_parallel_torque_errors)
@@ -113,7 +116,8 @@ def table10(study: Study) -> Item:
 
 
 def table11(study: Study) -> Item:
-    """Item of Table 11, the priorities of removal, which are given and not computed."""
+    """Replication (an `Item`: verdict, checks and claims) of Table 11 of Sheu and Walker (1991), the order in which the
+    semi-direct-drive arm's parameters are removed: an input, checked against the order used with `study`."""
     table, names = printed().tables["table11"], study.five_bar.mechanism.parameter_names
     order = study.priority("table11", study.five_bar.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}
@@ -122,7 +126,8 @@ def table11(study: Study) -> Item:
 
 
 def table12(study: Study) -> Item:
-    """Item of Table 12: the independent parameters of the arm with a loop."""
+    """Replication (an `Item`: verdict, checks and claims) of Table 12 of Sheu and Walker (1991), the semi-direct-drive
+    arm's set of independent parameters: each cross and blank checked against the set computed from `study`."""
     table, basis, draws = printed().tables["table12"], study.five_bar_basis, study.five_bar_draws
     checks = tuple(
         marked(row, link, text, index(row, link) in basis.columns, Outturn.NOT_REPRODUCED)

@@ -28,7 +28,13 @@ from adaptctl.identifiability import (
 
 @dataclass(frozen=True)
 class Study:
-    """The study behind a replication: its choices, and the arms, draws and torques that follow from them."""
+    """Study behind a replication of Sheu and Walker (1991): its choices, and the arms, random draws and torques that
+    follow from them, computed when first asked for.
+
+    `seed` is the first of `seeds` draws of `samples` states; `velocity_scale` (no unit) times the paper's bound is the
+    largest velocity; `frequency` (Hz) and `motion_samples` are those of the sinusoid for torques; `unequal` (no unit)
+    is the share by which one side of the nearly parallel linkage is longer. Nothing is checked at construction.
+    """
 
     seed: int
     seeds: int
@@ -40,93 +46,107 @@ class Study:
 
     @cached_property
     def puma(self) -> SampledArm:
-        """The PUMA 560 of Tables 1 and 6."""
+        """PUMA 560 of Tables 1 and 6 of Sheu and Walker (1991), sampled within its ranges."""
         return puma560()
 
     @cached_property
     def arm3(self) -> Mechanism:
-        """The mechanism of the PUMA's first three joints."""
+        """Mechanism of the first three joints of the PUMA 560."""
         return load("puma560_arm3")
 
     @cached_property
     def arm3_space(self) -> EssentialSpace:
-        """Essential space of the first three joints."""
+        """Essential space of the inertial parameters of the PUMA 560's first three joints. Raises `RankError` where its
+        rank cannot be certified."""
         return essential_space(self.arm3)
 
     @cached_property
     def five_bar(self) -> SampledArm:
-        """The semi-direct-drive arm with generic lengths."""
+        """Semi-direct-drive arm, a five-bar linkage of generic lengths, sampled within Table 9 of Sheu and Walker
+        (1991)."""
         return semi_direct_drive()
 
     @cached_property
     def nearly_parallel(self) -> SampledArm:
-        """Semi-direct-drive arm with sides that are equal but for a small share."""
+        """Semi-direct-drive arm whose opposite sides are equal but for a share of `unequal`, sampled within Table 9 of
+        Sheu and Walker (1991)."""
         return semi_direct_drive(near_parallelogram(self.unequal))
 
     @cached_property
     def puma_draws(self) -> Draws:
-        """Draws of Table 2 and Figure 3."""
+        """Random draws of the PUMA 560's states, for Tables 2 and 3 and Figures 3 and 4 of Sheu and Walker (1991)."""
         return self._draws(self.puma)
 
     @cached_property
     def five_bar_draws(self) -> Draws:
-        """The draws of Figure 3's other arm."""
+        """Random draws of states of the semi-direct-drive arm of generic lengths, for Figure 3 and Table 10 of Sheu and
+        Walker (1991)."""
         return self._draws(self.five_bar)
 
     @cached_property
     def nearly_parallel_draws(self) -> Draws:
-        """Draws of the arm with nearly equal sides."""
+        """Random draws of states of the semi-direct-drive arm with nearly equal opposite sides, for Figures 3 and 6 and
+        Table 10 of Sheu and Walker (1991)."""
         return self._draws(self.nearly_parallel)
 
     @cached_property
     def puma_motion(self) -> StatedMotion:
-        """The stated sinusoid of the PUMA."""
+        """Motion of the PUMA 560 along the stated sinusoid, at `motion_samples` times of one period."""
         return self.puma.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def five_bar_motion(self) -> StatedMotion:
-        """The stated sinusoid of the semi-direct-drive arm."""
+        """Motion of the semi-direct-drive arm of generic lengths along the stated sinusoid, at `motion_samples` times
+        of one period."""
         return self.five_bar.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def nearly_parallel_motion(self) -> StatedMotion:
-        """The stated sinusoid of the arm with nearly equal sides."""
+        """Motion of the semi-direct-drive arm with nearly equal sides along the stated sinusoid, at `motion_samples`
+        times of one period."""
         return self.nearly_parallel.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def puma_torque_errors(self) -> Array:
-        """Mean square torque errors (seeds, 37, 6) of the PUMA, (N m)^2."""
+        """Mean square torque errors (seeds, 37, 6), (N m)^2, of the PUMA 560 along the stated sinusoid: by draw, by
+        number of components kept, 0 to 36, and by joint."""
         return self.puma_draws.torque_errors(self.puma_motion)
 
     @cached_property
     def five_bar_torque_errors(self) -> Array:
-        """Mean square torque errors (seeds, 27, 3) of the semi-direct-drive arm, (N m)^2."""
+        """Mean square torque errors (seeds, 27, 3), (N m)^2, of the semi-direct-drive arm of generic lengths along the
+        stated sinusoid: by draw, by number of components kept, 0 to 26, and by joint."""
         return self.five_bar_draws.torque_errors(self.five_bar_motion)
 
     @cached_property
     def nearly_parallel_torque_errors(self) -> Array:
-        """Mean square torque errors (seeds, 27, 3) of the arm with nearly equal sides, (N m)^2."""
+        """Mean square torque errors (seeds, 27, 3), (N m)^2, of the semi-direct-drive arm with nearly equal sides along
+        the stated sinusoid: by draw, by number of components kept, 0 to 26, and by joint."""
         return self.nearly_parallel_draws.torque_errors(self.nearly_parallel_motion)
 
     @cached_property
     def puma_basis(self) -> FundamentalBasis:
-        """The fundamental basis that Table 4's priorities yield with exact right angles."""
+        """Fundamental basis of the PUMA 560: the independent (base) parameters that are kept when others are removed in
+        the order of Table 4 of Sheu and Walker (1991), with exact right angles."""
         return fundamental_basis(self.puma.space, self.priority("table4", self.puma.mechanism))
 
     @cached_property
     def five_bar_basis(self) -> FundamentalBasis:
-        """The fundamental basis that Table 11's priorities yield."""
+        """Fundamental basis of the semi-direct-drive arm: the independent (base) parameters that are kept when others
+        are removed in the order of Table 11 of Sheu and Walker (1991)."""
         return fundamental_basis(self.five_bar.space, self.priority("table11", self.five_bar.mechanism))
 
     def priority(self, table: str, mechanism: Mechanism) -> Priority:
-        """Priorities of a table of the paper, for a mechanism."""
+        """Priority, the order in which parameters of a `mechanism` are removed, from a `table` of Sheu and Walker
+        (1991), "table4" or "table11". Raises `KeyError` for an unknown table."""
         entries = list(printed().tables[table].entries())
         order = sorted(entries, key=lambda entry: int(entry[2]))
         return Priority(tuple(mechanism.parameter_names[index(row, link)] for row, link, _ in order))
 
     @property
     def drawn(self) -> dict[str, Draws]:
-        """The draws that were made, by arm."""
+        """Random draws that were computed until now, by the arm's name: "puma560", "semi_direct_drive" and
+        "nearly_parallelogram"."""
         labels = {
             "puma_draws": "puma560",
             "five_bar_draws": "semi_direct_drive",
@@ -136,7 +156,7 @@ class Study:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """Texts of the choices behind the draws."""
+        """Texts of the choices behind the random draws: their number, and the ranges of positions and velocities."""
         return (
             f"{self.seeds} draws of {self.samples} states, positions uniform within the table's ranges",
             f"velocities uniform up to {self.velocity_scale:.4g} times the table's bound, so that their root mean "
@@ -147,7 +167,7 @@ class Study:
 
     @property
     def motion_choice(self) -> str:
-        """Text of the stated sinusoid."""
+        """Text of the choice of the sinusoid along which torques are computed: frequency, range and samples."""
         return (
             f"one sinusoid of {self.frequency:g} Hz in all joints, in phase, each through the whole of its range in "
             f"the table; errors are means over one period of {self.motion_samples} samples"

@@ -14,12 +14,14 @@ SCHEMA = "adaptctl/replication/1"
 
 
 def write_summary(path: str | Path, replication: Replication) -> None:
-    """Write `summary` as JSON, whole or not at all. Raises FileError where it cannot be written."""
+    """Write the replication's summary as a JSON file, whole or not at all: every printed entry beside the computed one,
+    with its verdict. Raises `FileError` where it cannot be written."""
     write_json(path, summary(replication))
 
 
 def summary(replication: Replication) -> dict[str, Any]:
-    """Summary in JSON's types: counts, and every item with its checks and claims."""
+    """Summary of the replication in JSON's types: settings, counts by verdict, and every item of Sheu and Walker (1991)
+    with its checks and claims."""
     items = replication.items
     return {
         "schema": SCHEMA,

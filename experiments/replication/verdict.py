@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 
 class Outturn(Enum):
-    """Verdicts on something printed."""
+    """Enumeration of verdicts on what Sheu and Walker (1991) print: GIVEN, an input used as printed; REPRODUCED,
+    computed again; IN_SHAPE, dependent on samples, a motion or an arm that are not printed, and among the values of
+    what was chosen; ERRATUM, shown to be wrong; NOT_REPRODUCED, outside of all that was computed, and not shown to be
+    wrong. The value is the verdict in words."""
 
     GIVEN = "given"
     """an input of the paper, used as printed"""
@@ -34,7 +37,9 @@ class Outturn(Enum):
 
 @dataclass(frozen=True)
 class Check:
-    """A check of one printed entry against the computed one."""
+    """Check of one entry that Sheu and Walker (1991) print: its `row` and `column`, labels of the table; the texts
+    `printed` and `computed`; the `verdict`; how many of its digits, `of_digits`, are met, `digits` (None where that
+    cannot be said); and `low` and `high`, the extremes over the random draws (None without draws)."""
 
     row: str
     column: str
@@ -50,25 +55,27 @@ class Check:
 
     @property
     def is_mark(self) -> bool:
-        """True for a cross or a blank of a table of crosses."""
+        """True for an entry of a table of crosses, a cross or a blank, and no number."""
         return self.printed in (MARK, "")
 
     @property
     def reads_alike(self) -> bool:
-        """True if it reads as printed, but for the sign of a plus or a zero."""
+        """True if the computed text reads as the printed one, but for the sign of a plus or a zero. Raises `ValueError`
+        for a differing text that is no number."""
         texts = (self.computed.lstrip("+"), self.printed.lstrip("+"))
         return texts[0] == texts[1] or (not self.is_mark and {float(text) for text in texts} == {0.0})
 
     @property
     def exact(self) -> bool:
-        """True if every printed digit is met."""
+        """True if the entry is reproduced with every printed digit."""
         return self.verdict is Outturn.REPRODUCED and self.digits == self.of_digits
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim: a saying of the text, what was measured to judge it, what came out, and the share of seeds on which it
-    holds."""
+    """Claim of Sheu and Walker (1991), judged: `saying`, its quotation; `measured`, in words what was measured to judge
+    it; `found`, what came out; `verdict`; and `share`, of the random draws on which it holds (0 to 1; None without
+    draws)."""
 
     saying: Saying
     measured: str
@@ -79,7 +86,8 @@ class Claim:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Evidence for a verdict: numbers, and the sentence they stand in, with {} in their places."""
+    """Evidence for a verdict on what a paper prints: a `sentence` with {} in the places of its numbers, their `values`,
+    and the significant `digits` with which its text shows them."""
 
     sentence: str
     values: tuple[float, ...]
@@ -92,18 +100,19 @@ class Evidence:
 
 
 def evidence(sentence: str, *values: float, digits: int = 3) -> Evidence:
-    """The evidence of a sentence and its numbers."""
+    """Evidence made of a `sentence`, with {} in the places of numbers, these numbers, `values`, and how many
+    significant `digits` of them are shown."""
     return Evidence(sentence, tuple(float(value) for value in values), digits)
 
 
 def percent(share: float) -> str:
-    """Text of a share in percent: ``0.5 %``."""
+    """Text of a `share` (0.005) in percent with three significant digits, "0.5 %"."""
     return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"
 
 
 @dataclass(frozen=True)
 class Relations:
-    """Relations: equations written out, under a heading."""
+    """Relations among parameters, written out for the report: a `heading` and `lines`, an equation each."""
 
     heading: str
     lines: tuple[str, ...]
@@ -111,8 +120,8 @@ class Relations:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene for the recording: an arm along the stated sinusoid, and torques of all its joints under several sets of
-    parameters."""
+    """Scene for the recording, an arm along the stated sinusoid: its `label` and `mechanism`; `time` (T,), s; positions
+    `p` (T, r), rad; and `torques`, (T, r) in N m by label, the actual ones first, then those of reduced parameters."""
 
     label: str
     mechanism: Mechanism
@@ -124,7 +133,10 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """An item of the paper, a table, figure or passage, with its checks, claims and evidence."""
+    """Item of Sheu and Walker (1991), a table, figure or section that was computed again: `name`, as on the command
+    line ("table7"); `title`; `verdict` and `summary`, in words; `chosen`, what the paper leaves open and was chosen
+    here; `checks` of its entries, judged `claims` of its text, `evidence` and `relations` for the report, `drawings`,
+    and a `scene` for the recording (None for none)."""
 
     name: str
     """as the command line has it: ``table7``"""
@@ -143,26 +155,29 @@ class Item:
 
     @property
     def label(self) -> str:
-        """Name as the text has it: ``Table 7``."""
+        """Name of the item as a text has it, such as "Table 7"."""
         for kind in ("table", "figure", "section"):
             if self.name.startswith(kind):
                 return f"{kind.capitalize()} {self.name.removeprefix(kind)}"
         return self.name.capitalize()
 
     def count(self, *verdicts: Outturn) -> int:
-        """Number of printed entries that have one of these verdicts."""
+        """Number of the item's printed entries that have one of these `verdicts`."""
         return sum(check.verdict in verdicts for check in self.checks)
 
 
 def given(row: str, column: str, text: str, used: float) -> Check:
-    """Check of an input: used to the printed digit, or else not reproduced."""
+    """Check of a printed entry that is an input: GIVEN where the value `used` here rounds to the printed `text`, else
+    NOT_REPRODUCED; `row` and `column` are its labels. Raises `InputError` for a text that is no number."""
     number = Number.of(text)
     same = number.digits_met(used) == number.digits
     return Check(row, column, text, number.styled(used), Outturn.GIVEN if same else Outturn.NOT_REPRODUCED)
 
 
 def compared(row: str, column: str, text: str, computed: float) -> Check:
-    """Check of a number that can be computed as it stands: reproduced when at least its first digit is met."""
+    """Check of a printed number that can be computed: REPRODUCED where `computed`, in the same unit, meets at least its
+    first digit, else NOT_REPRODUCED. `row` and `column` are its labels, `text` is as printed. Raises `InputError` for a
+    text that is no number."""
     number = Number.of(text)
     digits = number.digits_met(computed)
     verdict = Outturn.REPRODUCED if digits else Outturn.NOT_REPRODUCED
@@ -170,7 +185,9 @@ def compared(row: str, column: str, text: str, computed: float) -> Check:
 
 
 def drawn(row: str, column: str, text: str, computed: Array) -> Check:
-    """Check of a number that depends on a random draw (seeds,): in shape when it lies among the seeds' values."""
+    """Check of a printed number that depends on a random draw: IN_SHAPE where it lies among the values `computed`
+    (seeds,), to half a unit of its last digit, else NOT_REPRODUCED. `row` and `column` are its labels, `text` is as
+    printed. Raises `InputError` for a text that is no number."""
     number, low, high = Number.of(text), float(computed.min()), float(computed.max())
     inside = low - 0.5 * number.unit <= number.value <= high + 0.5 * number.unit
     verdict = Outturn.IN_SHAPE if inside else Outturn.NOT_REPRODUCED
@@ -179,23 +196,27 @@ def drawn(row: str, column: str, text: str, computed: Array) -> Check:
 
 
 def vanishing(row: str, column: str, text: str, computed: float, bound: float) -> Check:
-    """Check of a number that is zero but for round-off: in shape when both are below a bound."""
+    """Check of a printed number that would be zero without round-off: IN_SHAPE where it and the value `computed` are
+    both below `bound` in magnitude, else NOT_REPRODUCED. `row` and `column` are its labels, `text` is as printed.
+    Raises `InputError` for a text that is no number."""
     number = Number.of(text)
     verdict = Outturn.IN_SHAPE if max(abs(number.value), abs(computed)) < bound else Outturn.NOT_REPRODUCED
     return Check(row, column, text, f"{computed:.1E}", verdict)
 
 
 def marked(row: str, column: str, text: str, kept: bool, unlike: Outturn = Outturn.ERRATUM) -> Check:
-    """Check of a cross or a blank of a table of crosses."""
+    """Check of a cross ("x") or a blank in a table of parameters that are kept: REPRODUCED where it agrees with `kept`,
+    True if the parameter is kept here, else the verdict `unlike`. `row` and `column` are its labels, `text` is as
+    printed."""
     printed, computed = (MARK if text == MARK else ""), (MARK if kept else "")
     return Check(row, column, printed, computed, Outturn.REPRODUCED if printed == computed else unlike)
 
 
 def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
-    """The verdict on several checks and on what the text says of them.
+    """Verdict on an item of Sheu and Walker (1991) from its `checks` and judged `claims`.
 
-    An erratum if one is; not reproduced where one entry is not, or nothing that is said holds; else the most frequent
-    of the checks that are no inputs.
+    ERRATUM if one check is; NOT_REPRODUCED where one check is, or where no claim holds; else the most frequent verdict
+    of the checks that are no inputs, and GIVEN if all are.
     """
     verdicts = [check.verdict for check in checks if check.verdict is not Outturn.GIVEN]
     if Outturn.ERRATUM in verdicts:
@@ -206,6 +227,7 @@ def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
 
 
 def held(claims: Sequence[Claim]) -> str:
-    """Sentence on how many claims of the text hold."""
+    """Sentence on how many of the `claims` hold, judged claims of Sheu and Walker's (1991) text, such as "2 of the
+    text's 3 claims hold."."""
     count = sum(claim.verdict is not Outturn.NOT_REPRODUCED for claim in claims)
     return f"{count or 'None'} of the text's {len(claims)} claims {'holds' if count == 1 else 'hold'}."

@@ -11,7 +11,8 @@ INCOMPLETE = "This run was interrupted. What was computed until then is shown; i
 
 
 def headline(replication: Replication) -> str:
-    """Outcome in a sentence or two: how many printed numbers come out, and what is wrong."""
+    """Outcome of the replication in a few sentences: how many printed numbers come out, and which items of Sheu and
+    Walker (1991) are wrong or not reproduced."""
     n, depending = replication.numbers, replication.numbers.in_shape + replication.numbers.not_reproduced
     computable = n.reproduced + n.errata
     said = [] if replication.complete else [INCOMPLETE]
@@ -33,7 +34,8 @@ def headline(replication: Replication) -> str:
 
 
 def facts(replication: Replication) -> Iterator[Fact]:
-    """Questions that a person asks first about the replication, and the answers."""
+    """Facts of the replication, questions that a person asks first with their answers: counts of printed numbers by
+    verdict, of crosses, of draws, and the time taken, s."""
     n, m = replication.numbers, replication.marks
     yield Fact("Printed numbers", f"{n.printed}, {n.given} of them inputs")
     yield Fact("Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit")

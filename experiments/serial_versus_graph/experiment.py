@@ -33,12 +33,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SerialVersusGraph(TipPath, ClosedLoopExperiment):
-    """Experiment that compares the three-joint PUMA and the five-bar: parameters, operations, tracking on one path in
-    space.
+    """Experiment that compares a serial arm, the PUMA's first three joints, with one that has a closed loop, a five-bar
+    linkage: numbers of parameters and operations, and tracking of one path in space (Sheu and Walker 1991, section
+    5.3).
 
-    Both tips follow one path, turned into joints by inverse kinematics, and start off it by the same way. Both are
-    driven by Slotine and Li's controller from zero, on the independent parameters and on all, and with adaptation
-    off, with gains by one rule.
+    Both tips follow one path, turned into joint positions by inverse kinematics, and start equally far off it. Both
+    arms are driven by Slotine and Li's law from zero, on the k fundamental (base) parameters and on all, and with
+    adaptation off, with gains by one rule. Raises `InputError` at construction for path settings that have not three
+    entries (x, y, z), and for settings of the wrong type or out of their bounds.
     """
 
     name: ClassVar[str] = "serial-versus-graph"
@@ -71,7 +73,8 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
 
     @property
     def purpose(self) -> str:
-        """Question that the experiment answers, in a paragraph."""
+        """Text of the experiment's question, a paragraph for its report: how much a closed loop costs, against a serial
+        arm on the same path."""
         return (
             "Sheu and Walker compare two arms whose end points move with three degrees of freedom: the PUMA's first "
             "three joints, and the semi-direct-drive arm, whose forearm follows through a closed loop. How much does "
@@ -80,11 +83,15 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def run(self, progress: Progress) -> Result:
-        """Result of the arms side by side."""
+        """Result of the comparison of both arms: outcome in words, facts, verdict, and a function that writes the
+        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C keeps the runs begun.
+        Raises `InputError` for a path that is out of reach, `GainError` for gains too large for the control period."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> SideBySide:
-        """Both arms side by side, run one after the other; those that were begun when it is interrupted."""
+        """Data of both arms side by side, run one after the other. `progress(what, share)` gets the step's name and the
+        share done, 0 to 1; Ctrl-C keeps the runs begun. Raises `InputError` for a path that is out of reach,
+        `GainError` for gains too large for the control period."""
         sides: list[Side] = []
         complete = True
         for arm in ARMS:
@@ -108,7 +115,9 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def side(self, arm: ArmWithTip, progress: Progress) -> Side:
-        """The side of one arm: its offline stage and runs."""
+        """Data of one arm: its fundamental (base) parameters, its runs and the motions of its tip. `progress(what,
+        share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a path that is out of reach,
+        `GainError` for gains too large for the control period."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
         tip = arm.on(mechanism)
@@ -201,5 +210,6 @@ def _report_progress(progress: Progress, arm: str, what: str, share: float) -> N
 
 
 def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
-    """Operation counts of the compiled Slotine-Li regressor at a configuration that closes the loops."""
+    """Counts of floating-point operations of a mechanism's Slotine-Li regressor, on the fundamental (base) parameters
+    of `basis` and on all; closing its loops is not counted."""
     return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

@@ -22,12 +22,13 @@ AXES = "xyz"
 
 
 def side_color(index: int) -> Color:
-    """Colour of the index-th arm."""
+    """Colour, in all figures and recordings, of the arm with an `index` from 0 among those compared."""
     return (RUNS[0], RUNS[3], RUNS[2])[index % 3]
 
 
 def drawings(result: SideBySide) -> Iterator[Drawing]:
-    """Figures of arms side by side, in the order of the report."""
+    """Drawings for the report on arms side by side, in order: operations (where they were counted), paths of the tips,
+    tip errors, and Lyapunov functions."""
     if all(side.comparison.subject.cost for side in result.sides):
         yield Drawing(
             "operations",
@@ -52,7 +53,8 @@ def drawings(result: SideBySide) -> Iterator[Drawing]:
 
 
 def operations(result: SideBySide) -> Figure:
-    """Figure of the operations of the regressor and of the adaptive tick, reduced and full."""
+    """Matplotlib figure of floating-point operations of each arm's regressor and adaptive control tick (the computation
+    of one torque), on the fundamental (base) parameters and on all."""
     figure = sheet(2.7)
     panels = figure.subplots(1, 2)
     for axes, title, counts in zip(
@@ -72,7 +74,8 @@ def operations(result: SideBySide) -> Figure:
 
 
 def tip_path(result: SideBySide) -> Figure:
-    """Figure of the tips' paths in three views."""
+    """Matplotlib figure of the paths of both arms' tips, m, and of the desired one, seen from the front, the side and
+    above."""
     figure = sheet(3.4)
     for axes, (across, up, view) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for i, side in enumerate(result.sides):
@@ -96,7 +99,8 @@ def tip_path(result: SideBySide) -> Figure:
 
 
 def tip_error(result: SideBySide) -> Figure:
-    """Figure of both arms' tip errors over time."""
+    """Matplotlib figure of the distances of both arms' tips from the desired path (mm, logarithmic) over time, s,
+    learning and with adaptation off."""
     figure = sheet(3.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):
@@ -113,7 +117,8 @@ def tip_error(result: SideBySide) -> Figure:
 
 
 def lyapunov(result: SideBySide) -> Figure:
-    """Figure of V over V(0) of the adaptive runs."""
+    """Matplotlib figure of the Lyapunov function V over its first value V(0) (no unit) over time, s, in both arms'
+    adaptive runs."""
     figure = sheet(2.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):

@@ -14,17 +14,18 @@ from adaptctl.recording.wording import INCOMPLETE
 
 
 def write_report(path: str | Path, result: SideBySide, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside. Raises FileError where it cannot be written."""
+    """Write the report on arms side by side, one HTML page with the `figures` (PNG files by name) inside, whole or not
+    at all. Raises `FileError` where it cannot be written, `OSError` where a figure cannot be read."""
     write_text(path, report(result, figures))
 
 
 def trace_name(side: str) -> str:
-    """Name of the file with an arm's adaptive run."""
+    """Name of the Parquet file with an arm's adaptive run, "trace-serial.parquet" for the `side` "serial"."""
     return f"trace-{side}.parquet"
 
 
 def report(result: SideBySide, figures: Mapping[str, Path]) -> str:
-    """HTML of the page of arms side by side."""
+    """Text, in HTML, of the report on arms side by side: one page with the `figures`, PNG files by name, inside."""
     return rendered(
         "report.html",
         __package__ or "",

@@ -14,8 +14,8 @@ from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, Contro
 
 @dataclass(frozen=True)
 class OperationCounts:
-    """Operation counts of a compiled Slotine-Li regressor: additions, subtractions, multiplications, divisions and
-    negations."""
+    """Counts of floating-point operations (additions, subtractions, multiplications, divisions, negations) of a
+    Slotine-Li regressor: `reduced`, on the fundamental (base) parameters, and `full`, on all."""
 
     reduced: int
     """on the independent parameters"""
@@ -25,7 +25,11 @@ class OperationCounts:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One side of the comparison: an arm's runs, and the path of its tip."""
+    """One of the arms compared: `name`, fit for a file ("serial"), and `label`; `comparison`, its runs; `tip` (3,), m,
+    the point in the frame of the link with the index `tip_link`; for each run, by its name, the tip's `desired` and
+    actual positions (`tips`) in the world, (T, 3) in m; `regressor`, its operations; `closures`, the number of joints
+    that were cut to make a tree; and `printed_rank`, the number of independent parameters in Table 13 of Sheu and
+    Walker (1991)."""
 
     name: str
     """short and fit for a file: ``serial``"""
@@ -46,38 +50,43 @@ class Side:
 
     @property
     def full(self) -> ControllerRun | None:
-        """Adaptive run on all parameters; None where it was not run."""
+        """Run of the arm that adapts all parameters; None where it was not run."""
         return next((run for run in self.comparison.runs if run.name == "adaptive-full"), None)
 
     @property
     def joints(self) -> int:
-        """Number of the mechanism's joints, those that were cut among them."""
+        """Number of the mechanism's joints, those included that were cut to make a tree of its loops."""
         return len(self.comparison.mechanism.links) + self.closures
 
     def tip_errors(self, run: ControllerRun) -> Array:
-        """Distance (T,) of the tip from where it should be, m."""
+        """Distances (T,) of the tip from its desired position, m, at the T samples of a `run` of this arm. Raises
+        `KeyError` for another run."""
         return np.asarray(np.linalg.norm(self.tips[run.name] - self.desired[run.name], axis=-1))
 
     def tip_rms(self, run: ControllerRun | None, start: float = 0.0, stop: float = np.inf) -> float | None:
-        """Root mean square of `tip_errors` over a stretch of time, m; None without samples."""
+        """Root mean square distance of the tip from its desired position, m, over the samples of a `run` from `start`
+        to before `stop` (s, all unless given); None without samples or for None."""
         if run is None:
             return None
         inside = (run.rollout.time >= start) & (run.rollout.time < stop)
         return float(np.sqrt(np.mean(self.tip_errors(run)[inside] ** 2))) if inside.any() else None
 
     def first_tip_rms(self, run: ControllerRun | None) -> float | None:
-        """Root mean square distance of the tip over the first second, m; None where there is no such run."""
+        """Root mean square distance of the tip from its desired position, m, over the first second of a `run`; None for
+        a shorter run, or for None."""
         return None if run is None or run.first_rms_error is None else self.tip_rms(run, stop=BEGINNING)
 
     def final_tip_rms(self, run: ControllerRun | None) -> float | None:
-        """Root mean square distance of the tip over the last two seconds that were run, m; None where there is no such
-        run."""
+        """Root mean square distance of the tip from its desired position, m, over the last two seconds of a `run`; None
+        for a shorter run, or for None."""
         return None if run is None or run.final_rms_error is None else self.tip_rms(run, start=run.duration - SETTLED)
 
 
 @dataclass(frozen=True, eq=False)
 class SideBySide:
-    """Arms side by side: runs of several on one task; of those only that were begun when it was interrupted."""
+    """Data of several arms side by side on one task: `sides`, each arm's runs, in order; name, title and purpose of the
+    experiment, its `settings` and `seed`; `duration`, s, the length asked for; and `complete`, False where it was
+    interrupted: `sides` are then those that were begun. Raises `InputError` without any."""
 
     experiment: str
     title: str

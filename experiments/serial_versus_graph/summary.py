@@ -15,12 +15,14 @@ SCHEMA = "adaptctl/side-by-side/1"
 
 
 def write_summary(path: str | Path, result: SideBySide) -> None:
-    """Write `summary` as JSON, whole or not at all. Raises FileError where it cannot be written."""
+    """Write the summary of arms side by side as a JSON file, whole or not at all. Raises `FileError` where it cannot be
+    written."""
     write_json(path, summary(result))
 
 
 def summary(result: SideBySide) -> dict[str, Any]:
-    """Summary in JSON's types; under `arms` each arm's own comparison, and its tip's errors in m."""
+    """Summary of arms side by side in JSON's types: the experiment, its settings and verdict, and, under "arms", of
+    each arm its comparison of runs, its numbers of parameters and operations, and its tip's RMS errors, m."""
     return {
         "schema": SCHEMA,
         "complete": result.complete,

@@ -16,8 +16,12 @@ _AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 @dataclass(frozen=True)
 class ClosureSide:
-    """One side of a closure: the links from just below the common ancestor to the one that carries the closing
-    frame, and that frame's rotation and origin in it."""
+    """One side of a loop closure: the chain of links from a common link (or the ground) to the closing frame, which the
+    closure makes coincide with that of the other side.
+
+    `links` are the chain's link indices outward, without the common link, empty where the frame is on that; `rotation`
+    (3, 3), whose columns are the closing frame's axes, and `origin` (3), m, place the frame in the chain's last link.
+    """
 
     links: tuple[int, ...]
     rotation: Mat
@@ -26,7 +30,9 @@ class ClosureSide:
 
 @dataclass(frozen=True)
 class Loop:
-    """A closed loop: a closure between two sides that part at a common link, or at the ground."""
+    """A closed kinematic loop of a tree of links: a closure between two sides, `first` and `second`, that part at a
+    common link or the ground. `kind` says what coincides of their closing frames: the origins (POINT), origins and z
+    axes (AXIS) or whole poses (WELD)."""
 
     first: ClosureSide
     second: ClosureSide
@@ -34,7 +40,9 @@ class Loop:
 
 
 class Hinge(NamedTuple):
-    """A joint in the common link's axes: its direction, and its origin (m) once it is moved."""
+    """A joint of a loop at one configuration, in the axes of the loop's common link: its `link`'s index, True in
+    `turns` if it is revolute (False if prismatic), the unit vector `axis` (3), and `origin` (3), m, its frame's origin
+    before its own motion, a point on the axis."""
 
     link: int
     turns: bool
@@ -43,7 +51,9 @@ class Hinge(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """A closure's side at a configuration: its joints, and its closing frame, all in the common link's axes."""
+    """One side of a loop closure at one configuration, in the axes and from the origin of the loop's common link (or
+    the ground): `hinges`, its joints outward, and its closing frame, with `rotation` (3, 3), whose columns are the
+    frame's axes, and `origin` (3), m."""
 
     hinges: list[Hinge]
     rotation: Mat
@@ -51,7 +61,9 @@ class Reach(NamedTuple):
 
 
 def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
-    """The closure's side at a configuration, followed outward from the common link."""
+    """The `Reach` of one side of a loop closure: its joints and its closing frame, in the common link's axes, at the
+    configuration at which the links are placed. `places` has the links' `Placement`s in their parents by link index,
+    those of `side.links` at least."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
         place = places[i]
@@ -63,8 +75,12 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 
 class Constraint:
-    """A closure at a configuration. Its rows are written in the closing frame of the first side, so that none
-    vanishes as the loop turns as a whole: position, then what the kind asks of the attitude."""
+    """A loop closure at one configuration: its residual, and how that moves with the loop's joints. Made of `places`,
+    the links' `Placement`s in their parents, and the `loop`.
+
+    Its 3 (POINT), 5 (AXIS) or 6 (WELD) scalar conditions are in the axes of the first side's closing frame, so that
+    none vanishes as the loop turns as a whole: three of position, in m, then those of the directions, in rad.
+    """
 
     def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
         self.kind = loop.kind
@@ -72,7 +88,10 @@ class Constraint:
         self._seen = self.first.rotation.T
 
     def residual(self) -> list[Scalar]:
-        """The gap between the closing frames: m for positions, rad (to first order) for attitudes; zero when closed."""
+        """The closure residual, a list of 3 (kind POINT), 5 (AXIS) or 6 (WELD) scalars, zero when the loop is closed,
+        in the axes of the first closing frame: x, y, z of the second closing frame's origin from the first's, in m,
+        then, to first order, the second frame's rotation against the first in rad: about x and y for AXIS, x, y and z
+        for WELD."""
         gap = self._seen @ (self.second.origin - self.first.origin)
         turn = product(self._seen, self.second.rotation)
         attitude = {
@@ -87,14 +106,18 @@ class Constraint:
         return [*gap, *attitude]
 
     def rates(self) -> dict[int, list[Scalar]]:
-        """The residual's rate under a unit rate of each joint of the loop: a column of its Jacobian."""
+        """Derivatives of the closure residual by the loop's joint positions, at a closed configuration: by joint index
+        a list of 3 (kind POINT), 5 (AXIS) or 6 (WELD) scalars, m or rad per rad (or per m of a prismatic joint), the
+        joint's column of the closure Jacobian."""
         outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
         inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
         return outward | inward
 
     def bias(self, u: Column, w: Column) -> list[Scalar]:
-        """The residual's second rate when no joint accelerates: its Hessian on two joint velocities (n,), which
-        must themselves keep the loop closed. Symmetric in them."""
+        """The second derivative of the closure residual along two joint velocities u and w (n,) of the tree's n joints,
+        rad/s (m/s if prismatic): a list of 3 (kind POINT), 5 (AXIS) or 6 (WELD) scalars, m/s^2, then rad/s^2. For u = w
+        it is the residual's acceleration while no joint accelerates; it is bilinear and symmetric in both. u and w must
+        keep the loop closed."""
         one, other = _carried(self.first, u, w), _carried(self.second, u, w)
         turning = other.alpha - one.alpha
         if self.kind is ClosureKind.AXIS:
@@ -116,8 +139,9 @@ class Constraint:
 
 
 class Carried(NamedTuple):
-    """Motion of a side's closing frame under two joint velocities: its angular velocities, and the accelerations that
-    they alone cause."""
+    """Motion of a closing frame under two joint velocities u and w, in the axes of the loop's common link, no joint
+    accelerating: its angular velocities `omega` under u and `rho` under w (3), rad/s, and the angular acceleration
+    `alpha` (3), rad/s^2, and acceleration `acc` of its origin (3), m/s^2, both bilinear and symmetric in u and w."""
 
     omega: Vec
     rho: Vec
@@ -145,7 +169,12 @@ def _carried(reached: Reach, u: Column, w: Column) -> Carried:
 
 @dataclass(frozen=True)
 class Follower:
-    """A joint that follows another: q_follower = ratio q_leader + offset, in rad or m."""
+    """A joint that follows another through gears or a mimic joint: q[follower] = ratio q[leader] + offset, in rad (m if
+    prismatic).
+
+    `follower` and `leader` are joint indices in the tree, `ratio` is without unit (or in m/rad, rad/m), `offset` in rad
+    or m.
+    """
 
     follower: int
     leader: int
@@ -154,18 +183,25 @@ class Follower:
 
     @property
     def joints(self) -> tuple[int]:
-        """The joint that follows."""
+        """Index of the one joint whose position `followed` gives, in a tuple."""
         return (self.follower,)
 
     def followed(self, _places: object, _links: object, q: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """The joint's position, rad or m, where the leader is at that of q (n,)."""
+        """Position of the following joint, rad (m if prismatic), as a tuple of one, where the leading joint is at that
+        of the configuration q (n,) of the tree's n joints. The first two arguments, links' placements and geometry, are
+        not used."""
         return (self.ratio * q[self.leader] + self.offset,)
 
 
 @dataclass(frozen=True)
 class Closing:
-    """Loop closure of a tree: its closures and couplings, which of their rows are independent, which joints are
-    primary, and which depend on them."""
+    """Loop closure conditions of a tree of n joints: its loops and couplings, and which joints depend on which.
+
+    `loops` and `followers` (couplings) give scalar conditions, in this order, 3, 5 or 6 for a loop of kind POINT, AXIS
+    or WELD and one for a coupling; `rows` are the indices, rising, of those that are used, the independent ones.
+    `primary` (r) are the indices of the joints whose positions are given, `dependent` (n - r) those of the others,
+    which the conditions determine.
+    """
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]
@@ -175,19 +211,24 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """Mask (r,) of the primary joints that move a closure, themselves or through joints that follow them."""
+        """True for each of the r primary joints, in their order, that moves a loop, being part of it or leading a joint
+        that is; False for one whose motion closes with no loop."""
         links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """Gaps (m,) of the loops and couplings, independent rows only: zero at a closed configuration."""
+        """Closure residual (c,), the violation of the c independent conditions of loops and couplings, in m for
+        positions and rad for directions (a coupling's in its joint's unit): zero at a closed configuration. `places`
+        has the n links' placements at the configuration q (n,) of the tree's n joints, rad (m if prismatic)."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """The Jacobian of the residual by the tree's joints: n columns of (m,)."""
+        """Jacobian (c, n) of the c independent closure conditions by the positions of the tree's n joints, as n
+        columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic joint). `places` has the n links'
+        placements at a closed configuration."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -199,14 +240,17 @@ class Closing:
         return [Column(columns[j].get(i, 0.0) for i in self.rows) for j in range(n)]
 
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
-        """Second derivative (m,) of the residual on two tree velocities (n,) that keep the loops closed."""
+        """The second derivative (c,) of the closure residual's c independent conditions along two velocities u and w
+        (n,) of the tree's n joints, rad/s (m/s if prismatic), that keep the loops closed: m/s^2 or rad/s^2, bilinear
+        and symmetric in u and w. `places` has the n links' placements at a closed configuration."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
         rows += [0.0] * len(self.followers)
         return Column(rows[i] for i in self.rows)
 
 
 def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
-    """Index of the link, or of the ground (-1), where two links' branches part."""
+    """Index of the last link that the branches from the ground to two links share, or -1 for the ground. `parents` has
+    each link's parent index, -1 for the ground; `first` and `second` are the two links' indices, -1 for the ground."""
     above = {GROUND, *ancestry(parents, first)}
     while second not in above:
         second = parents[second]
@@ -214,7 +258,8 @@ def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
 
 
 def ancestry(parents: Sequence[int], link: int) -> list[int]:
-    """Indices of the links from the ground to a link, that one included."""
+    """Indices of the links on the branch from the ground to a `link`, that one included and last; empty for the ground,
+    -1. `parents` has each link's parent index, -1 for the ground."""
     chain: list[int] = []
     while link != GROUND:
         chain.append(link)

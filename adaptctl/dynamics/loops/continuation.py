@@ -32,23 +32,28 @@ NEAREST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """The branch of closed configurations that holds the reference (n,), followed by Newton's steps: they do not lead
-    past a singularity unnoticed, as closed forms may."""
+    """The assembly branch of a mechanism's closed configurations that holds the reference, followed by Newton's steps,
+    which, other than closed forms, do not lead past a singularity unnoticed.
+
+    `equations` are the mechanism's `LoopEquations`, closed by Newton's steps; `reference` (n,) is the configuration of
+    the tree's n joints, rad (m if prismatic), in which the loops are known to close. Nothing is checked.
+    """
 
     equations: LoopEquations
     reference: Array
 
     @property
     def primary(self) -> list[int]:
-        """Indices of the primary joints among the tree's."""
+        """Indices, among the tree's n joints, of the r primary ones, in the order of their positions p (r,)."""
         return list(self.equations.closing.primary)
 
     def follow(self, p: Array, start: Array | None = None) -> Array:
-        """Closed configurations (..., n) at primary positions p (..., r), reached along straight lines from
-        `start` (..., n), the reference if not given, in steps of at most 0.05.
+        """Closed configurations (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of the r
+        primary joints, rad (m), reached from the closed configurations `start` (..., n) along straight lines in p, in
+        steps of at most 0.05 rad (m); None starts at the reference.
 
-        Raises `SingularityError` where the way comes too near to a configuration in which the loops lock, `InputError`
-        where `start` does not broadcast to the samples.
+        Raises `SingularityError` where the way comes near a configuration in which the loops lock (`regularity` below
+        0.05), or they do not close, and `InputError` where `start` does not broadcast to the samples of p.
         """
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
@@ -64,12 +69,15 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
-        """True (m,) for the primary positions (m, r) that `follow` reaches; never raises."""
+        """True or False (m,) for each of m primary positions p (m, r), rad (m if prismatic): True where `follow`
+        reaches it from the reference along a straight line without coming near a singularity. It raises no error for
+        those out of reach."""
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """The share (m,) of the straight way from the reference to primary positions p (m, r) that can be gone before
-        the regularity falls below `least`: 1 for all of it."""
+        """The share (m,), from 0 to 1, of the straight way from the reference to each of m primary positions p (m, r),
+        rad (m if prismatic), that can be gone before the `regularity` falls below `least` (no unit, 0.05 by default): 1
+        for all of it."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -82,8 +90,9 @@ class Continuation:
         return gone
 
     def regularity(self, q: Array) -> Array:
-        """The distance from locking (...): the dependent block's smallest singular value over the reference's, 0 on
-        the other side of a singularity and where the loops could not be closed.
+        """Distance from locking (...), without unit, at configurations q (..., n) of the tree's n joints, rad (m if
+        prismatic): the smallest singular value of the closure Jacobian by the dependent joints over that at the
+        reference, 1 there; 0 on the other side of a singularity and where the loops are not closed to 1e-9 m or rad.
 
         Near a fold it goes as the square root of the distance to it, so 0.05 is near.
         """
@@ -92,11 +101,14 @@ class Continuation:
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
-        """1 where the regularity at q (n,) is at least NEAREST beyond doubt, else 0; over scalars of any kind, of which
-        single precision asks for more than LOST to be left open.
+        """Indicator, 1.0 or 0.0 as a scalar of the kind of q: 1.0 where the `regularity` at a configuration q (n,) of
+        the tree's n joints, rad (m if prismatic), is at least 0.05 beyond doubt, by a lower bound on the smallest
+        singular value. `lost` is the closure residual, m or rad, from which on the loops count as open, which gives
+        0.0; 1e-9 by default, more is needed in single precision.
 
-        The dependent block's smallest singular value is at least 1/|A^-1|, by Frobenius' norm, and for d dependent
-        joints at most sqrt(d) times as much.
+        The bound on the singular value is 1/|A^-1|, by Frobenius' norm, A (d, d) being the closure Jacobian by the d
+        dependent joints; it is at least 1/sqrt(d) of the singular value. An exactly singular A raises
+        `ZeroDivisionError` in floats.
         """
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
@@ -111,7 +123,9 @@ class Continuation:
         return where(gap < lost, regular, 0.0)
 
     def require_regular(self, q: Array) -> None:
-        """Raise `SingularityError` for configurations (..., n) near or beyond a singularity, with the worst of them."""
+        """Check of configurations q (..., n) of the tree's n joints, rad (m if prismatic); nothing is returned. Raises
+        `SingularityError`, with the worst one's primary positions, where the `regularity` is below 0.05: near or beyond
+        a configuration in which the loops lock, or with loops left open."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return

@@ -19,30 +19,37 @@ PARALLEL = 1e-12
 
 
 class Flat(NamedTuple):
-    """A vector in a plane, m."""
+    """A vector (2) in the plane of a planar loop, in m: its components `x` and `y` are scalars of any kind (floats,
+    arrays, traced ones)."""
 
     x: Any
     y: Any
 
     def minus(self, other: Flat) -> Flat:
-        """The difference."""
+        """The difference of this vector and the `other`, both in the same plane and unit."""
         return Flat(self.x - other.x, self.y - other.y)
 
     def turned(self, cosine: Any, sine: Any) -> Flat:
-        """The vector turned to the left by an angle, its length times a factor that both are multiplied by."""
+        """This vector turned to the left (from x to y) by the angle of the given `cosine` and `sine`; where both are
+        multiplied by a factor, so is its length."""
         return Flat(cosine * self.x - sine * self.y, cosine * self.y + sine * self.x)
 
     def dot(self, other: Flat) -> Any:
-        """The inner product: of lengths and the cosine of the angle between."""
+        """The inner product of two vectors in the plane, m^2: the product of their lengths times the cosine of the
+        angle between them."""
         return self.x * other.x + self.y * other.y
 
     def cross(self, other: Flat) -> Any:
-        """The outer product: of lengths and the sine of the angle from this vector to the other."""
+        """The cross product of this vector and the `other` in the plane, m^2, a scalar: the product of their lengths
+        times the sine of the angle from this one to the other, positive to the left."""
         return self.x * other.y - self.y * other.x
 
 
 class Links(NamedTuple):
-    """A dyad's two links in the plane: an outer pivot of each, and the ways from there over the links, m."""
+    """Geometry of a dyad (two links joined by a middle pivot, between two outer pivots) in its plane, vectors in m: the
+    outer pivots `pivot` and `other_pivot`; `over`, from the first pivot over the first link to the middle pivot; and
+    `other_over`, over the second link: from `other_pivot` to the middle pivot if the loop is cut there, else from the
+    middle pivot to the second link's outer end."""
 
     pivot: Flat
     over: Flat
@@ -53,7 +60,10 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, one: Reach, other: Reach, plane: tuple[Vec, Vec], is_cut_in_the_middle: bool) -> Links:
-        """The links of a dyad where the sides of its closure reach."""
+        """Geometry of a dyad's two links in its plane, m, where the two sides of its loop reach. `one` and `other` are
+        these sides' joints and closing frames, `plane` two orthogonal unit vectors (3) that span the plane, in the
+        common link's axes. `is_cut_in_the_middle` is True where each side ends with one link of the dyad, False where
+        `one` ends with both."""
         if is_cut_in_the_middle:
             points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
         else:
@@ -65,11 +75,14 @@ class Links(NamedTuple):
 
 @dataclass(frozen=True)
 class Dyad:
-    """A dyad of turning joints (RRR): two links between three pivots, whose axes are parallel, of which one is where
-    the loop is cut.
+    """A dyad of three revolute joints (RRR) with parallel axes: two links between two outer pivots and a middle one, of
+    which one is where the loop was cut. Two of its joints depend on the others: where these have put the outer pivots,
+    the links' lengths fix the middle one, but for the side of their connecting line, that of a nearby configuration.
 
-    Where other joints have put the outer pivots, the links' lengths fix the middle one but for the side it is on, which
-    is that of a configuration nearby.
+    `sides` are the loop's: each ends with a link of the dyad, or the first with both; `joints` the indices of the two
+    dependent joints; `plane` two orthogonal unit vectors (3) across the axes, in the common link's axes; `squares` the
+    links' squared lengths, m^2; `sense` is 1 where positive angles of both joints turn the same way in the plane, else
+    -1.
     """
 
     sides: tuple[ClosureSide, ClosureSide]
@@ -85,17 +98,19 @@ class Dyad:
 
     @property
     def is_cut_in_the_middle(self) -> bool:
-        """True if the loop is cut at the middle pivot, False if it is at an outer one."""
+        """True if the loop is cut at the dyad's middle pivot, False if at an outer one."""
         return self.joints[1] not in self.sides[0].links
 
     def followed(
         self, places: Mapping[int, Placement], links: Sequence[Segment], q: Sequence[Scalar]
     ) -> tuple[Scalar, ...]:
-        """The two joints' angles (rad) that close the loop, within half a turn of those of q (n,), on whose side the
-        middle pivot is.
+        """The angles, rad, of the dyad's two dependent joints that close the loop, in the order of `joints`: within
+        half a turn of those of a configuration q (n,) of the tree's n joints, rad (m if prismatic), and with the middle
+        pivot on the same side.
 
-        `places` has the placements of the other links. Where the loop cannot close, the angles leave it open, and a
-        traced angle's sine and cosine are not of length 1.
+        `places` has the placements of the loop's other links in their parents by link index, `links` the geometry of
+        all n links. Where the loop cannot close, the angles leave it open and nothing is raised; outer pivots that
+        coincide raise `ZeroDivisionError` in floats.
         """
         zero = {**places, **{joint: links[joint].placed((1.0, 0.0)) for joint in self.joints}}
         one, other = (reach(zero, side) for side in self.sides)
@@ -126,9 +141,11 @@ Rule: TypeAlias = Dyad | Follower
 
 
 def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple[Rule, ...]:
-    """The rules by which all dependent joints follow, each after those that it needs; empty where some have none.
+    """The closed-form rules, `Dyad`s and `Follower`s (couplings), by which all dependent joints of a mechanism follow
+    from its primary ones, each after those that it needs; empty where a joint has no such rule.
 
-    `reference` (n,) closes all loops.
+    `closing` has the loops, couplings and primary joints; `links` the geometry of the tree's n links; `reference` (n,)
+    is a configuration of its joints, rad (m if prismatic), that closes all loops.
     """
     places = {i: link.at(x) for i, (link, x) in enumerate(zip(links, reference.tolist(), strict=True))}
     known, found = set(closing.primary), list[Rule]()

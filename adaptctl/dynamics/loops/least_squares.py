@@ -9,22 +9,26 @@ from adaptctl.scalars import Column, Scalar
 
 
 class System(Protocol):
-    """Protocol of a linear system with a matrix A, ready to be solved."""
+    """Protocol of a linear system A x = b whose matrix A (m, n), m >= n, is ready to be solved for any right side."""
 
     def solve(self, right: Column) -> Column:
-        """The solution x (n,) of A x = b, or the nearest where there is none."""
+        """The solution x (n,) of A x = b for a right side b (m,), in the unit of b over that of A. An implementation
+        returns the least-squares solution where there are more rows than columns."""
         ...
 
 
 def factored(columns: Sequence[Column]) -> System:
-    """The linear system of a matrix's columns: two by two by its determinant, others by their QR factors."""
+    """The linear system A x = b of a matrix A (m, n), m >= n, given by its n columns (m,), ready to be solved: a 2 x 2
+    matrix by Cramer's rule (`TwoByTwo`), others by their QR factors (`Factored`). Exactly dependent columns raise
+    `ZeroDivisionError` in floats and give infinity or NaN in arrays."""
     if len(columns) == 2 and len(columns[0]) == 2:
         return TwoByTwo(columns)
     return Factored(columns)
 
 
 class TwoByTwo:
-    """A linear system of two rows and columns, solved by Cramer's rule: one division."""
+    """A linear system A x = b of a matrix A (2, 2), given by its two columns (2,) and solved by Cramer's rule, with one
+    division. A matrix of determinant zero raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         (a, c), (b, d) = columns
@@ -32,15 +36,17 @@ class TwoByTwo:
         self.rows = Column((inverse * d, -(inverse * b))), Column((-(inverse * c), inverse * a))
 
     def solve(self, right: Column) -> Column:
-        """The solution x (2,) of A x = b."""
+        """The solution x (2,) of A x = b for a right side b (2,), in the unit of b over that of A."""
         return Column(row @ right for row in self.rows)
 
 
 class Factored:
-    """A QR factorisation A = Q R by modified Gram-Schmidt: no pivots to choose, so nothing branches on a value.
+    """A QR factorisation A = Q R of a matrix A (m, n), m >= n, given by its n columns (m,), by modified Gram-Schmidt
+    without pivoting, so that no code branches on a value.
 
-    Q's columns are orthogonal and keep their lengths, R has ones on its diagonal: so there are no roots, and one
-    division a column.
+    The columns of Q are orthogonal and keep their lengths, R has ones on its diagonal: so there are no square roots,
+    and one division a column. Exactly dependent columns raise `ZeroDivisionError` in floats and give infinity or NaN in
+    arrays.
     """
 
     def __init__(self, columns: Sequence[Column]) -> None:
@@ -57,7 +63,9 @@ class Factored:
             self.inverse.append(1.0 / (column @ column))
 
     def solve(self, right: Column) -> Column:
-        """The solution x (n,) of A x = b by back substitution; b is deflated as the columns were, for accuracy."""
+        """The solution x (n,) of A x = b for a right side b (m,), in the unit of b over that of A, by back
+        substitution; the least-squares solution where m > n. For accuracy b is made orthogonal to the columns of Q one
+        after the other, as the columns of A were."""
         x: list[Scalar] = []
         for q, inverse in zip(self.q, self.inverse, strict=True):
             x.append(inverse * (q @ right))

@@ -12,34 +12,50 @@ from adaptctl.scalars import Column
 
 
 class Following:
-    """The Jacobian J = dU/dp of the tree's joints by the primary ones; `slopes` has the rows of the dependent
-    joints."""
+    """The Jacobian J (n, r) of a tree's n joint positions by the r primary ones at a closed configuration of its loops,
+    with which velocities and torques are mapped.
+
+    Made of `closing`, which has the indices of primary and dependent joints, and `slopes`, for each primary joint a
+    `Column` (n - r,) of the derivatives of the dependent joints by it, rad or m per rad or m.
+    """
 
     def __init__(self, closing: Closing, slopes: Sequence[Column]) -> None:
         self.closing, self.slopes = closing, slopes
 
     def tree(self, v: Column) -> Column:
-        """Velocities (n,) of the tree from the primary ones (r,): J v."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from those of the r primary ones, v
+        (r,); J (n, r) is the Jacobian of the joints' positions by the primary ones. Raises `ValueError` for v of a
+        wrong length."""
         follow = v[0] * self.slopes[0]
         for rate, slope in zip(v.of[1:], self.slopes[1:], strict=True):
             follow = follow + rate * slope
         return self.joined(v, follow)
 
     def primary(self, torque: Sequence[Any] | Column) -> Column:
-        """Torques (r,) of the primary joints from the tree's (n,): J' tau."""
+        """Torques J' tau (r,) of the r primary joints, N m (N if prismatic), that do the same work as torques tau (n,)
+        of all n joints of the tree; J' is the transpose of the Jacobian J (n, r) of the joints' positions by the
+        primary ones."""
         follow = Column(torque[d] for d in self.closing.dependent)
         pairs = zip(self.closing.primary, self.slopes, strict=True)
         return Column(torque[i] + slope @ follow for i, slope in pairs)
 
     def joined(self, first: Column, follow: Column) -> Column:
-        """A tree column (n,) from its primary entries (r,) and dependent ones."""
+        """A `Column` (n,) of one entry for each joint of the tree, in the tree's order, put together from those of the
+        r primary joints, `first` (r,), and those of the dependent ones, `follow` (n - r,), each in the order of its
+        indices."""
         entries = dict(zip(self.closing.primary, first, strict=True))
         entries |= dict(zip(self.closing.dependent, follow, strict=True))
         return Column(entries[i] for i in range(len(entries)))
 
 
 class Posture(Following):
-    """A closed configuration of the tree, with J factored once."""
+    """A closed configuration of a tree with loops, with the closure Jacobian by the dependent joints factored once, and
+    the Jacobian J (n, r) of all n joints by the r primary ones.
+
+    Made of `closing`, the closure conditions, and `places`, the n links' placements at that configuration. Exactly
+    locked loops, whose primary joints do not determine the others, raise `ZeroDivisionError` in floats and give
+    infinity or NaN in arrays.
+    """
 
     def __init__(self, closing: Closing, places: Sequence[Placement]) -> None:
         columns = closing.jacobian(places)
@@ -47,7 +63,8 @@ class Posture(Following):
         super().__init__(closing, [self.factor.solve(-columns[i]) for i in closing.primary])
 
     def bias(self, u: Column, w: Column) -> Column:
-        """The velocity terms J_dot(u) w (n,) of the tree's accelerations, from two tree velocities J v and J v_r;
-        symmetric in them."""
+        """The velocity terms J_dot(u) w (n,) of the accelerations of the tree's n joints, rad/s^2 (m/s^2 if prismatic),
+        zero for the primary ones, under two velocities u = J v and w = J v_r (n,) of these joints, rad/s (m/s), that
+        keep the loops closed; J (n, r) is their Jacobian by the r primary joints. Symmetric in u and w."""
         follow = -self.factor.solve(self.closing.bias(self.places, u, w))
         return self.joined(Column.zeros(len(self.closing.primary)), follow)

@@ -19,8 +19,14 @@ from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, dot, product
 
 
 class ArticulatedBody(NamedTuple):
-    """An articulated body's inertia, the wrench that accelerates a link with what hangs on it: moment = inertia alpha +
-    coupling acc, force = coupling' alpha + mass acc."""
+    """Articulated-body inertia (6, 6) of a link with all that hangs on it, whose joints are free (Featherstone 2008,
+    chapter 7), about a point, in blocks (3, 3): the moment (3), N m, and force (3), N, that accelerate the link by
+    alpha, rad/s^2, and its point by acc, m/s^2, are moment = inertia alpha + coupling acc, force = coupling' alpha +
+    mass acc.
+
+    `inertia` (kg m^2) and `mass` (kg) are symmetric, `coupling` (kg m) is not; coupling' is its transpose. `+` adds two
+    of the same point and axes.
+    """
 
     inertia: Mat
     coupling: Mat
@@ -30,13 +36,15 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(*(a + b for a, b in zip(self, other, strict=True)))
 
     def load(self, acceleration: Twist) -> Wrench:
-        """The wrench of an acceleration, its angular part `w` and its linear part `v`."""
+        """The `Wrench` (force, N, and moment about the body's point, N m) that gives the articulated body an
+        `acceleration`: its angular part `w` (3), rad/s^2, and its linear part `v` (3), m/s^2, in the body's axes."""
         alpha, acc = acceleration.w, acceleration.v
         return Wrench(self.coupling.T @ alpha + self.mass @ acc, self.inertia @ alpha + self.coupling @ acc)
 
     def without(self, load: Wrench, inverse: Scalar) -> ArticulatedBody:
-        """Articulated inertia seen through a free joint, whose unit acceleration takes this load and has this inverse
-        inertia."""
+        """Articulated-body inertia that remains when the link's joint, too, is free: I - U U'/D, I (6, 6) being the
+        given one (Featherstone 2008, chapter 7). `load` is U, the wrench of a unit acceleration of the joint, N and N m
+        per rad/s^2 (or m/s^2); `inverse` is 1/D, D being the joint's inertia, kg m^2 (kg if prismatic)."""
         moment, force = inverse * load.moment, inverse * load.force
         return ArticulatedBody(
             _symmetric(self.inertia - _outer(moment, load.moment)),
@@ -45,15 +53,17 @@ class ArticulatedBody(NamedTuple):
         )
 
     def moved_origin(self, offset: Vec) -> ArticulatedBody:
-        """The articulated body about an origin `offset` (m) behind its own."""
+        """This articulated body about another point, in the same axes: the point from which its own is at `offset` (3),
+        m."""
         arm = _crossing(offset)
         coupling = self.coupling + product(arm, self.mass)
         spread = product(arm, self.coupling.T) + product(coupling, arm.T)
         return ArticulatedBody(_symmetric(self.inertia + spread), coupling, self.mass)
 
     def raised(self, place: Placement, rotor: Scalar) -> ArticulatedBody:
-        """The articulated body seen through the link's free joint, whose rotor may have an inertia: about the
-        parent's origin, in the parent's frame."""
+        """This articulated body, of a link whose joint is free already, about the parent link's origin and in the
+        parent's axes. `place` is the link's placement in its parent, `rotor` the inertia of the joint itself, kg m^2
+        (kg if prismatic); a float 0.0 lets entries that are zero but for round-off be exact zeros."""
         near = place.segment.near
         if place.segment.whole is not None and any(place.shift):  # far from right angles one way costs less than two
             return self.turned_up(place).moved_origin(near + place.up(place.shift))
@@ -63,8 +73,9 @@ class ArticulatedBody(NamedTuple):
         return at_joint.turned_up(place).moved_origin(near)
 
     def free_along(self, place: Placement) -> ArticulatedBody:
-        """The same about the joint's origin: with no rotor the joint moves without a load, so along a coordinate axis
-        what is zero but for round-off is zero."""
+        """This articulated body about its joint's origin with exact zeros where a free joint without rotor, whose axis
+        is one of the coordinate axes, leaves only round-off: it moves along its axis without a load. Unchanged for
+        other axes. `place` is the link's placement in its parent."""
         still = [abs(x) != 1.0 for x in place.segment.axis]
         if all(still):
             return self
@@ -73,7 +84,8 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(self.inertia, _kept(self.coupling, _ALL, still), _kept(self.mass, still, still))
 
     def turned_up(self, place: Placement) -> ArticulatedBody:
-        """This articulated body in coordinates of the parent's frame, about the same point."""
+        """This articulated body in the parent link's axes, about the same point; `place` is the link's placement in its
+        parent."""
         inertia, mass = turned_up(place, self.inertia), turned_up(place, self.mass)
         return ArticulatedBody(inertia, _turned_up(place, self.coupling), mass)
 
@@ -93,8 +105,15 @@ def accelerations(
     rotors: Sequence[Scalar],
     torque: Column,
 ) -> Column:
-    """Joint accelerations (n,) under joint torques, of links with ten parameters each (10N,), whose motion with all
-    joints unaccelerated is given; `rotors` (n,) are inertias of the joints themselves."""
+    """Joint accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree of n links, one joint each, under joint torques
+    by the articulated-body algorithm (Featherstone 2008, chapter 7), in time linear in n.
+
+    `places` are the links' placements in their parents; `unaccelerated` their motion, gravity included, at the given
+    velocities with all joint accelerations zero; `parameters` (10 n,) ten for each link, m, mc_x, mc_y, mc_z, I_xx,
+    I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin); `rotors` (n,) inertias of the joints
+    themselves, kg m^2 (kg); `torque` (n,) the joint torques less friction, N m (N). A joint without inertia raises
+    `ZeroDivisionError` in floats.
+    """
     joints = _freed(places, unaccelerated, parameters, rotors, torque)
     found: list[Scalar] = []
     links: list[Twist] = []

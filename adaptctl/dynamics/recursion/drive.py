@@ -14,9 +14,12 @@ STRIBECK_SPEED = 0.1
 
 
 class DriveTerm(NamedTuple):
-    """One parameter of one drive: its share of energy and torque per unit.
+    """One term (rotor inertia or a kind of friction) of a joint's drive, whose energy and torque are linear in its
+    parameter.
 
-    `arms` are the joints that the drive's shaft turns with, its own first, and the ratios of their speeds.
+    `arms` has pairs (joint index, ratio without unit) of the joints that the drive's shaft turns with, its own first
+    with ratio 1: the shaft's speed is the sum of their velocities times the ratios. `kind` says which term it is.
+    Nothing is checked.
     """
 
     arms: tuple[tuple[int, float], ...]
@@ -24,22 +27,29 @@ class DriveTerm(NamedTuple):
 
     @property
     def joint(self) -> int:
-        """Index of the joint that the shaft drives."""
+        """Index of the joint that the drive is on, counted from 0 among the tree's n joints."""
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:
-        """The shaft's speed for joint velocities v (r,), or its acceleration for accelerations."""
+        """Speed of the drive's shaft, rad/s (m/s if prismatic), at velocities v (n,) of the tree's n joints; for
+        accelerations (n,) in place of v its acceleration, rad/s^2 (m/s^2)."""
         (own, _), *others = self.arms
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
     def energy(self, v: Column) -> Scalar:
-        """Energy (J per unit of the parameter): s^2/2 of a rotor at speed s, zero of friction."""
+        """Kinetic energy in J per unit of the term's parameter at velocities v (n,) of the tree's n joints, rad/s (m/s
+        if prismatic): s^2/2 for a rotor's inertia, s being the shaft's speed; 0 for friction."""
         s = self.speed(v)
         return 0.0 if self.kind.is_friction else 0.5 * s * s
 
     def torque(self, v: Column, a: Column) -> Scalar:
-        """Torque about the shaft per unit of the parameter: its acceleration for a rotor, else friction's law at its
-        speed, the sign smoothed."""
+        """Torque about the drive's shaft, N m (N if prismatic), per unit of the term's parameter, at velocities v,
+        rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), both (n,), of the tree's n joints.
+
+        With the shaft's speed s and |s| = sqrt(s^2 + 0.01^2), which smooths the sign: its acceleration for a rotor's
+        inertia, s for viscous friction, s/|s| for Coulomb's, s/sqrt|s| for the square root, s/|s| / (1 + (s/0.1)^2) for
+        Stribeck's and 1 for a constant offset (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2).
+        """
         match self.kind:
             case DriveParameter.ROTOR_INERTIA:
                 return self.speed(a)
@@ -50,7 +60,9 @@ class DriveTerm(NamedTuple):
         return self.speed(v) / self._smoothed(v)
 
     def damping(self, v: Column) -> Scalar:
-        """Friction about the shaft over its speed, the secant of its curve; 0 for what does not depend on speed."""
+        """Secant of the term's friction curve per unit of its parameter: friction torque about the drive's shaft over
+        the shaft's speed, N m s/rad (N s/m if prismatic), at velocities v (n,) of the tree's n joints, rad/s (m/s). 0
+        for a rotor's inertia and for a constant offset."""
         match self.kind:
             case DriveParameter.VISCOUS:
                 return 1.0
@@ -70,5 +82,6 @@ class DriveTerm(NamedTuple):
         return size
 
     def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
-        """Pairs of a joint and its torque, for a torque about the shaft."""
+        """Pairs (joint index, torque) of the joints that the drive's shaft turns with, for a torque `share` about the
+        shaft, N m (N if prismatic): the torque times each joint's ratio, in the unit of `share`."""
         return [(joint, share if ratio == 1.0 else ratio * share) for joint, ratio in self.arms]

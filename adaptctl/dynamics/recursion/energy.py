@@ -10,7 +10,8 @@ from adaptctl.scalars import ZERO, Column, Scalar, Vec, cross, dot
 
 
 class Weight:
-    """Gravity in a link's frame, and the height potential -g.x of its origin (per kg)."""
+    """Gravity as one link has it: `gravity` (3), the gravitational acceleration in the link's axes, m/s^2, and
+    `potential`, the potential energy of a mass at the link's origin, J/kg, 0 at the ground frame's origin."""
 
     __slots__ = ("gravity", "potential")
 
@@ -19,7 +20,9 @@ class Weight:
 
 
 def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
-    """The gravity in every link's frame, and the heights of their origins."""
+    """The `Weight` of each of n links: the gravitational acceleration in its axes, m/s^2, and the potential of its
+    origin, J/kg. `places` has the links' placements in their parents, parents before children; `gravity` (3) is in the
+    ground frame, m/s^2."""
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
@@ -28,15 +31,21 @@ def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
 
 
 def carried_weight(place: Placement, base: Weight) -> Weight:
-    """The gravity in a link's frame and the height of its origin, from its parent's."""
+    """The `Weight` of one link: the gravitational acceleration in its axes, m/s^2, and the potential of its origin,
+    J/kg. `place` is the link's placement in its parent, `base` the parent's `Weight`."""
     own = place.down(base.gravity)
     fall = dot(base.gravity, place.segment.near) + dot(own, place.shift)
     return Weight(own, base.potential - fall)
 
 
 def link_energy(twist: Twist, weight: Weight) -> Column:
-    """Total energy of one link per unit of each of its ten (Sheu and Walker 1991, section 2.2):
-    [v.v/2 - g.x, v x w - R'g, w_x^2/2, w_x w_y, w_y^2/2, w_x w_z, w_y w_z, w_z^2/2]."""
+    """Energy (10,) of one link, kinetic plus potential, in J per unit of each of its ten inertial parameters m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin): [v.v/2 - g.x, v x
+    w - g, w_x^2/2, w_x w_y, w_y^2/2, w_x w_z, w_y w_z, w_z^2/2] (Sheu and Walker 1991, section 2.2).
+
+    `twist` has the link's angular velocity w, rad/s, and its origin's velocity v, m/s; `weight` the gravitational
+    acceleration g, m/s^2, and the potential -g.x at the origin x, J/kg; all in the link's axes.
+    """
     w, v = twist.w, twist.v
     moment = cross(v, w) - weight.gravity
     mass = 0.5 * dot(v, v) + weight.potential
@@ -45,18 +54,31 @@ def link_energy(twist: Twist, weight: Weight) -> Column:
 
 
 def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Vec) -> Column:
-    """The row E (10N,) of T = E' D: kinetic plus potential energy of the tree, in J."""
+    """Energy regressor E (10 n,) of a tree of n links, one joint each, J per unit of each link's ten inertial
+    parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin): the inner product with them is kinetic plus potential energy, the latter 0 at the ground frame's origin.
+
+    `links` has the links' geometry; q and v (n,) are joint positions and velocities, rad and rad/s (m and m/s if
+    prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2.
+    """
     return placed_energy_regressor(placements(tuple(links), q), v, gravity)
 
 
 def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec) -> Column:
-    """Energy regressor (P,) of links that are placed already."""
+    """Energy regressor (10 n,) of a tree of n links, one joint each, that are placed already: J per unit of each link's
+    ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link
+    frame's origin). `places` has the links' placements in their parents, v (n,) the joint velocities, rad/s (m/s if
+    prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2."""
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 
 
 def potential_regressor(links: Sequence[Segment], q: Column, gravity: Vec) -> Column:
-    """Regressor (P,) of the potential energy alone."""
+    """Potential part (10 n,) of the energy regressor of a tree of n links, one joint each: potential energy, 0 at the
+    ground frame's origin, in J per unit of each link's ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+    I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). `links` has the links' geometry, q (n,) the
+    joint positions, rad (m if prismatic); `gravity` (3) is the gravitational acceleration in the ground frame,
+    m/s^2."""
     places = placements(tuple(links), q)
     still = Twist(ZERO, ZERO)
     return Column(entry for weight in weights(places, gravity) for entry in link_energy(still, weight))

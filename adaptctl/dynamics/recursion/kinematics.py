@@ -17,7 +17,8 @@ _WORLD_AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 class Frame:
-    """A link in the world: `rotation` turns its coordinates into the world's, `origin` is its origin (m)."""
+    """Pose of a link's frame in the world: `rotation` (3, 3) turns coordinates in the link's axes into the world's, and
+    `origin` (3) is the frame's origin in the world, m."""
 
     __slots__ = ("origin", "rotation")
 
@@ -26,7 +27,9 @@ class Frame:
 
 
 class LinkPoses(NamedTuple):
-    """Link frames in the world, N links: `world = rotations[i] @ own + translations[i]`."""
+    """Poses of the frames of N links in the world: `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, with
+    which a point x_i (3) of link i is at x = rotations[..., i, :, :] @ x_i + translations[..., i, :] in the world.
+    Leading axes are samples."""
 
     rotations: Array
     """(..., N, 3, 3)"""
@@ -35,7 +38,8 @@ class LinkPoses(NamedTuple):
 
 
 class JointAxes(NamedTuple):
-    """Axes of the joints in the world: a point (..., N, 3) on each, m, and its direction (..., N, 3)."""
+    """Axes of the joints of N links in the world: `positions` (..., N, 3), m, of a point on each, the joint frame's
+    origin before its own motion, and `directions` (..., N, 3), unit vectors. Leading axes are samples."""
 
     positions: Array
     """(..., N, 3), m: the origin of the joint's frame before it moves"""
@@ -44,7 +48,9 @@ class JointAxes(NamedTuple):
 
 
 def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
-    """Poses in the world of every link's frame at tree configuration q (n,), m."""
+    """Poses in the world of the frames of a tree's n links, a `Frame` each (rotation (3, 3), origin (3) in m), in the
+    links' order, at a configuration q (n,) of the tree's n joints, rad (m if prismatic). `links` has the links'
+    geometry, parents before children."""
     out: list[Frame] = []
     for place in placements(tuple(links), q):
         base = _base(place.segment, out)
@@ -54,10 +60,11 @@ def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
 
 
 def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
-    """Poses in the world of every link's frame at positions p (..., r): rotations (..., N, 3, 3) and translations (...,
-    N, 3), m.
+    """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`: rotations (..., N, 3, 3) and
+    translations (..., N, 3), m, at positions p (..., r) of its r primary joints, rad (m if prismatic).
 
-    Raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity.
+    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit
+    together, and `SingularityError` near where they lock.
     """
     placed, samples = _placed(mechanism, p)
     n = len(placed)
@@ -67,8 +74,12 @@ def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
 
 
 def joint_axes(mechanism: Mechanism, p: ArrayLike) -> JointAxes:
-    """Points and directions (..., N, 3) of every joint's axis in the world at positions p (..., r), m. Raises as
-    `link_poses` does."""
+    """Axes in the world of the joints of a mechanism's N links, as `JointAxes`: points on them (..., N, 3), m, and
+    their directions (..., N, 3), unit vectors, at positions p (..., r) of its r primary joints, rad (m if prismatic).
+
+    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit
+    together, and `SingularityError` near where they lock.
+    """
     placed, samples = _placed(mechanism, p)
     links = mechanism.equations.links
     points = [_joint_position(link, _base(link, placed)) for link in links]

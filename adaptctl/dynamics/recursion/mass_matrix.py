@@ -12,7 +12,9 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cross, dot
 
 
 class Body:
-    """A rigid body: mass, first moment and inertia tensor of rigidly joined links about a frame's origin, SI units."""
+    """A rigid body, such as several links whose joints are locked, by its `mass`, kg, first `moment` (3), kg m, and
+    `inertia` tensor (3, 3), kg m^2, about the origin and in the axes of one frame. `+` adds two bodies of the same
+    frame."""
 
     __slots__ = ("inertia", "mass", "moment")
 
@@ -24,20 +26,24 @@ class Body:
 
 
 def body(ten: Sequence[Scalar]) -> Body:
-    """The rigid body of a link's ten inertial parameters."""
+    """The `Body` (mass, first moment and inertia tensor) of one link's ten inertial parameters `ten` (10,): m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Raises
+    `ValueError` for another number of them."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     return Body(m, Vec(x, y, z), Mat(Vec(xx, xy, xz), Vec(xy, yy, yz), Vec(xz, yz, zz)))
 
 
 def raised(place: Placement, link: Body) -> Body:
-    """A link's body about its parent's origin, in the parent's frame."""
+    """A link's rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about its parent link's origin and
+    in the parent's axes, from that in its own frame, `link`. `place` is the link's placement in its parent."""
     at_joint = moved_origin(link, place.shift)
     turned = Body(link.mass, place.up(at_joint.moment), turned_up(place, at_joint.inertia))
     return moved_origin(turned, place.segment.near)
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """The body about an origin `offset` (m) behind its own."""
+    """The same rigid `Body` about another point, in the same axes: the point from which its own origin is at `offset`
+    (3), m."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)
@@ -56,14 +62,16 @@ def moved_origin(link: Body, offset: Vec) -> Body:
 
 
 def turned_up(place: Placement, inertia: Mat) -> Mat:
-    """A symmetric tensor of the link's frame, in the parent's frame."""
+    """A symmetric tensor (3, 3), such as the `inertia` of a link, in the parent link's axes, from that in the link's
+    axes, in the same unit. `place` is the link's placement in its parent."""
     for turn in reversed(place.turns):
         inertia = congruent(turn.T, inertia)
     return inertia
 
 
 def congruent(rotation: Mat, s: Mat) -> Mat:
-    """The product R S R' (3, 3) of a rotation and a symmetric S, each entry computed once."""
+    """The product R S R' (3, 3) of a `rotation` R (3, 3), a symmetric tensor S (3, 3) in any unit, and the transpose
+    R': symmetric, each entry computed once."""
     half_x, half_y, half_z = s @ rotation.x, s @ rotation.y, s @ rotation.z
     xy, xz, yz = dot(rotation.x, half_y), dot(rotation.x, half_z), dot(rotation.y, half_z)
     return Mat(
@@ -74,8 +82,13 @@ def congruent(rotation: Mat, s: Mat) -> Mat:
 
 
 def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
-    """The rows of the mass matrix M(q) (n, n) by composite rigid bodies: symmetric, zero between joints on different
-    branches."""
+    """The n rows of the mass matrix (n, n) of a tree of n links, one joint each, by composite rigid bodies (Walker and
+    Orin 1982): symmetric, in kg m^2 (kg between prismatic joints, kg m mixed), zero between joints on different
+    branches; rotors are not included.
+
+    `places` has the links' placements in their parents, parents before children; `parameters` (10 n,) ten for each
+    link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin).
+    """
     n = len(places)
     composite = [body(parameters.of[10 * i : 10 * i + 10]) for i in range(n)]
     rows: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -109,9 +122,13 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
 
 
 def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
-    """The solution x (n,) of M x = b by M = L' D L from the tips inward (Featherstone 2008, section 6.5).
+    """The solution x (n,) of M x = b for a symmetric positive definite matrix M (n, n), given by its n `rows`, and a
+    right side b (n,), in the unit of b over that of M, by the factorisation M = L' D L (Featherstone 2008, section
+    6.5).
 
-    From the tips, so that a tree's zeros between branches stay zero and cost nothing once traced.
+    It goes from the last row to the first, so that zeros of a tree's mass matrix between branches stay zeros and cost
+    nothing in compiled equations. A pivot that is exactly zero raises `ZeroDivisionError` in floats, gives infinity or
+    NaN in arrays.
     """
     n = len(right)
     m = [list(row) for row in rows]

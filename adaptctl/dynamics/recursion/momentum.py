@@ -11,7 +11,14 @@ from adaptctl.scalars import Column, Dual
 
 
 class MomentumTerms(NamedTuple):
-    """Regressors with tau = d/dt (momentum D) - (forces D): rows, one a joint, of the asked columns."""
+    """Regressors of the equations of motion in momenta, which need no accelerations: tau = d/dt (momentum D) - forces
+    D, with torques tau (r,) of r primary joints, N m (N if prismatic), and k of their inertial and friction parameters,
+    D (k,).
+
+    Both have r rows, a `Column` (k,) for each joint: `momentum` D is the generalised momentum M v, N m s (N s), and
+    `forces` D the generalised forces C' v - g - friction, N m (N), with the mass matrix M, the transpose C' of the
+    Christoffel (Coriolis) matrix, gravity's torque g and the joints' velocities v.
+    """
 
     momentum: list[Column]
     """M v = momentum D, N m s"""
@@ -20,11 +27,15 @@ class MomentumTerms(NamedTuple):
 
 
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
-    """The regressor of the joints' momenta, and that of the forces that change them besides the torque, at
-    configuration q (n,), velocities v (r,).
+    """Regressors of the momenta of r primary joints, and of the generalised forces besides the torque that change them,
+    as `MomentumTerms`: r rows (k,) each, N m s and N m (N s and N if prismatic) per unit of each of the k of P
+    parameters whose indices `columns` are, from 0 to P - 1.
 
-    C'v = M' v - C v for the Christoffel C (M' = C + C'), and dual numbers along the motion give M' v. Raises
-    `InputError` for equations with known parameters other than zero: the regressors would leave out their share.
+    `equations` are the mechanism's; q (n,) is a configuration of the tree's n joints, rad (m), and v (r,) the
+    velocities of the primary ones, rad/s (m/s). The force C' v is M_dot v - C v for the Christoffel matrix C, since
+    M_dot = C + C'; M_dot v comes from dual numbers along the motion. Raises `InputError` for equations whose linear
+    constraints fix parameters at values other than zero, for which regressors have no columns, and `IndexError` for an
+    index of P or more.
     """
     if equations.has_known_share:
         raise InputError("learning from filtered torques needs relations without known values other than zero")

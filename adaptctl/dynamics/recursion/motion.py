@@ -12,7 +12,8 @@ GROUND = -1
 
 
 class Twist:
-    """A link's angular velocity `w` and the velocity `v` of its origin, in its own frame."""
+    """A link's twist in its own axes: its angular velocity `w` (3), rad/s, and the velocity `v` (3) of its origin, m/s.
+    It serves for accelerations too, rad/s^2 and m/s^2, and for either per unit of a joint's."""
 
     __slots__ = ("v", "w")
 
@@ -21,14 +22,17 @@ class Twist:
 
 
 def carried(place: Placement, parent: Twist) -> Twist:
-    """The parent's twist at the link's origin, as if the joint were locked."""
+    """The `Twist` (angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes) that a link has
+    from its parent's twist, `parent`, while its own joint is locked. `place` is the link's placement in its parent."""
     w = place.down(parent.w)
     v = place.down(parent.v + cross(parent.w, place.segment.near))
     return Twist(w, v + cross(w, place.shift))
 
 
 def moved(place: Placement, rate: Scalar) -> Twist:
-    """The twist of a link whose joint alone moves, at the given rate."""
+    """The `Twist` (angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes) of a link whose
+    own joint alone moves, at velocity `rate`, rad/s (m/s if prismatic). `place` is the link's placement in its
+    parent."""
     axis = place.segment.axis
     if place.segment.turns:
         w = rate * axis
@@ -37,7 +41,9 @@ def moved(place: Placement, rate: Scalar) -> Twist:
 
 
 def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
-    """Twist of every link in its own frame under joint velocities."""
+    """The `Twist`s of all n links of a tree, one joint each: angular velocity, rad/s, and velocity of the link's
+    origin, m/s, each in the link's own axes. `places` has the links' placements in their parents, parents before
+    children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic)."""
     out: list[Twist] = []
     for i, place in enumerate(places):
         parent = place.segment.parent
@@ -50,7 +56,8 @@ def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
 
 
 class Products(NamedTuple):
-    """The symmetric products (w_i r_j + w_j r_i) / 2 of two angular velocities."""
+    """The symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities w and r (3) of a link, in its axes,
+    rad^2/s^2: six scalars for the index pairs xx, xy, yy, xz, yz, zz."""
 
     xx: Scalar
     xy: Scalar
@@ -64,7 +71,8 @@ STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def products(w: Vec, r: Vec) -> Products:
-    """The products of a link's two angular velocities, which may be one."""
+    """The six symmetric products (w_i r_j + w_j r_i)/2, rad^2/s^2, of two angular velocities w and r (3), rad/s, of one
+    link in its axes, as `Products`; w and r may be the same object."""
     if w is r:
         return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
     h = 0.5 * w
@@ -73,9 +81,12 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """A link's motion under two velocities: its point u accelerates by acc (less gravity) + lever u.
+    """A link's motion under two angular velocities w and r, by which its accelerations are bilinear, in the link's
+    axes: its point at u (3), m, accelerates by acc + lever u, m/s^2, gravity's acceleration subtracted.
 
-    `products` are those of its two angular velocities, `alpha` is its angular acceleration.
+    Made of `products`, those of w and r, rad^2/s^2; `alpha` (3), the angular acceleration, rad/s^2; and `acc` (3), the
+    acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2, follows from the first
+    two.
     """
 
     __slots__ = ("acc", "alpha", "lever", "products")
@@ -86,17 +97,22 @@ class LinkMotion:
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """The twelve numbers that determine the motion."""
+        """The twelve scalars that determine the motion: the six `products` (xx, xy, yy, xz, yz, zz), rad^2/s^2, then x,
+        y, z of `alpha`, rad/s^2, and of `acc`, m/s^2."""
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
     def of(cls, numbers: Sequence[Scalar]) -> LinkMotion:
-        """The motion that has these twelve numbers."""
+        """The motion, a `LinkMotion`, made again from its twelve `numbers`: six products of angular velocities,
+        rad^2/s^2, then x, y, z of the angular acceleration, rad/s^2, and of the origin's acceleration, m/s^2. Raises
+        `TypeError` for fewer or more."""
         return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
 
 def lever(p: Products, a: Vec) -> Mat:
-    """The matrix that gives a point u its acceleration from turning: a x u + (w x (r x u) + r x (w x u)) / 2."""
+    """The matrix (3, 3), 1/s^2, that times a point's place u (3), m, in a link is the point's acceleration due to the
+    link's rotation, m/s^2: a x u + (w x (r x u) + r x (w x u))/2. `p` has the symmetric products of the angular
+    velocities w and r, rad^2/s^2, and `a` (3) is the angular acceleration, rad/s^2."""
     return Mat(
         Vec(-(p.yy + p.zz), p.xy - a.z, p.xz + a.y),
         Vec(p.xy + a.z, -(p.xx + p.zz), p.yz - a.x),
@@ -105,11 +121,13 @@ def lever(p: Products, a: Vec) -> Mat:
 
 
 def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[LinkMotion]:
-    """The motion of every link under velocities v and v_r and accelerations a_r (n,): Newton-Euler's forward recursion,
-    polarised in its two velocities.
+    """The motion of every link of a tree of n links, a `LinkMotion` each, under joint velocities v, reference
+    velocities v_r (n,), rad/s (m/s if prismatic), and reference accelerations a_r (n,), rad/s^2 (m/s^2): Newton and
+    Euler's forward recursion, its velocity terms made a symmetric bilinear form of v and v_r.
 
-    With v_r = v it is the ordinary recursion; otherwise it leads to C(p, v) v_r with the Christoffel C that
-    Slotine and Li (1987) need, because the velocity terms are a symmetric bilinear form.
+    With v_r = v it is the ordinary recursion; otherwise torques have the term C v_r with the Christoffel matrix C at v
+    that Slotine and Li (1987) need. `places` has the links' placements in their parents, parents before children;
+    `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2.
     """
     w = angular_velocities(places, v)
     r = w if v is v_r else angular_velocities(places, v_r)
@@ -130,7 +148,8 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
-    """Angular velocity (rad/s) of every link in its own frame under joint velocities."""
+    """Angular velocities (3), rad/s, of all n links of a tree, each in the link's own axes. `places` has the links'
+    placements in their parents, parents before children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic)."""
     out: list[Vec] = []
     for i, place in enumerate(places):
         segment = place.segment

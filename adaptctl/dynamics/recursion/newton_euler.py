@@ -11,7 +11,13 @@ from adaptctl.scalars import Column, Scalar, cross, dot
 
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
-    """Torques (n,) that the joints must exert for their links to move so, N m: the backward recursion."""
+    """Joint torques (n,), N m (N if prismatic), that give the n links of a tree, one joint each, their motion against
+    inertia and gravity: Newton and Euler's backward recursion.
+
+    `places` has the links' placements in their parents, parents before children; `moving` their motions, a `LinkMotion`
+    each; `parameters` (10 n,) ten for each link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
+    m^2, about the link frame's origin).
+    """
     loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
     torques: list[Scalar] = [0.0] * len(places)
     for i in reversed(range(len(places))):
@@ -23,7 +29,9 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
-    """The joint torque that balances a link's wrench: its power at a unit joint rate."""
+    """The joint torque, N m (N if prismatic), that a wrench on the joint's link asks for: the wrench's power at unit
+    velocity of the joint. `place` is the link's placement in its parent, `load` the force, N, and its moment about the
+    link's origin, N m, in the link's axes."""
     z = place.segment.axis
     if not place.segment.turns:
         return dot(load.force, z)
@@ -31,14 +39,22 @@ def joint_power(place: Placement, load: Wrench) -> Scalar:
 
 
 def lifted(place: Placement, load: Wrench) -> Wrench:
-    """The wrench about the parent's origin, in the parent's frame."""
+    """The same `Wrench` (force, N, and moment, N m) about the parent link's origin and in the parent's axes, from that
+    about the link's origin in its axes, `load`. `place` is the link's placement in its parent."""
     force = place.up(load.force)
     moment = place.up(load.moment + cross(place.shift, load.force))
     return Wrench(force, moment + cross(place.segment.near, force))
 
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
-    """The rows of the torque regressor Y, one a joint, with the asked columns only: Y D = M a_r + C(q, v) v_r + g."""
+    """The n rows of the torque regressor Y (n, k) of a tree of n links, one joint each, one `Column` (k,) a joint, N m
+    (N if prismatic) per unit of each of k inertial parameters. Over all 10 n of them, D (10 n,), ten a link, m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), Y D = M a_r + C
+    v_r + g, M the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
+
+    `places` has the links' placements in their parents, parents before children; `moving` their motions under v, v_r
+    and a_r, a `LinkMotion` each; `columns` the k indices in D.
+    """
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
     joints: list[dict[int, Twist]] = []
@@ -50,14 +66,18 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
 
 
 def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> dict[int, Twist]:
-    """The twist of link i under a unit rate of each joint that moves it: its Jacobian, a column an entry."""
+    """Twists of link number `i` under unit velocity of each joint that moves it, a `Twist` by joint index: the columns
+    of the link's Jacobian in its own axes, rad/rad and m/rad (m/m for a prismatic joint's velocity). `place` is the
+    link's placement in its parent, `done` has the same dicts of the links before it."""
     parent = place.segment.parent
     above = done[parent] if parent != GROUND else {}
     return {j: carried(place, twist) for j, twist in above.items()} | {i: moved(place, 1.0)}
 
 
 def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
-    """For each link, the indices among its ten parameters of the asked columns."""
+    """Lists, one for each of `links` links, of the parameters that are asked for of that link: indices from 0 to 9
+    among its ten inertial ones. `columns` are their indices among the ten parameters of all links, from 0 to 10 `links`
+    - 1."""
     kept: list[list[int]] = [[] for _ in range(links)]
     for column in columns:
         kept[column // 10].append(column % 10)
@@ -65,7 +85,14 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
 
 
 def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
-    """The powers Y' s (c,) of each asked parameter's wrench under joint rates s, in O(N), without forming Y."""
+    """The powers Y' s (k,), W per unit of each of k inertial parameters, with the transpose Y' of the torque regressor
+    Y (n, k) of a tree of n links, one joint each; Y is not formed, the time is linear in n.
+
+    `places` has the links' placements in their parents, parents before children; `moving` their motions, a `LinkMotion`
+    each; s (n,) are joint velocities, rad/s (m/s if prismatic); `columns` the k indices among the ten parameters of all
+    links (10 n), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin) of each.
+    """
     kept = kept_by_link(columns, len(places))
     sliding = zip(moving, twists(places, s), kept, strict=True)
     found = [dict(zip(keep, power(motion, twist, keep), strict=True)) for motion, twist, keep in sliding]

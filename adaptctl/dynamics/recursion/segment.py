@@ -15,11 +15,15 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
 class Segment(NamedTuple):
-    """The geometry of one link and its joint, all lengths in m.
+    """Geometry of one link and of the joint that moves it against its parent, lengths in m: `parent` is the parent
+    link's index, -1 for the ground; `turns` is True for a revolute joint, False for a prismatic one; `joint_axis` and
+    `axis` (3) are the joint's unit axis in the joint's frame and in the link's.
 
-    `inward` turns the parent link's coordinates into the joint's, `outward` the moved joint's into the
-    link's; None is the identity. `near` leads from the parent's origin to the joint, in the parent's frame;
-    `far` from the joint to the link's origin, in the link's frame.
+    `inward` (3, 3) turns coordinates in the parent's axes into the joint frame's, `outward` those in the moved joint
+    frame's axes into the link's; None is the identity. `near` (3) leads from the parent's origin to the joint's, in the
+    parent's axes, `far` (3) from the joint's origin to the link's, in the link's axes. `whole` has three matrices (3,
+    3), K_0, K_c and K_s, where the turn from the parent's axes to the link's as one, K_0 + K_c cos q + K_s sin q at the
+    joint angle q, costs less than one by one; else None. Made by `Segment.of`; nothing is checked.
     """
 
     parent: int
@@ -35,7 +39,7 @@ class Segment(NamedTuple):
 
     @classmethod
     def of(cls, link: Link) -> Segment:
-        """The geometry of a link and its joint."""
+        """The geometry of a `link` of a description and of the joint that moves it, as a `Segment`, lengths in m."""
         outward = link.far.rotation.T
         return cls(
             parent=link.parent,
@@ -51,15 +55,17 @@ class Segment(NamedTuple):
 
     @property
     def coordinates(self) -> int:
-        """Number of coordinates that place the link: cosine and sine of an angle, or a length."""
+        """Number of scalars that place the link in its parent: 2, cosine and sine of the angle, for a revolute joint,
+        1, the displacement, for a prismatic one."""
         return 2 if self.turns else 1
 
     def at(self, q: Scalar) -> Placement:
-        """The link's placement in its parent when its joint stands at q."""
+        """The link's placement in its parent, a `Placement`, where its joint is at position q, rad (m if prismatic)."""
         return self.placed((cos(q), sin(q)) if self.turns else (q,))
 
     def placed(self, coordinates: Sequence[Scalar]) -> Placement:
-        """The placement from the cosine and sine of q, or from q itself where the joint does not turn."""
+        """The link's placement in its parent, a `Placement`, from its `coordinates`: the cosine and sine of the joint
+        angle, or the displacement, m, of a prismatic joint."""
         if self.whole is not None:
             return Placement(self, coordinates, (_sum(self.whole, *coordinates),), self.far)
         turn = about(self.joint_axis, *coordinates) if self.turns else None
@@ -68,8 +74,10 @@ class Segment(NamedTuple):
 
 
 class Placement:
-    """A link in its parent at one configuration: `down` and `up` turn vectors, by `turns` one after the other, `shift`
-    is the link's origin from the joint, in the link's frame; `coordinates` are what it is placed by."""
+    """Placement of a link in its parent at one configuration. `segment` is the link's geometry; `coordinates` are the
+    cosine and sine of its joint angle, or its joint's displacement, m; `turns` are the rotations (3, 3) that one after
+    the other turn coordinates in the parent's axes into the link's; and `shift` (3) leads from the joint's origin
+    before its own motion to the link's origin, in the link's axes, m."""
 
     __slots__ = ("coordinates", "segment", "shift", "turns")
 
@@ -77,31 +85,35 @@ class Placement:
         self.segment, self.coordinates, self.turns, self.shift = segment, coordinates, turns, shift
 
     def down(self, u: Vec) -> Vec:
-        """The parent's coordinates of a vector, turned into the link's."""
+        """Components (3) in the link's axes of a vector u whose components (3) in the parent link's axes are given, in
+        the same unit."""
         for turn in self.turns:
             u = turn @ u
         return u
 
     def up(self, u: Vec) -> Vec:
-        """The link's coordinates of a vector, turned into the parent's."""
+        """Components (3) in the parent link's axes of a vector u whose components (3) in the link's axes are given, in
+        the same unit."""
         for turn in reversed(self.turns):
             u = turn.T @ u
         return u
 
 
 def segments(description: Description) -> tuple[Segment, ...]:
-    """The geometry of every link."""
+    """Geometry of every link of a described mechanism, a `Segment` each, lengths in m, in the links' order, parents
+    before children."""
     return tuple(Segment.of(link) for link in description.links)
 
 
 def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
-    """Pose of every link in its parent at tree configuration q (n,)."""
+    """Placements of a tree's n links in their parents, a `Placement` each, at a configuration q (n,) of the tree's n
+    joints, rad (m if prismatic). `links` has the links' geometry. Too short a q raises `IndexError`."""
     return [link.at(q[i]) for i, link in enumerate(links)]
 
 
 def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
-    """The rotation matrix (3, 3) to coordinates after a turn of cosine c and sine s about a unit axis: Rodrigues'
-    formula, transposed."""
+    """The rotation matrix (3, 3) that turns coordinates of a vector into those in axes turned about the unit axis `a`
+    (3) by an angle of cosine `c` and sine `s`: the transpose of Rodrigues' formula."""
 
     def entry(u: Scalar, v: Scalar, on_diagonal: float, k: Scalar) -> Scalar:
         return u * v + (on_diagonal - u * v) * c + k * s

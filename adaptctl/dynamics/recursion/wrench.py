@@ -9,7 +9,8 @@ from adaptctl.scalars import Scalar, Vec, cross, dot
 
 
 class Wrench:
-    """A force and its moment about the link's origin, in the link's frame (N, N m)."""
+    """A wrench on a link: `force` (3), N, and `moment` (3) about the link's origin, N m, both in the link's axes. `+`
+    adds two wrenches on the same link."""
 
     __slots__ = ("force", "moment")
 
@@ -21,7 +22,10 @@ class Wrench:
 
 
 def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
-    """The wrench that moves the link: f = m acc + lever mc, n = mc x acc + the moment of its inertia."""
+    """The `Wrench` (force, N, and moment about the link's origin, N m, in the link's axes) that gives a link its
+    `motion`, against inertia and gravity: force m acc + lever mc, moment mc x acc + that of the inertia
+    (`inertia_moments`). `ten` (10,) are the link's inertial parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
+    I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin); acc and lever are those of `motion`."""
     m, mc = ten[0], Vec(ten[1], ten[2], ten[3])
     force = m * motion.acc + motion.lever @ mc
     moment = cross(mc, motion.acc)
@@ -31,7 +35,10 @@ def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
 
 
 def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
-    """The moments of unit I_xx, I_xy, I_yy, I_xz, I_yz, I_zz: I alpha + (w x I r + r x I w) / 2."""
+    """Moments (3) about a link's origin, in its axes, that give the link its `motion`, for each of its inertias I_xx,
+    I_xy, I_yy, I_xz, I_yz, I_zz: six vectors, N m per kg m^2. Their sum times the inertias is I alpha + (w x I r + r x
+    I w)/2 for the inertia tensor I, angular acceleration alpha, and the two angular velocities w and r of the
+    motion."""
     a, b, p = motion.alpha, motion.lever, motion.products
     return (
         Vec(a.x, p.xz, -p.xy),
@@ -44,7 +51,15 @@ def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
 
 
 def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
-    """The power of a twist against the wrench of each kept unit parameter: one entry of a regressor each."""
+    """Powers, W per unit of each, of the wrenches that move a link with one of its ten inertial parameters at 1 and the
+    others at 0, at a `twist` of the link: a list of one scalar for each of the indices `keep`, from 0 to 9, of the
+    parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin).
+
+    `motion` is the link's `LinkMotion`, which these wrenches cause; `twist` has its angular velocity, rad/s, and its
+    origin's velocity, m/s, in the link's axes. At the twist of unit velocity of a joint, powers are entries of the
+    torque regressor, N m (N if prismatic) per unit of each parameter.
+    """
     moments = inertia_moments(motion) if any(k >= 4 for k in keep) else ()
     levered = motion.lever.T @ twist.v + cross(motion.acc, twist.w) if any(1 <= k <= 3 for k in keep) else None
     first = tuple(levered) if levered is not None else ()
