@@ -14,7 +14,7 @@ import llvmlite.binding as llvm
 import numpy as np
 import pytest
 from expression_trees import Tree, evaluated, size, trees
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from signals import signalled
@@ -166,6 +166,7 @@ triples = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 
 
 @given(trees, st.lists(triples, min_size=1, max_size=9), st.sampled_from((2, 4, 8)))
+@example(("sin", ("sin", ("neg", 0))), [(0.5, 0.0, 0.0)], 2)  # of an angle that the same run of sines computes
 @settings(max_examples=60, deadline=None)
 def test_random_equations_agree_in_lanes(tree: Tree, x: list[tuple[float, float, float]], lanes: int) -> None:
     stepper = compile_step(lambda x: (evaluated(tree, x),), state={}, held={"x": 3}, lanes=lanes)

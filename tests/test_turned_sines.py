@@ -109,3 +109,32 @@ def test_sines_go_down_as_many_calls_as_there_are() -> None:
     assert routine.operations[Op.SIN] == routine.operations[Op.COS] == 1
     assert not any(x.op is Op.SIN for called in routine.calls for x in called.body)
     np.testing.assert_array_equal(compile_function(whole, {"x": 1})(np.array([0.5])), np.sin([0.5, 0.5 + np.pi / 2]))
+
+
+def several(q: Column, v: Column) -> tuple[Column, Column]:
+    """Sines and cosines of some angles, and of those a step later: each group is computed at once."""
+    later = q + DT * v
+    return Column([*map(sin, q), *map(cos, q)]), Column([*map(sin, later), *map(cos, later)])
+
+
+@pytest.mark.parametrize("lanes", [1, 2, 8])
+@pytest.mark.parametrize("n", [1, 2, 3, 8, 11])
+def test_one_far_angle_of_a_group_changes_no_other(n: int, lanes: int) -> None:
+    rng = np.random.default_rng(n)
+    step = compile_step(several, state={}, held={"q": n, "v": n}, lanes=lanes)
+    arms = step.ensemble(9)
+    q, v = rng.uniform(-3.0, 3.0, (9, n)), rng.uniform(-1.0, 1.0, (9, n))
+    far, long, lost = rng.random((3, 9, n)) < 0.15
+    arms.held["q"], arms.held["v"] = q, v
+    calm = [part.copy() for part in arms.run()]
+    wild_q, wild_v = np.where(far, 1e7 * q, np.where(lost, np.nan, q)), np.where(long, 1e5 * v, v)
+    arms.held["q"], arms.held["v"] = wild_q, wild_v
+    now, later = arms.run()
+    own, own_later = np.tile(far | lost, 2), np.tile(far | lost | long, 2)
+    np.testing.assert_array_equal(now[~own], calm[0][~own])
+    np.testing.assert_array_equal(later[~own_later], calm[1][~own_later])
+    true = np.concatenate([np.sin(wild_q), np.cos(wild_q)], axis=-1)
+    np.testing.assert_allclose(now, true, atol=2.5e-16)
+    after = wild_q + DT * wild_v
+    reached = np.concatenate([np.sin(after), np.cos(after)], axis=-1)
+    np.testing.assert_allclose(later, reached, atol=5e-9)  # a spacing of 1e7

@@ -2,159 +2,140 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.instructions import Instructions
 from adaptctl.compilation.invariants import NONE, Invariants, arguments
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.routine import Routine
-from adaptctl.compilation.sine import STEP
-
-ANGLES = {Op.SIN: 0, Op.COS: 1}
-"""Operations on angles, and which of the pair of sine and cosine they ask for."""
+from adaptctl.compilation.sines_at_once import SinesAtOnce, asked_at_once
 
 _ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
 _COMPARISONS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole"}
 _INTRINSICS = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs", Op.MINIMUM: "minimum", Op.MAXIMUM: "maximum"}
 
 
+FAR = 40
+"""Expressions without a use of a value after which it is loaded again, where it is in memory: kept, it would take a
+register that others need, or be written to the stack a second time. (Measured from 20 to 200: 8 % of a step of many
+arms, little between 30 and 80.)"""
+
+
+class _Use(NamedTuple):
+    """The latest use of a value: its name there, and how many expressions were written by then."""
+
+    name: str
+    when: int
+
+
 class FunctionBody:
-    """LLVM instructions of one function's body: `memory` for the calls it makes is set aside first.
+    """LLVM instructions of one function's body, which computes expressions in their order: `memory` for the calls it
+    makes is set aside first.
 
     What it finds in memory it is passed two pointers to: %passed by other pieces, %same by what ran before all steps.
     """
 
     def __init__(
-        self, symbols: Mapping[Routine, str], lanes: Lanes, found: Mapping[int, int], same: Invariants = NONE
+        self,
+        expressions: Sequence[Expression],
+        symbols: Mapping[Routine, str],
+        lanes: Lanes,
+        found: Mapping[int, int],
+        same: Invariants = NONE,
     ) -> None:
-        self.memory: list[str] = []
-        self.lines: list[str] = []
-        self._symbols, self._lanes, self._found, self._same = symbols, lanes, found, same
-        self._loaded: set[str] = set()
+        self._text, self._lanes = Instructions(lanes), lanes
+        self._symbols, self._found, self._same = symbols, found, same
+        self._sines = SinesAtOnce(self._text, self._operand)
+        self._turns = asked_at_once([x for x in expressions if x.index not in found and x.index not in same.places])
+        self._latest: dict[int, _Use] = {}
+        self._stored: dict[int, tuple[str, int]] = {}
+        self._now = 0
         self._together: dict[tuple[Any, ...], str] = {}
+
+    @property
+    def lines(self) -> list[str]:
+        """The instructions, memory first."""
+        return [*self._text.memory, *self._text.lines]
 
     def compute(self, expression: Expression) -> None:
         """Write one expression into its register; what is in memory is loaded where it is first used."""
+        self._now += 1
+        self._sines.turn(self._turns.get(expression.index, ()))
         if expression.op is Op.CALL:
             self._call(f"%x{expression.index}", expression.detail, arguments(expression))
-        elif self._place(expression) is not None:
-            return
-        elif expression.op in ANGLES:
-            pair = f"{{{self._lanes.value}, {self._lanes.value}}}"
-            turned = self._sincos(expression.operands[0])
-            self._add(f"%x{expression.index} = extractvalue {pair} {turned}, {ANGLES[expression.op]}")
-        else:
+        elif self._place(expression) is None:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
+            self._latest[expression.index] = _Use(f"%x{expression.index}", self._now)
 
-    def turn(self, angles: Sequence[Expression], wide: Lanes) -> None:
-        """Write sines and cosines of several angles, side by side at once."""
-        value, several = wide.value, "zeroinitializer"
-        for k, angle in enumerate(angles):
-            x, before = self._operand(angle), several
-            several = f"{x}.beside"
-            self._add(f"{several} = insertelement {value} {before}, {wide.scalar} {x}, i32 {k}")
-        pairs = f"{several}.sincos"
-        self._add(f"{pairs} = call {{{value}, {value}}} @sincos.{wide.count}({value} {several})")
-        for part in ANGLES.values():
-            self._add(f"{pairs}.{part} = extractvalue {{{value}, {value}}} {pairs}, {part}")
-        for k, angle in enumerate(angles):
-            x, pair = f"%x{angle.index}", f"{{{wide.scalar}, {wide.scalar}}}"
-            for part, before, after in ((0, "undef", f"{x}.sine"), (1, f"{x}.sine", f"{x}.sincos")):
-                self._add(f"{x}.{part} = extractelement {value} {pairs}.{part}, i32 {k}")
-                self._add(f"{after} = insertvalue {pair} {before}, {wide.scalar} {x}.{part}, {part}")
-            self._loaded.add(f"{x}.sincos")
+    def store(self, pointer: str, k: int, value: Expression | float) -> None:
+        """Write the store of a number into the k-th place after a pointer."""
+        self._text.store(pointer, k, self._operand(value))
+        if isinstance(value, Expression):
+            self._stored.setdefault(value.index, (pointer, k))
 
     def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
         value = self._lanes.value
         if op is Op.NEGATE:
-            self._add(f"{x} = fneg {value} {operands[0]}")
+            self._text.add(f"{x} = fneg {value} {operands[0]}")
         elif op is Op.SELECT:
             chosen, yes, no = operands
-            self._add(f"{x} = select {self._lanes.condition} {chosen}, {value} {yes}, {value} {no}")
+            self._text.add(f"{x} = select {self._lanes.condition} {chosen}, {value} {yes}, {value} {no}")
         elif op in _ARITHMETIC:
-            self._add(f"{x} = {_ARITHMETIC[op]} contract {value} {', '.join(operands)}")
+            self._text.add(f"{x} = {_ARITHMETIC[op]} contract {value} {', '.join(operands)}")
         elif op in _COMPARISONS:
-            self._add(f"{x} = fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
+            self._text.add(f"{x} = fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
         else:  # `nsz`: of two zeros, either may be the smaller
             arguments = ", ".join(f"{value} {y}" for y in operands)
-            self._add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
-
-    def store(self, pointer: str, k: int, value: Expression | float) -> None:
-        """Write the store of a number into the k-th place after a pointer."""
-        name, kind = f"{pointer}.{k}", self._lanes.value
-        self._add(f"{name} = getelementptr {kind}, ptr {pointer}, i64 {k}")
-        self._add(f"store {kind} {self._operand(value)}, ptr {name}, align {self._lanes.size}")
-
-    def _add(self, line: str) -> None:
-        self.lines.append(line)
+            self._text.add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
 
     def _operand(self, x: Expression | float) -> str:
+        """The name of a value, which is loaded where it is in memory and was not used for long."""
         if not isinstance(x, Expression):
             return self._lanes.constant(x)
-        name, place = f"%x{x.index}", self._place(x)
-        if place is not None and name not in self._loaded:
-            self._loaded.add(name)
-            self._add(f"{name}.at = getelementptr {self._lanes.value}, ptr {place[0]}, i64 {place[1]}")
-            self._add(f"{name} = load {self._lanes.value}, ptr {name}.at, align {self._lanes.size}")
+        place, last = self._place(x) or self._stored.get(x.index), self._latest.get(x.index)
+        if place is not None and (last is None or self._now - last.when > FAR):
+            name = self._text.load(f"%x{x.index}.{self._now}", *place)
+        else:
+            name = f"%x{x.index}" if last is None else last.name
+        self._latest[x.index] = _Use(name, self._now)
         return name
 
     def _call(self, x: str, routine: Routine, groups: Iterable[Sequence[Expression | float]]) -> None:
-        pointers = [self._gathered(f"{x}.in{part}", group) for part, group in enumerate(groups)]
+        used = {y.detail for y in routine.body if y.op is Op.INPUT}
+        pointers = []
+        for part, group in enumerate(groups):
+            needed = [k for k in range(len(group)) if (part, k) in used]
+            pointers.append(self._gathered(f"{x}.in{part}", group, needed))
         for part, size in enumerate(routine.layout.sizes):
-            pointers.append(self._reserve(f"{x}.out{part}", size))
-        self._add(f"call void @{self._symbols[routine]}({', '.join(f'ptr {pointer}' for pointer in pointers)})")
+            pointers.append(self._text.reserve(f"{x}.out{part}", size))
+        self._text.add(f"call void @{self._symbols[routine]}({', '.join(f'ptr {pointer}' for pointer in pointers)})")
 
-    def _gathered(self, name: str, group: Sequence[Expression | float]) -> str:
-        """A pointer to these numbers side by side: where they already are so, or a copy."""
-        key = tuple(x.index if isinstance(x, Expression) else x for x in group)
+    def _gathered(self, name: str, group: Sequence[Expression | float], needed: Sequence[int]) -> str:
+        """A pointer to these numbers side by side, of which some are needed: where they already are so, or a copy."""
+        key = tuple(x.index if isinstance(x, Expression) else x for x in group), tuple(needed)
         if key not in self._together:
-            first = self._side_by_side(key, group)
+            first = self._side_by_side(key[0], group, needed)
             if first is None:
-                self._reserve(name, len(group))
-                for k, x in enumerate(group):
-                    self.store(name, k, x)
+                self._text.reserve(name, len(group))
+                for k in needed:
+                    self.store(name, k, group[k])
             else:
-                self._add(f"{name} = getelementptr {self._lanes.value}, ptr {first[0]}, i64 {first[1]}")
+                self._text.add(f"{name} = getelementptr {self._lanes.value}, ptr {first[0]}, i64 {first[1]}")
             self._together[key] = name
         return self._together[key]
 
-    def _side_by_side(self, key: tuple[Any, ...], group: Sequence[Expression | float]) -> tuple[str, int] | None:
-        """The place of the first of numbers that are in memory one after the other; None for others."""
+    def _side_by_side(
+        self, key: tuple[Any, ...], group: Sequence[Expression | float], needed: Sequence[int]
+    ) -> tuple[str, int] | None:
+        """The place of the first of numbers that are in memory one after the other, where they are needed; None for
+        others."""
         if key in self._same.groups:
             return "%same", self._same.groups[key]
-        places = [self._place(x) if isinstance(x, Expression) else None for x in group]
-        if places and places[0] and places == [(places[0][0], places[0][1] + k) for k in range(len(places))]:
-            return places[0]
-        return None
-
-    def _reserve(self, name: str, size: int) -> str:
-        self.memory.append(f"{name} = alloca [{size} x {self._lanes.value}], align {self._lanes.alignment}")
-        return name
-
-    def _sincos(self, angle: Expression) -> str:
-        """The pair of an angle's sine and cosine, computed once: by a turn, where it is a step from a known one."""
-        value, x = self._lanes.value, self._operand(angle)
-        name, pair = f"{x}.sincos", f"{{{value}, {value}}}"
-        if name not in self._loaded:
-            self._loaded.add(name)
-            step = self._step(angle)
-            if step is None:
-                self._add(f"{name} = call {pair} @sincos({value} {x})")
-            else:
-                known, farther = step
-                self._add(f"{name} = call {pair} @sincos.turned({value} {x}, {value} {farther}, {pair} {known}.sincos)")
-        return name
-
-    def _step(self, angle: Expression) -> tuple[str, str] | None:
-        """The angle of known sine from which another is a step in time, a velocity times a small number, and that
-        step; None where there is none."""
-        if angle.op is not Op.ADD or self._place(angle) is not None:
-            return None
-        for known, step in (angle.operands, angle.operands[::-1]):
-            if _known(known, self._loaded) and _short(step):
-                return self._operand(known), self._operand(step)
-        return None
+        places = [self._place(x) if isinstance(x := group[k], Expression) else None for k in needed]
+        firsts = {place and (place[0], place[1] - k) for k, place in zip(needed, places, strict=True)}
+        return firsts.pop() if len(firsts) == 1 else None
 
     def _place(self, x: Expression) -> tuple[str, int] | None:
         """The place of an expression that is in memory already: a pointer and a number of places after it. None for
@@ -167,18 +148,4 @@ class FunctionBody:
             return f"%in{x.detail[0]}", x.detail[1]
         if x.op is Op.RESULT:
             return f"%x{x.operands[0].index}.out{x.detail[0]}", x.detail[1]
-        return None
-
-
-def _known(angle: Any, loaded: Set[str]) -> bool:
-    return isinstance(angle, Expression) and f"%x{angle.index}.sincos" in loaded
-
-
-def _short(x: Any) -> bool:
-    """True for a multiple of a number that is so small that it will hardly be a long turn."""
-    return (
-        isinstance(x, Expression)
-        and x.op is Op.MULTIPLY
-        and isinstance(x.operands[0], float)
-        and abs(x.operands[0]) <= STEP
-    )
+        return self._sines.place(x)

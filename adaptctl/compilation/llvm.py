@@ -10,18 +10,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from adaptctl.compilation.function_body import ANGLES, FunctionBody
-from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.function_body import FunctionBody
+from adaptctl.compilation.graph import Expression
 from adaptctl.compilation.invariants import NONE, Invariants
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.layout import numbered
 from adaptctl.compilation.pieces import Piece, pieces
 from adaptctl.compilation.routine import Routine, trace
 from adaptctl.compilation.sine import STEP, sine_for
-
-_WIDE = (2, 4, 8)
-"""Numbers of arguments whose sines are computed at once, where numbers are not side by side anyway."""
-
 
 BEFORE = ".before"
 """After a step's name, the name of what runs before all steps."""
@@ -39,11 +35,8 @@ def program(routine: Routine, lanes: Lanes, same: Invariants = NONE) -> tuple[st
         functions.append(_function(before, parts[before], symbols, lanes))
         parts[routine] = pieces(same.left(routine), same.places)
     functions.append(_function(routine, parts[routine], symbols, lanes, same))
-    if any(x.op in ANGLES for r in symbols for x in r.body):
-        functions.append(_sincos(lanes))
-    widths = {wide for r in symbols for piece in parts[r] for _, wide in _turned_together(piece, lanes)}
-    functions += [_sincos(wide, f".{wide.count}") for wide in sorted(widths, key=lambda wide: wide.count)]
-    return "\n".join(functions), symbols[routine]
+    text = "\n".join(functions)
+    return f"{text}\n{_sines(text, lanes)}", symbols[routine]
 
 
 def _symbols(routine: Routine) -> dict[Routine, str]:
@@ -87,22 +80,20 @@ def _piece(
     inlining: str = "noinline",
 ) -> str:
     """The function of a piece, which shares memory with others, or of a whole routine."""
-    body = FunctionBody(symbols, lanes, piece.found, same)
+    body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same)
     wanted: dict[int, list[tuple[str, int]]] = {i: [("%passed", place)] for i, place in piece.kept.items()}
     for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
         if isinstance(value, Expression):
             wanted.setdefault(value.index, []).append((f"%out{part}", k))
         else:
             body.store(f"%out{part}", k, value)
-    for angles, wide in _turned_together(piece, lanes):
-        body.turn(angles, wide)
     for expression in piece.expressions:
         body.compute(expression)
         for pointer, k in wanted.get(expression.index, ()):  # at once: registers are few
             body.store(pointer, k, expression)
     pointers = [*_pointers(routine, same, " noalias"), *(["ptr noalias %passed"] if shared else [])]
     head = f"define internal void @{symbol}({', '.join(pointers)}) {inlining} {lanes.attributes} {{"
-    return "\n".join([head, *body.memory, *body.lines, "ret void\n}"])
+    return "\n".join([head, *body.lines, "ret void\n}"])
 
 
 def _pointers(routine: Routine, same: Invariants, promise: str = "") -> list[str]:
@@ -113,25 +104,22 @@ def _pointers(routine: Routine, same: Invariants, promise: str = "") -> list[str
     return inputs + outputs + ([f"ptr{read} %same"] if same.stored else [])
 
 
-def _turned_together(piece: Piece, lanes: Lanes) -> list[tuple[list[Expression], Lanes]]:
-    """Groups of arguments whose sines are computed at once, and in how many lanes: where one number is worked on at a
-    time, an angle alone leaves most of a register empty."""
-    asked = [x.operands[0] for x in piece.expressions if x.op in ANGLES]
-    angles = list(dict.fromkeys(x for x in asked if isinstance(x, Expression) and x.op is Op.INPUT))
-    if lanes.count > 1 or len(angles) < 2:
-        return []
-    groups = [angles[k : k + _WIDE[-1]] for k in range(0, len(angles), _WIDE[-1])]
-    return [(group, Lanes(next(wide for wide in _WIDE if wide >= len(group)), lanes.precision)) for group in groups]
+def _sines(text: str, lanes: Lanes) -> str:
+    """The functions that compute sines and cosines for a text which calls them, in so many lanes each."""
+    counts = {int(count) for count in re.findall(r"@sines\.\w+\.(\d+)\(", text)}
+    if not counts:
+        return ""
+    limits = {"farthest": lanes.constant(sine_for(lanes.precision).farthest), "longest": lanes.constant(STEP)}
+    near = [_near_sines(Lanes(count, lanes.precision)) for count in sorted(counts | {lanes.count})]
+    return "\n".join([*near, lanes.filled("far_sines", tag=f".{lanes.count}", **limits)])
 
 
-def _sincos(lanes: Lanes, tag: str = "") -> str:
-    """The functions that compute sines and cosines, their names ending in a tag."""
-    sine, last = sine_for(lanes.precision), 8 * lanes.size - 1
+def _near_sines(lanes: Lanes) -> str:
+    """The functions for angles that are not far, and for steps."""
+    sine, tag, last = sine_for(lanes.precision), f".{lanes.count}", 8 * lanes.size - 1
     near = trace(lambda x: sine.reduced(x[0]), {"x": 1})
     step = trace(lambda x: sine.turned(*x), {"x": 3})
-    whole = {"zero": 0, "one": 1, "second": last - 1, "last": last, "sign": -(2**last)}
-    numbers = {name: lanes.whole(k) for name, k in whole.items()}
-    limits = {"farthest": lanes.constant(sine.farthest), "longest": lanes.constant(STEP)}
-    inlined = {f"sincos.near{tag}": near, f"sincos.step{tag}": step}
+    numbers = {"zero": 0, "one": 1, "second": last - 1, "last": last, "sign": -(2**last)}
+    inlined = {f"sines.reduced{tag}": near, f"sines.step{tag}": step}
     parts = [_piece(r, Piece(r.body, {}, {}), name, {}, lanes, inlining="alwaysinline") for name, r in inlined.items()]
-    return "\n".join([*parts, lanes.filled("sincos", tag=tag, **limits, **numbers)])
+    return "\n".join([*parts, lanes.filled("sines", tag=tag, **{name: lanes.whole(k) for name, k in numbers.items()})])

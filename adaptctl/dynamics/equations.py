@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
-from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
+from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.scalars import Column, Scalar
 
@@ -209,8 +209,9 @@ class Equations(ABC):
         singular mass matrix, as of a joint without inertia, or locked loops raise `ZeroDivisionError` in floats, give
         infinity or NaN in arrays.
         """
+        inertia = factorised(self.mass_matrix(q, parameters))  # first: its divisions wait for each other
         bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
-        return solve_symmetric(self.mass_matrix(q, parameters), torque - bias)
+        return inertia.solved(torque - bias)
 
     def damped_dynamics(
         self, q: Column, v: Column, torque: Column, parameters: Column, dt: float, more: Sequence[Scalar]
@@ -229,9 +230,10 @@ class Equations(ABC):
         rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
         for i, secant in enumerate(more):
             damping[i][i] = damping[i][i] + secant
-        bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
         pairs = (zip(row, damped, strict=True) for row, damped in zip(rows, damping, strict=True))
-        return solve_symmetric([[_damped(m, b, dt) for m, b in pair] for pair in pairs], torque - bias)
+        inertia = factorised([[_damped(m, b, dt) for m, b in pair] for pair in pairs])
+        bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
+        return inertia.solved(torque - bias)
 
 
 def _damped(inertia: Scalar, damping: Scalar, dt: float) -> Scalar:

@@ -11,7 +11,7 @@ from adaptctl.dynamics.loops.constraint import Closing
 from adaptctl.dynamics.loops.dyad import Rule
 from adaptctl.dynamics.loops.least_squares import factored
 from adaptctl.dynamics.loops.posture import Following, Posture
-from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
+from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
 from adaptctl.dynamics.tree_equations import TreeEquations, TreeMotion
 from adaptctl.scalars import Column, Scalar
@@ -208,8 +208,9 @@ class LoopEquations(Equations):
         rad/s (m/s), for values (P,) of the P `parameters` in SI units. Not checked: columns too short raise
         `IndexError` or `ValueError`, an exactly singular mass matrix or locked loops `ZeroDivisionError` in floats."""
         posture = self.posture(q)
+        inertia = factorised(self._mass_matrix(posture, q, parameters))
         bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
-        return solve_symmetric(self._mass_matrix(posture, q, parameters), torque - bias)
+        return inertia.solved(torque - bias)
 
     def weightless(self) -> LoopEquations:
         """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from adaptctl.dynamics.recursion.mass_matrix import body, turned_up
+from adaptctl.dynamics.recursion.mass_matrix import body
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved
 from adaptctl.dynamics.recursion.newton_euler import joint_power, lifted
 from adaptctl.dynamics.recursion.segment import Placement
+from adaptctl.dynamics.recursion.tensors import symmetric_up, tensor_up
 from adaptctl.dynamics.recursion.wrench import Wrench, wrench
 from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, dot, product
 
@@ -86,8 +87,8 @@ class ArticulatedBody(NamedTuple):
     def turned_up(self, place: Placement) -> ArticulatedBody:
         """This articulated body in the parent link's axes, about the same point; `place` is the link's placement in its
         parent."""
-        inertia, mass = turned_up(place, self.inertia), turned_up(place, self.mass)
-        return ArticulatedBody(inertia, _turned_up(place, self.coupling), mass)
+        inertia, mass = symmetric_up(place, self.inertia), symmetric_up(place, self.mass)
+        return ArticulatedBody(inertia, tensor_up(place, self.coupling), mass)
 
 
 class _Joint(NamedTuple):
@@ -158,12 +159,6 @@ def _articulated(ten: Sequence[Scalar]) -> ArticulatedBody:
     return ArticulatedBody(
         link.inertia, _crossing(link.moment), Mat(Vec(m, 0.0, 0.0), Vec(0.0, m, 0.0), Vec(0.0, 0.0, m))
     )
-
-
-def _turned_up(place: Placement, tensor: Mat) -> Mat:
-    """A tensor of the link's frame, in the parent's."""
-    half = Mat(*map(place.up, tensor.T)).T
-    return Mat(*map(place.up, half))
 
 
 def _crossing(r: Vec) -> Mat:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from adaptctl.dynamics.recursion.motion import GROUND
 from adaptctl.dynamics.recursion.newton_euler import joint_power, lifted
 from adaptctl.dynamics.recursion.segment import Placement
+from adaptctl.dynamics.recursion.tensors import symmetric_up
 from adaptctl.dynamics.recursion.wrench import Wrench
-from adaptctl.scalars import Column, Mat, Scalar, Vec, cross, dot
+from adaptctl.scalars import Column, Mat, Scalar, Vec, cross
 
 
 class Body:
@@ -37,7 +39,7 @@ def raised(place: Placement, link: Body) -> Body:
     """A link's rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about its parent link's origin and
     in the parent's axes, from that in its own frame, `link`. `place` is the link's placement in its parent."""
     at_joint = moved_origin(link, place.shift)
-    turned = Body(link.mass, place.up(at_joint.moment), turned_up(place, at_joint.inertia))
+    turned = Body(link.mass, place.up(at_joint.moment), symmetric_up(place, at_joint.inertia))
     return moved_origin(turned, place.segment.near)
 
 
@@ -59,26 +61,6 @@ def moved_origin(link: Body, offset: Vec) -> Body:
         Vec(a.x.z - xz, a.y.z - yz, a.z.z + spread.x + spread.y),
     )
     return Body(link.mass, link.moment + link.mass * offset, inertia)
-
-
-def turned_up(place: Placement, inertia: Mat) -> Mat:
-    """A symmetric tensor (3, 3), such as the `inertia` of a link, in the parent link's axes, from that in the link's
-    axes, in the same unit. `place` is the link's placement in its parent."""
-    for turn in reversed(place.turns):
-        inertia = congruent(turn.T, inertia)
-    return inertia
-
-
-def congruent(rotation: Mat, s: Mat) -> Mat:
-    """The product R S R' (3, 3) of a `rotation` R (3, 3), a symmetric tensor S (3, 3) in any unit, and the transpose
-    R': symmetric, each entry computed once."""
-    half_x, half_y, half_z = s @ rotation.x, s @ rotation.y, s @ rotation.z
-    xy, xz, yz = dot(rotation.x, half_y), dot(rotation.x, half_z), dot(rotation.y, half_z)
-    return Mat(
-        Vec(dot(rotation.x, half_x), xy, xz),
-        Vec(xy, dot(rotation.y, half_y), yz),
-        Vec(xz, yz, dot(rotation.z, half_z)),
-    )
 
 
 def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
@@ -130,7 +112,33 @@ def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
     nothing in compiled equations. A pivot that is exactly zero raises `ZeroDivisionError` in floats, gives infinity or
     NaN in arrays.
     """
-    n = len(right)
+    return factorised(rows).solved(right)
+
+
+class Factors(NamedTuple):
+    """Factors of a symmetric positive definite matrix M = L' D L (n, n): `lower` has the n rows of L, of which those
+    below the diagonal of ones are used, and `inverse` (n,) the inverses of D's diagonal."""
+
+    lower: Sequence[Sequence[Scalar]]
+    inverse: Sequence[Scalar]
+
+    def solved(self, right: Column) -> Column:
+        """The solution x (n,) of M x = b for the right side b (n,), in the unit of b over that of M."""
+        n, x, lower = len(right), list(right), self.lower
+        for k in reversed(range(n)):
+            for i in range(k):
+                x[i] = x[i] - lower[k][i] * x[k]
+        x = [entry * d for entry, d in zip(x, self.inverse, strict=True)]
+        for k in range(n):
+            for i in range(k):
+                x[k] = x[k] - lower[k][i] * x[i]
+        return Column(x)
+
+
+def factorised(rows: Sequence[Sequence[Scalar]]) -> Factors:
+    """The `Factors` of a symmetric positive definite matrix (n, n), given by its n `rows`, as `solve_symmetric` needs
+    them. A pivot that is exactly zero raises `ZeroDivisionError` in floats, gives infinity or NaN in arrays."""
+    n = len(rows)
     m = [list(row) for row in rows]
     inverse: list[Scalar] = [0.0] * n
     lower: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -140,16 +148,4 @@ def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
             lower[k][i] = m[k][i] * inverse[k]
             for j in range(i + 1):
                 m[i][j] = m[i][j] - lower[k][i] * m[k][j]
-    return _substituted(lower, inverse, right)
-
-
-def _substituted(lower: Sequence[Sequence[Scalar]], inverse: Sequence[Scalar], right: Column) -> Column:
-    n, x = len(right), list(right)
-    for k in reversed(range(n)):
-        for i in range(k):
-            x[i] = x[i] - lower[k][i] * x[k]
-    x = [entry * d for entry, d in zip(x, inverse, strict=True)]
-    for k in range(n):
-        for i in range(k):
-            x[k] = x[k] - lower[k][i] * x[i]
-    return Column(x)
+    return Factors(lower, inverse)

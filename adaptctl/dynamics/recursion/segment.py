@@ -111,9 +111,28 @@ def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
     return [link.at(q[i]) for i, link in enumerate(links)]
 
 
+class AxisRotation(Mat):
+    """Rotation matrix (3, 3) about a coordinate axis: `axis` is its index, 0 for x, 1 for y, 2 for z, and `cosine` and
+    `sine` are those of the angle. It turns coordinates of a vector into those in the axes turned by the angle."""
+
+    __slots__ = ("axis", "cosine", "sine")
+
+    def __init__(self, axis: int, cosine: Scalar, sine: Scalar) -> None:
+        self.axis, self.cosine, self.sine = axis, cosine, sine
+        rows: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        rows[axis][axis] = 1.0
+        rows[i][i], rows[i][j], rows[j][i], rows[j][j] = cosine, sine, -sine, cosine
+        super().__init__(*(Vec(*row) for row in rows))
+
+
 def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
     """The rotation matrix (3, 3) that turns coordinates of a vector into those in axes turned about the unit axis `a`
-    (3) by an angle of cosine `c` and sine `s`: the transpose of Rodrigues' formula."""
+    (3) by an angle of cosine `c` and sine `s`: the transpose of Rodrigues' formula. About a coordinate axis, or its
+    opposite, it is an `AxisRotation`."""
+    if all(isinstance(x, float) for x in a) and sorted(map(abs, a)) == [0.0, 0.0, 1.0]:
+        axis, sign = next((k, x) for k, x in enumerate(a) if x != 0.0)
+        return AxisRotation(axis, c, sign * s)
 
     def entry(u: Scalar, v: Scalar, on_diagonal: float, k: Scalar) -> Scalar:
         return u * v + (on_diagonal - u * v) * c + k * s

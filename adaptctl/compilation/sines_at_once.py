@@ -1,0 +1,192 @@
+"""The instructions of sines and cosines: of several angles at once, with one branch for all that are far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
+from typing import Any, NamedTuple
+
+from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.instructions import Instructions
+from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.sine import STEP, sine_for
+
+ANGLES = {Op.SIN: 0, Op.COS: 1}
+"""Operations on angles, and which of the pair of sine and cosine they ask for."""
+
+_WIDE = (2, 4, 8)
+"""Numbers of angles put side by side where numbers are not so anyway: one alone leaves most of a register empty."""
+
+
+class SinesAtOnce:
+    """Sines and cosines of groups of angles, which are left in memory, pair after pair.
+
+    What is in registers loses its place where a branch may go to the C library's sines, so a group has one branch, not
+    one for each angle. `operand` gives the name of an expression's value.
+    """
+
+    def __init__(self, text: Instructions, operand: Callable[[Any], str]) -> None:
+        self._text, self._operand = text, operand
+        self._pairs: dict[Expression, tuple[str, int]] = {}
+        self._size: dict[str, int] = {}
+
+    def place(self, x: Expression) -> tuple[str, int] | None:
+        """The place of a sine or cosine that was computed, a pointer and a number of places after it; None for
+        others."""
+        found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
+        return None if found is None else (found[0], found[1] + ANGLES[x.op])
+
+    def turn(self, angles: Sequence[Expression]) -> None:
+        """Write sines and cosines of angles that are known by now: by a turn where they are a step from others."""
+        most = _WIDE[-1] if self._text.lanes.count == 1 else len(angles)
+        for _, group in groupby((x for x in angles if x not in self._pairs), self._from):
+            some = list(group)
+            for first in range(0, len(some), most):
+                self._write(some[first : first + most])
+
+    def _from(self, angle: Expression) -> str | None:
+        """The memory of the pairs from one of which an angle is a step away; None where there is none."""
+        step = self._step(angle)
+        return None if step is None else self._pairs[step.known][0]
+
+    def _step(self, angle: Expression) -> _Step | None:
+        for known, step in (angle.operands, angle.operands[::-1]) if angle.op is Op.ADD else ():
+            if known in self._pairs and _short(step):
+                return _Step(known, step)
+        return None
+
+    def _write(self, angles: Sequence[Expression]) -> None:
+        text, pairs = self._text, f"%sines{angles[0].index}"
+        text.reserve(pairs, 2 * len(angles))
+        steps = [step for x in angles if (step := self._step(x)) is not None]
+        columns = [[self._operand(x) for x in angles], *([[self._operand(x.step) for x in steps]] if steps else [])]
+        group = _Group(pairs, columns[-1], [self._pairs[x.known] for x in steps])
+        several = text.lanes.count == 1 and len(angles) > 1
+        self._correct(pairs, columns, *(self._side_by_side(group) if several else self._one_by_one(group)))
+        self._size[pairs] = 2 * len(angles)
+        self._pairs |= {x: (pairs, 2 * k) for k, x in enumerate(angles)}
+
+    def _one_by_one(self, group: _Group) -> tuple[str, Lanes]:
+        """The lanes in which any number is far, where each fills a register."""
+        text, lanes, any_far = self._text, self._text.lanes, ""
+        for k, x in enumerate(group.numbers):
+            name = f"{group.pairs}.of{k}"
+            given = [
+                text.load(f"{name}.known{i}", pointer, first + i)
+                for pointer, first in group.known[k : k + 1]
+                for i in (0, 1)
+            ]
+            for part, value in enumerate(self._computed(name, [x, *given], lanes)):
+                text.store(group.pairs, 2 * k + part, value)
+            any_far = self._beyond(name, x, lanes, bool(given), any_far)
+        return any_far, lanes
+
+    def _side_by_side(self, group: _Group) -> tuple[str, Lanes]:
+        """The lanes that are far of a register in which single numbers are put side by side."""
+        text, name, n = self._text, group.pairs, len(group.numbers)
+        wide = Lanes(next(w for w in _WIDE if w >= n), text.lanes.precision)
+        together = "zeroinitializer"
+        for k, x in enumerate(group.numbers):
+            text.add(f"{name}.x{k} = insertelement {wide.value} {together}, {wide.scalar} {x}, i32 {k}")
+            together = f"{name}.x{k}"
+        sine, cosine = self._computed(name, [together, *self._taken(group, wide)], wide)
+        both, places = f"<{2 * n} x {wide.scalar}>", (k + part * wide.count for k in range(n) for part in (0, 1))
+        text.add(f"{name}.both = shufflevector {wide.value} {sine}, {wide.value} {cosine}, {_mask(places)}")
+        text.add(f"store {both} {name}.both, ptr {name}, align {wide.size}")
+        return self._beyond(name, together, wide, bool(group.known)), wide
+
+    def _taken(self, group: _Group, wide: Lanes) -> list[str]:
+        """The known sines, and the known cosines, each in one register."""
+        if not group.known:
+            return []
+        pointer, size = group.known[0][0], self._size[group.known[0][0]]
+        kind, all_known, idle = f"<{size} x {wide.scalar}>", f"{group.pairs}.known", wide.count - len(group.known)
+        self._text.add(f"{all_known} = load {kind}, ptr {pointer}, align {wide.size}")
+        for i in (0, 1):
+            mask = _mask([*(first + i for _, first in group.known), *[size] * idle])
+            self._text.add(f"{all_known}{i} = shufflevector {kind} {all_known}, {kind} zeroinitializer, {mask}")
+        return [f"{all_known}0", f"{all_known}1"]
+
+    def _computed(self, name: str, given: Sequence[str], lanes: Lanes) -> list[str]:
+        """Sine and cosine of an angle, or, after a step from known ones, which are given after it."""
+        both, function = f"{{{lanes.value}, {lanes.value}}}", "turned" if len(given) > 1 else "near"
+        arguments = ", ".join(f"{lanes.value} {x}" for x in given)
+        self._text.add(f"{name}.sines = call {both} @sines.{function}.{lanes.count}({arguments})")
+        for part, which in enumerate(("sine", "cosine")):
+            self._text.add(f"{name}.{which} = extractvalue {both} {name}.sines, {part}")
+        return [f"{name}.sine", f"{name}.cosine"]
+
+    def _beyond(self, name: str, x: str, lanes: Lanes, stepped: bool, before: str = "") -> str:
+        """The lanes in which a number is too far to be reduced, or to be a step, or was `before`."""
+        limit = lanes.constant(STEP if stepped else sine_for(lanes.precision).farthest)
+        called = f"call {lanes.condition} @sines.beyond.{lanes.count}({lanes.value} {x}, {lanes.value} {limit})"
+        self._text.add(f"{name}.far = {called}")
+        if before:
+            self._text.add(f"{name}.any = or {lanes.condition} {before}, {name}.far")
+        return f"{name}.any" if before else f"{name}.far"
+
+    def _correct(self, pairs: str, columns: Sequence[Sequence[str]], far: str, wide: Lanes) -> None:
+        """Write the branch to corrections: where any angle is far, the C library's sines, where any step is long, those
+        of the angle itself."""
+        text, n, bits = self._text, len(columns[0]), f"i{wide.count}"
+        text.add(f"{pairs}.bits = bitcast {wide.condition} {far} to {bits}")
+        text.add(f"{pairs}.branch = icmp ne {bits} {pairs}.bits, 0")
+        label = pairs[1:]
+        text.add(f"br i1 {pairs}.branch, label %{label}.correct, label %{label}.done")
+        text.add(f"{label}.correct:")
+        memory = [text.reserve(f"{pairs}.given{i}", n) for i in range(len(columns))]
+        for pointer, column in zip(memory, columns, strict=True):
+            for k, x in enumerate(column):
+                text.store(pointer, k, x)
+        arguments = ", ".join(f"ptr {pointer}" for pointer in (*memory, pairs))
+        text.add(f"call void @sines.{'anew' if len(columns) > 1 else 'far'}({arguments}, i64 {n})")
+        text.add(f"br label %{label}.done")
+        text.add(f"{label}.done:")
+
+
+class _Step(NamedTuple):
+    """A step in time, a velocity times a small number, from an angle of known sine."""
+
+    known: Expression
+    step: Expression
+
+
+class _Group(NamedTuple):
+    """Angles, or steps from known pairs, whose `pairs` are to be computed."""
+
+    pairs: str
+    numbers: Sequence[str]
+    known: Sequence[tuple[str, int]]
+
+
+def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expression]]:
+    """Groups of angles whose sines can be computed at once: by the index of the first expression that asks for one,
+    those that are known then. All arguments' are known when the first is asked for."""
+    asked = [x.operands[0] for x in expressions if x.op in ANGLES]
+    given = [x for x in dict.fromkeys(asked) if x.op is Op.INPUT]
+    groups = {expressions[0].index: given} if given else {}
+    first: Expression | None = None
+    for x in expressions:
+        if x.op not in ANGLES:
+            first = None
+            continue
+        if first is None or x.operands[0].index >= first.index:  # the sine of a sine comes later
+            first = x
+        groups.setdefault(first.index, []).append(x.operands[0])
+    return {index: list(dict.fromkeys(angles)) for index, angles in groups.items()}
+
+
+def _short(x: Any) -> bool:
+    """True for a multiple of a number that is so small that it will hardly be a long turn."""
+    return (
+        isinstance(x, Expression)
+        and x.op is Op.MULTIPLY
+        and isinstance(x.operands[0], float)
+        and abs(x.operands[0]) <= STEP
+    )
+
+
+def _mask(places: Iterable[int]) -> str:
+    """The places from which a shuffle takes its numbers."""
+    numbers = [f"i32 {k}" for k in places]
+    return f"<{len(numbers)} x i32> <{', '.join(numbers)}>"
