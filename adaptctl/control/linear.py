@@ -26,7 +26,7 @@ _LABEL = re.compile(r"(\w+)\[(\d+)\]")
 
 
 class LinearState(NamedTuple):
-    """The memory of a linear controller: its state x (n,)."""
+    """The memory of a linear controller: its state `x` (n,), n numbers, at first zero. Nothing is checked."""
 
     x: Any
     """(n,) the system's state"""
@@ -117,7 +117,8 @@ class LinearController(Controller[LinearState]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
         """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after it, the n numbers of the
         controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
-        `reference`, positions, velocities and accelerations (r,), from the state in `memory`."""
+        `reference`, positions, velocities and accelerations (r,), from the state in `memory`. Nothing is checked here:
+        `step` checks shapes."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward
