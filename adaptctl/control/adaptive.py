@@ -56,8 +56,8 @@ class AdaptiveState(NamedTuple):
     def recorded(self) -> Any:
         """Part of the adaptation law's memory that a recorded run holds. For `ConcurrentLearning`, (..., 1): 1 where a
         sample was put on its stack, else 0. For `CompositeLearning`, (..., 1): the number of joints' equations learned
-        from. For `ConsistentLift`: the lift (..., P) of all P parameters, SI units. Raises `AttributeError` for other
-        laws, or with adaptation off."""
+        from. For `ConsistentLift`, (..., P): the P inertial and friction parameters, SI units, that stand for its
+        estimate. Raises `AttributeError` for other laws, or with adaptation off."""
         return self.learning.recorded
 
 

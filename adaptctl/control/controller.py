@@ -68,7 +68,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     """
 
     finite: ClassVar[Finite] = "results"
-    """True if a tick checks its arguments for NaN and infinity, not only its results."""
+    """Where a tick refuses NaN and infinity: "results", True (its arguments too) or False (nowhere)."""
 
     @property
     @abstractmethod

@@ -15,7 +15,9 @@ from adaptctl.scalars import Column, column
 
 
 class Integral(NamedTuple):
-    """The memory of integral action: the error's integral (r,) and the last error (r,)."""
+    """The memory of integral action on r joints: `integral` (r,), the integral in time of the tracking error (measured
+    less desired positions) so far, rad s (m s if prismatic), and `error` (r,), that error at the last tick, rad (m).
+    Nothing is checked."""
 
     integral: Any
     """(r,) of the error so far, rad s"""
@@ -32,7 +34,8 @@ class PassivityIntegral(SlotineLi):
         torque = Y_r(p, v, v_r, a_r) estimate - K s
 
     p_d and v_d are the reference's, e is the tracking error and s, in rad/s (m/s), the sliding variable; a_r = v_r',
-    and Y_r (r, k) is the torque regressor. The integral is taken by the trapezium, exact to T_c^2.
+    and Y_r (r, k) is the torque regressor. A prime is a derivative in time, but in V below the transpose. The integral
+    is taken by the trapezium, exact to T_c^2.
 
     Guarantees: what `SlotineLi` does, V = s'Ms/2 + error' Gamma^-1 error/2 falling as -s'Ks, with this s, M the mass
     matrix and error the estimate less the true parameters; on s = 0 the tracking error has both poles at -Lambda. A

@@ -32,7 +32,9 @@ SMALLEST = 1e-12
 
 
 class Goal(NamedTuple):
-    """The memory of a reference given in joints: its configuration q (n,), from which loops are followed."""
+    """The memory of a task-space law whose reference is given in joints: `q` (n,), the reference's positions of all n
+    joints of the mechanism's spanning tree at the last tick, rad (m if prismatic), from which closed kinematic loops
+    are followed. Nothing is checked."""
 
     q: Any
     """(n,) its tree's joints at the last tick"""
