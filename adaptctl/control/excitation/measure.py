@@ -40,13 +40,13 @@ class Excitation:
     time: Array
     """(w,) s, the end of each window"""
     smallest: Array
-    """(w,)"""
+    """(w,) least eigenvalue of each window, (N m)^2 s"""
     largest: Array
-    """(w,)"""
+    """(w,) greatest eigenvalue of each window, (N m)^2 s"""
     weakest: Array
     """(k,) the least excited direction of scaled parameters over the whole run"""
     window: float
-    """s"""
+    """s, the windows' length"""
 
     @property
     def level(self) -> float:
@@ -113,15 +113,29 @@ def _triangular(rows: Array) -> Array:
 def scaled_regressor(
     model: ReducedModel, p: Array, v: Array, v_r: Array, a_r: Array, scale: ArrayLike | None = None
 ) -> Array:
-    """The scaled regressor Y_r S (T, r, k) along a motion (T, r), in native code where the mechanism is short
-    enough."""
+    """The scaled regressor Y_r S (T, r, k), N m (N if prismatic), along T samples of a motion of r joints: Y_r is
+    Slotine and Li's torque regressor on the model's k parameters, S the diagonal matrix of `scale`.
+
+    Positions `p` are in rad (m), velocities `v` and reference velocities `v_r` in rad/s (m/s), reference accelerations
+    `a_r` in rad/s^2 (m/s^2), all (T, r). `scale` (k,), SI units, or one number are the parameters' prior ranges, their
+    greatest plausible errors, those of `PriorRanges` where None. Mechanisms of up to 100 links are computed in native
+    code. Raises `InputError` on a wrong shape and for a scale that is not finite, `NonFiniteError` for positions that
+    are not, `SingularityError` near a configuration that locks kinematic loops.
+    """
     ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
     ranges = np.broadcast_to(ranges, (len(model.columns),)) if ranges.ndim == 0 else ranges
     return regressor_of(model)(p, v, v_r, a_r) * frozen_array(ranges, (len(model.columns),), "scale")
 
 
 def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], Array]:
-    """Slotine and Li's regressor (T, r, k) as a function of p, v, v_r and a_r (T, r)."""
+    """A function that computes Slotine and Li's torque regressor (T, r, k) of the model's r joints and k parameters, in
+    N m (N if prismatic) per SI unit of each, at T samples: in native code, compiled here, for up to 100 links, else in
+    NumPy.
+
+    Its arguments are positions p in rad (m), velocities v and reference velocities v_r in rad/s (m/s) and reference
+    accelerations a_r in rad/s^2 (m/s^2), all (T, r). It raises `InputError` on a wrong shape, `NonFiniteError` for
+    positions that are not finite, `SingularityError` near a configuration that locks kinematic loops.
+    """
     mechanism, r = model.mechanism, model.mechanism.dof
     if len(mechanism.links) > LARGEST_COMPILED:
         return model.slotine_li_regressor

@@ -202,10 +202,13 @@ class GainDesign:
 
 
 def largest_with_delay(delay: int) -> float:
-    """The largest T_c lambda_max(M^-1 K) that is allowed with a delay in periods: three quarters of the limit.
+    """The largest sampled gain T_c lambda_max(M^-1 K), without a unit, that is allowed where the torque comes `delay`
+    whole control periods late, 0 or more: three quarters of the limit of stability, 1.5 without delay, 0.75 with one
+    period. T_c is the control period, M the mass matrix, K the velocity gains, lambda_max the largest eigenvalue.
+    Nothing is checked.
 
-    A velocity held and fed back d periods late, z^(d+1) - z^d + g = 0, is stable for g below
-    2 sin(pi/(2(2d + 1))): 2, 1, 0.62, ... (Levin and May 1976).
+    A velocity that is held and fed back d periods late, with the characteristic equation z^(d+1) - z^d + g = 0, is
+    stable for sampled gains g below 2 sin(pi/(2(2d + 1))): 2, 1, 0.62, ... (Levin and May 1976).
     """
     limit = 2.0 * float(np.sin(np.pi / (2.0 * (2.0 * delay + 1.0))))
     return 0.5 * LARGEST_SAMPLED_GAIN * limit

@@ -16,10 +16,8 @@ from adaptctl.errors import InputError
 
 
 def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """Positive finite numbers (r,), from one for all joints or one each: read-only.
-
-    Raises `InputError` on a wrong shape and for any other numbers.
-    """
+    """Positive finite numbers (dof,), one a joint, read-only, in the unit of `values`: one number for all `dof` joints,
+    or one each. Raises `InputError` on a wrong shape and for any other numbers; the message names them by `what`."""
     array = per_joint(values, dof, what)
     if not ((array > 0.0) & np.isfinite(array)).all():
         raise InputError(f"{what}: expected positive numbers, got {array.tolist()}")

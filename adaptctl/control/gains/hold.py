@@ -148,8 +148,16 @@ def hold_numbers(
     *,
     estimate: ArrayLike | None = None,
 ) -> Array:
-    """Hold numbers (...), without a unit, at given positions (..., r), and with estimates (P,) or (..., P): see
-    `hold_number`."""
+    """Hold numbers T_c lambda_max(M^-1 (K + M^ Lambda)) (...), without a unit, at given positions `p` (..., r) of r
+    joints, rad (m if prismatic): a torque held over the control period T_c is stable while the number is below 2.
+
+    M is the mass matrix, lambda_max the largest eigenvalue, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
+    1/s, 0 by default, each one number or (r,); `period` is T_c in s. M^ is the mass matrix of the `estimate`, (P,) or
+    (..., P), of all P inertial and friction parameters, SI units, None for the mechanism's own. The number is infinite
+    where M is not positive definite, and where K + M^ Lambda drives instead of damps. Viscous friction is taken in as
+    in `hold_number`, which searches for the worst positions. Raises `InputError` on a wrong shape of `p`, damping or
+    bandwidth, `NonFiniteError` on NaN in these and infinity in `p`; signs are not checked.
+    """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
     p = np.asarray(p, dtype=np.float64)
@@ -202,14 +210,19 @@ def _viscous(mechanism: Mechanism) -> tuple[tuple[int, ...], Array]:
 
 
 def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
-    """The mass matrix M (..., r, r), kg m^2, at positions p (..., r) with other parameters, (P,) or (..., P), also
-    impossible ones."""
+    """The mass matrix M (..., r, r) of a mechanism's r joints, kg m^2 (kg between prismatic joints), at positions `p`
+    (..., r), rad (m), with other `parameters` than its own: all P inertial and friction ones, (P,) or (..., P), in SI
+    units, also impossible ones, for which M is not positive definite. Raises `InputError` on a wrong shape of `p`,
+    `NonFiniteError` on NaN or infinity in it, `SingularityError` near a configuration that locks kinematic loops; the
+    parameters are not checked."""
     rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), column(parameters))
     return stacked_rows(rows, p.shape[:-1])
 
 
 def scaled_eigenvalues(M: Array) -> Array:
-    """Eigenvalues (..., r), rising, of mass matrices (..., r, r) whose diagonal is scaled to 1 in magnitude."""
+    """Eigenvalues (..., r), rising, without a unit, of symmetric matrices `M` (..., r, r), such as mass matrices, whose
+    rows and columns are scaled so that the diagonal has magnitude 1. All are above 0 where M is positive definite. NaN
+    and infinity are not looked for; matrices that are not square raise `ValueError`."""
     diagonal = np.sqrt(np.abs(np.diagonal(M, axis1=-2, axis2=-1)))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
     return np.asarray(np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :])))
@@ -232,7 +245,10 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
 
 
 def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace | None = None) -> float:
-    """The least eigenvalue of M^-1 K over a workspace, 1/s: how fast every velocity decays at least."""
+    """The least eigenvalue of M^-1 K over a workspace, 1/s: under the torque -K v all velocities v of the r joints
+    decay at least as fast. M is the mass matrix, `damping` K in N m s/rad (N s/m if prismatic), one number or (r,). It
+    is found by local search from the worst samples of `workspace`, None for all positions that the joints' limits
+    allow. Raises `InputError` for a damping of another shape or NaN; that it is positive is not checked."""
     root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
     found = (workspace or everywhere(mechanism)).highest(
         lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
@@ -247,13 +263,17 @@ def require_hold(
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> None:
-    """Raise `GainError`, saying what the period can carry, where the hold number of gains is above
-    LARGEST_SAMPLED_GAIN: the control period (s) cannot carry the gains.
+    """Raise `GainError`, with what the period can carry, where the control `period` (s) cannot carry the gains: the
+    hold number T_c lambda_max(M^-1 (K + M Lambda)), no unit, is above 1.5 somewhere in the workspace, or the mass
+    matrix M is not positive definite there. A torque held over the period T_c is stable below 2. `damping` is K in N m
+    s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default, each one number or (r,) for r joints;
+    `workspace` is None for all positions that the joints' limits allow. Raises `InputError` unless damping and period
+    are positive, the bandwidth at least 0 and all finite, and on a wrong shape.
 
-    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, alike to S + Lambda with
-    S = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
-    with K, for S becomes D S D, D >= 1, and D^-1 u, u being the eigenvector of l, has a Rayleigh quotient of at least
-    l, since l >= Lambda_i.
+    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, alike to S + Lambda with S
+    = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
+    with K, for S becomes D S D, D >= 1 diagonal, and D^-1 u, u being the eigenvector of l, has a Rayleigh quotient of
+    at least l, since l >= Lambda_i.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     accepted = _accepted(mechanism, workspace, period)
@@ -309,6 +329,6 @@ def _lightness(mechanism: Mechanism, p: Array) -> str:
 
 
 def require_period(period: float) -> None:
-    """Raise `InputError` for a control period that is no positive time."""
+    """Raise `InputError` unless the control `period`, a number in s, is positive and finite."""
     if not (np.isfinite(period) and period > 0.0):
         raise InputError(f"control period: expected a positive time in s, got {period}")
