@@ -112,10 +112,11 @@ class SlotineLi(AdaptiveController):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), e = p - p_d, its derivative a_r (r,) in
-        rad/s^2 (m/s^2), and an empty memory; Lambda is the bandwidth (1/s). p in rad (m) and v in rad/s (m/s), (r,),
-        are measured; `reference` has p_d, v_d and a_d (r,). The positions q (n,), rad (m), of all n joints of the tree
-        and the last tick's `memory` are for laws that need them."""
+        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), e = p - p_d, its derivative in time a_r (r,)
+        in rad/s^2 (m/s^2), and an empty memory; Lambda is the bandwidth (1/s). p in rad (m) and v in rad/s (m/s), (r,),
+        are the measured positions and velocities of r joints; `reference` has the desired p_d, v_d and their derivative
+        a_d (r,). The positions q (n,), rad (m), of all n joints of the spanning tree and the last tick's `memory` are
+        for subclasses that need them. Nothing is checked here."""
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())

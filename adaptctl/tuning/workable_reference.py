@@ -62,9 +62,9 @@ def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> Workab
     `WorkableReference`.
 
     Frequencies, from 0.1 to 0.25 Hz, and amplitudes, up to 0.5 rad (m), are drawn by `seed`, a whole number of at least
-    0; the smooth start takes 2 s. Joints that ask for more are moved less until they are within 0.6 of their limit or,
-    where gravity and friction at rest ask much, halfway between their share and the limit; a joint of which gravity
-    alone asks more is held still. Nothing is checked.
+    0; the smooth start takes 2 s. Joints that ask for more are moved less until they ask for at most 0.6 of their limit
+    or, where gravity and Coulomb friction at rest ask much, for the mean of their share at rest and 1, at most 0.95; a
+    joint of which gravity alone asks more is held still. Nothing is checked.
     """
     rng = np.random.default_rng(seed)
     lower, upper = motion_ranges(mechanism)
@@ -83,7 +83,7 @@ def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) 
     """The `reference` given, for the mechanism's r joints, with the shares (r,), without a unit, of the torque limits
     `limits` (r,), N m (N if prismatic), that it asks: a `WorkableReference` whose centre is the position at time 0 and
     whose `reduced` is 1. Raises `InputError` where the reference's points do not fit the joints, `NonFiniteError` where
-    they are not finite."""
+    they are not finite, `SingularityError` where kinematic loops cannot reach the first."""
     center = reference(np.zeros(1)).p[0]
     asked = _asked(mechanism, limits, reference)
     return WorkableReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))

@@ -50,16 +50,17 @@ class Excitation:
 
     @property
     def level(self) -> float:
-        """The least eigenvalue of the excitation Gram matrices, the integrals of (Y S)'(Y S), of all windows, in (N
-        m)^2 s (N^2 s for prismatic joints): 0 where some direction of the parameters is not excited in one of them. Y
-        is Slotine and Li's regressor and S the diagonal matrix of the parameters' prior ranges."""
+        """The least eigenvalue of the excitation Gram matrices, the integrals of (Y S)'(Y S) over windows of time along
+        the run, in all windows, in (N m)^2 s (N^2 s for prismatic joints): 0 where some direction of the parameters is
+        not excited in one of them. Y is Slotine and Li's regressor, S the diagonal matrix of the parameters' prior
+        ranges (greatest plausible errors), a prime the transpose."""
         return float(self.smallest.min())
 
     @property
     def condition(self) -> Array:
         """Condition number (w,), without a unit, of Slotine and Li's regressor, its columns scaled by the parameters'
-        prior ranges, stacked over each of w windows: the root of the ratio of its Gram matrix's largest eigenvalue to
-        the smallest, infinite where the smallest is 0."""
+        prior ranges (greatest plausible errors), stacked over each of w windows of time along the run: the root of the
+        ratio of its Gram matrix's largest eigenvalue to the smallest, infinite where the smallest is 0."""
         with np.errstate(divide="ignore"):
             return np.sqrt(self.largest / self.smallest)
 

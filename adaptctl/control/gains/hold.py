@@ -156,7 +156,8 @@ def hold_numbers(
     (..., P), of all P inertial and friction parameters, SI units, None for the mechanism's own. The number is infinite
     where M is not positive definite, and where K + M^ Lambda drives instead of damps. Viscous friction is taken in as
     in `hold_number`, which searches for the worst positions. Raises `InputError` on a wrong shape of `p`, damping or
-    bandwidth, `NonFiniteError` on NaN in these and infinity in `p`; signs are not checked.
+    bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a configuration that locks
+    kinematic loops; signs are not checked.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
