@@ -78,10 +78,10 @@ class AdaptiveComputedTorque(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), of one tick, and the memory after learning from
-        the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
-        `reference`, its positions, velocities and accelerations (r,), with the last tick's `memory`. Nothing is checked
-        here."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after
+        learning from the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s),
+        (r,), towards `reference`, its positions, velocities and accelerations (r,), with the last control period's
+        `memory`. Nothing is checked here."""
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v

@@ -56,11 +56,11 @@ class ComputedTorque(ModelBased):
         return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, by inverse dynamics from the acceleration that
-        brings the tracking error back to zero, and the memory after it: the positions (n,) of all n joints of the
-        spanning tree. Measured positions p are in rad (m), velocities v in rad/s (m/s), (r,); `reference` has
-        positions, velocities and accelerations (r,); `memory` is the last tick's. Nothing is checked here: `step`
-        checks shapes."""
+        """The torque (r,), N m (N for a prismatic joint), for one control period, by inverse dynamics from the
+        acceleration that brings the tracking error back to zero, and the memory after it: the positions (n,) of all n
+        joints of the spanning tree. Measured positions p are in rad (m), velocities v in rad/s (m/s), (r,); `reference`
+        has positions, velocities and accelerations (r,); `memory` is that of the last control period. Nothing is
+        checked here: `step` checks shapes."""
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)

@@ -55,10 +55,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
     """Base class of control laws for a mechanism of r joints, called once a control period, a tick, for one arm or for
     many arms at once.
 
-    A subclass is a frozen dataclass of configuration. It writes `start`, the memory before the first tick, and `law`,
-    the equation of a tick. What changes over time is that memory, a named tuple of arrays, which `step` takes and
-    returns. `law` computes on scalars of any kind (floats, arrays, dual numbers, symbols), so that it can be compiled
-    to native code and differentiated; above 100 joints it runs in Python instead.
+    A subclass is a frozen dataclass of configuration. It writes `start`, the memory before the first control period,
+    and `law`, the equation of a tick. What changes over time is that memory, a named tuple of arrays, which `step`
+    takes and returns. `law` computes on scalars of any kind (floats, arrays, dual numbers, symbols), so that it can be
+    compiled to native code and differentiated; above 100 joints it runs in Python instead.
 
     Attributes that the class names in `tunable` hold its gains; these are arguments of the native code. Controllers
     that differ in them alone share one code, and `tuned` makes such a copy. Without names in `tunable` all numbers are
@@ -148,7 +148,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         Leading axes of p (..., r) are arms, computed together in SIMD lanes; v and the reference's parts may be (r,),
         the same for all. Raises `InputError` on a wrong shape and `NonFiniteError` when the torque or the next state of
         any arm is not finite, as by NaN in p, v or the reference; the message names the arm. `state` is never changed,
-        so the tick can be repeated without that arm, or with the controller wrapped in `Guarded`, which brakes that arm
+        so the step can be repeated without that arm, or with the controller wrapped in `Guarded`, which brakes that arm
         alone.
         """
         return self._step_one(state, p, v, reference)
@@ -167,10 +167,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
-        """The controller itself, its control law (one tick) compiled to native code now instead of at the first `step`.
-        By default this is for one arm; with `many` True the law for many arms is only prepared, and compiled at the
-        first step of as many. Raises `InputError` where `law` does not return torque and memory, `TraceError` where it
-        cannot be traced into an expression graph; with `many`, that first step raises them."""
+        """The controller itself, its control law compiled to native code now instead of at the first `step`. By default
+        this is for one arm; with `many` True the law for many arms is only prepared, and compiled at the first step of
+        as many. Raises `InputError` where `law` does not return torque and memory, `TraceError` where it cannot be
+        traced into an expression graph; with `many`, that first step raises them."""
         _ = self._many if many else self._step_one
         return self
 
@@ -242,8 +242,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
         reference's positions, velocities and accelerations, the memory as one array and, where there are any, the g
         tunable numbers (g,) as in the property `packed`; it returns the torque (r,), N m (N), and the memory after the
-        tick as one array. Raises `InputError` where `law` returns anything else, `TraceError` where it cannot be
-        traced.
+        control period as one array. Raises `InputError` where `law` returns anything else, `TraceError` where it cannot
+        be traced.
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
@@ -253,8 +253,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
         reference's positions, velocities and accelerations, and each array of the memory; it returns the torque (r,), N
-        m (N), and the memory's arrays after the tick, as a tuple. The function raises `InputError` on a wrong shape and
-        `NonFiniteError` where the attribute `finite` asks for finite numbers.
+        m (N), and the memory's arrays after the control period, as a tuple. The function raises `InputError` on a wrong
+        shape and `NonFiniteError` where the attribute `finite` asks for finite numbers.
         """
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
@@ -379,9 +379,9 @@ def _ticked(law: Any, *given: Any) -> Any:
 
 
 def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
-    """The torque, a column of r scalars, and the memory that the method `law` of a controller, here `law`, returned:
-    `returned`, checked. Raises `InputError` unless `returned` is a tuple of a `Column` of r scalars, r the controller's
-    joints, and a memory of as many columns, each as long, as the controller's `start` gives."""
+    """The torque, a `Column` of r scalars for r joints, and the memory, as the method `law` of a controller `returned`
+    them, once they are checked; the argument `law` is that controller. Raises `InputError` unless `returned` is a tuple
+    of such a column and a memory of as many columns, each as long, as the controller's `start` gives."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")

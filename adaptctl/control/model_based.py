@@ -16,8 +16,8 @@ from adaptctl.scalars import Column, column
 
 class BranchState(NamedTuple):
     """The memory of a control law that learns nothing: the configuration `q` (n,) of all n joints of the mechanism's
-    spanning tree at the last tick, rad (m if prismatic). With closed kinematic loops the next configuration is found
-    from it. Nothing is checked."""
+    spanning tree in the last control period, rad (m if prismatic). With closed kinematic loops the next configuration
+    is found from it. Nothing is checked."""
 
     q: Any
     """(n,) the tree's joints at the last tick, from which the next configuration is found"""
@@ -50,10 +50,10 @@ class ModelBased(Controller[BranchState]):
         return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> BranchState:
-        """The memory before the first tick: the configuration (..., n), rad (m if prismatic), of all n joints of the
-        mechanism's spanning tree at positions p (..., r) of its r primary joints; v is not used. Raises `InputError` on
-        a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a configuration that
-        locks kinematic loops."""
+        """The memory before the first control period: the configuration (..., n), rad (m if prismatic), of all n joints
+        of the mechanism's spanning tree at positions p (..., r) of its r primary joints; v is not used. Raises
+        `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a
+        configuration that locks kinematic loops."""
         return BranchState(self.mechanism.configuration(p))
 
     @property

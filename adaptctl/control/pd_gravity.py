@@ -33,7 +33,7 @@ class PDGravity(ModelBased):
 
     `stiffness` is Kp in N m/rad (N/m for a prismatic joint) and `damping` Kd in N m s/rad (N s/m), each one number or
     (r,); `parameters` (P,), all P inertial and friction ones, are in SI units, None for the `mechanism`'s own. `finite`
-    is True: a tick refuses NaN and infinity in its arguments too, by `NonFiniteError`. Raises `InputError` on wrong
+    is True: a step refuses NaN and infinity in its arguments too, by `NonFiniteError`. Raises `InputError` on wrong
     shapes, for numbers that are not finite, and for gains that are not positive.
     """
 
@@ -63,10 +63,10 @@ class PDGravity(ModelBased):
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick: gravity's, a spring's and a damper's; and the
-        memory after it, the positions (n,) of all n joints of the spanning tree. Measured positions p are in rad (m)
-        and velocities v in rad/s (m/s), (r,); `reference` has positions and velocities (r,), its accelerations are not
-        used; `memory` is the last tick's. Nothing is checked here: `step` checks shapes."""
+        """The torque (r,), N m (N for a prismatic joint), for one control period: gravity's, a spring's and a damper's;
+        and the memory after it, the positions (n,) of all n joints of the spanning tree. Measured positions p are in
+        rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and velocities (r,), its accelerations
+        are not used; `memory` is that of the last control period. Nothing is checked here: `step` checks shapes."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

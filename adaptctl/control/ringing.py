@@ -20,13 +20,13 @@ LASTING = 25
 
 
 class Ringing(NamedTuple):
-    """Detector of ringing, a sliding variable s (r,) of r joints that changes its sign from tick to tick, by
-    exponential moving averages over about 100 ticks.
+    """Detector of ringing, a sliding variable s (r,) of r joints that changes its sign from one control period to the
+    next, by exponential moving averages over about 100 control periods.
 
-    `product` (r,) is the average of s times the s of the tick before and `square` (r,) that of the earlier one squared,
-    both in rad^2/s^2 (m^2/s^2 if prismatic); `s` (r,) is the last one, rad/s (m/s). Their quotient is the correlation
-    rho of s with itself. `lasting` (2,) counts the ticks in a row in which some joint's rho was below -0.5 and below
-    -0.9. All are arrays or `Column`s. Nothing is checked.
+    `product` (r,) is the average of s times the s of the control period before and `square` (r,) that of the earlier
+    one squared, both in rad^2/s^2 (m^2/s^2 if prismatic); `s` (r,) is the last one, rad/s (m/s). Their quotient is the
+    correlation rho of s with itself. `lasting` (2,) counts the control periods in a row in which some joint's rho was
+    below -0.5 and below -0.9. All are arrays or `Column`s. Nothing is checked.
     """
 
     product: Any
@@ -40,12 +40,13 @@ class Ringing(NamedTuple):
 
     @classmethod
     def silent(cls, dof: int) -> Ringing:
-        """The detector of ringing of `dof` joints before the first tick: all its averages and counts are zero."""
+        """The detector of ringing of `dof` joints before the first control period: all its averages and counts are
+        zero."""
         return cls(np.zeros(dof), np.zeros(dof), np.zeros(dof), np.zeros(2))
 
     def heard(self, s: Column) -> Ringing:
-        """The detector of ringing after one more tick, in which the sliding variable was `s`, a `Column` (r,) of r
-        joints in rad/s (m/s if prismatic). The detector's own fields must be `Column`s too. Nothing is checked."""
+        """The detector of ringing after one more control period, in which the sliding variable was `s`, a `Column` (r,)
+        of r joints in rad/s (m/s if prismatic). The detector's own fields must be `Column`s too. Nothing is checked."""
         keep, new = 1.0 - 1.0 / SPAN, 1.0 / SPAN
         product = keep * self.product + new * (self.s * s)
         square = keep * self.square + new * (self.s * self.s)
@@ -55,25 +56,25 @@ class Ringing(NamedTuple):
 
     @property
     def alarm(self) -> Any:
-        """Alarm of ringing: 1 where for 25 ticks in a row some joint's sliding variable had a correlation with itself a
-        tick ago below -0.5 (it mostly changed its sign), else 0."""
+        """Alarm of ringing: 1 where for 25 control periods in a row some joint's sliding variable had a correlation
+        with itself one control period ago below -0.5 (it mostly changed its sign), else 0."""
         return where(self.lasting[0] >= LASTING, 1.0, 0.0)
 
     @property
     def brake(self) -> Any:
-        """Signal to brake the arm: 1 where for 25 ticks in a row some joint's sliding variable had a correlation with
-        itself a tick ago below -0.9 (hardly anything but ringing was left), else 0."""
+        """Signal to brake the arm: 1 where for 25 control periods in a row some joint's sliding variable had a
+        correlation with itself one control period ago below -0.9 (hardly anything but ringing was left), else 0."""
         return where(self.lasting[1] >= LASTING, 1.0, 0.0)
 
 
 def correlation(product: Column, square: Column) -> Column:
-    """Correlation rho (r,), without a unit, of the sliding variables s of r joints with themselves a tick ago:
-    `product` over `square` plus 1e-4, so that rho goes to 0 where s is below 0.01 rad/s (m/s).
+    """Correlation rho (r,), without a unit, of the sliding variables s of r joints with themselves one control period
+    ago: `product` over `square` plus 1e-4, so that rho goes to 0 where s is below 0.01 rad/s (m/s).
 
-    `product` (r,) is the moving average of s times the s of the tick before, `square` (r,) that of the earlier s
-    squared, in rad^2/s^2 (m^2/s^2 if prismatic). In a loop that nothing disturbs rho is 1 - h, h its hold number, which
-    must be below 2: the control period times the rate at which the held torque damps s. Raises `ValueError` for columns
-    of different lengths.
+    `product` (r,) is the moving average of s times the s of the control period before, `square` (r,) that of the
+    earlier s squared, in rad^2/s^2 (m^2/s^2 if prismatic). In a loop that nothing disturbs rho is 1 - h, h its hold
+    number, which must be below 2: the control period times the rate at which the held torque damps s. Raises
+    `ValueError` for columns of different lengths.
     """
     return Column(x / (y + FAINT * FAINT) for x, y in zip(product, square, strict=True))
 
@@ -86,10 +87,10 @@ def _least(values: Column) -> Any:
 
 
 def ringing(s: Array) -> Array:
-    """The correlation rho (T, r), without a unit, of the sliding variables of r joints with themselves a tick ago,
-    averaged over about 100 ticks, at the T ticks of a run. -0.5 is an alarm: s mostly changes its sign from tick to
-    tick, the loop rings. At -0.9 it is about to be lost. `s` (T, r) has the sliding variables at every tick, in rad/s
-    (m/s if prismatic). Nothing is checked."""
+    """The correlation rho (T, r), without a unit, of the sliding variables of r joints with themselves one control
+    period ago, averaged over about 100 control periods, in the T control periods of a run. -0.5 is an alarm: s mostly
+    changes its sign from one control period to the next, the loop rings. At -0.9 it is about to be lost. `s` (T, r) has
+    the sliding variables in every control period, in rad/s (m/s if prismatic). Nothing is checked."""
     averages, found = Ringing(*map(Column, Ringing.silent(s.shape[-1]))), np.empty(s.shape)
     for k, row in enumerate(s):
         averages = averages.heard(Column(row.tolist()))

@@ -14,12 +14,12 @@ class TrackedRun(Protocol):
 
     @property
     def p(self) -> Array:
-        """Measured positions (T, r) of the r joints at the run's T samples, rad (m if prismatic)."""
+        """Positions (T, r) of the r joints at the run's T samples, rad (m if prismatic)."""
         ...
 
     @property
     def v(self) -> Array:
-        """Measured velocities (T, r) of the r joints at the run's T samples, rad/s (m/s if prismatic)."""
+        """Velocities (T, r) of the r joints at the run's T samples, rad/s (m/s if prismatic)."""
         ...
 
     @property

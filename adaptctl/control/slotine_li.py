@@ -25,8 +25,8 @@ from adaptctl.scalars import Column, column
 class ReferenceVelocity(NamedTuple):
     """Reference velocity of Slotine and Li's law for r joints: `v_r` (r,), rad/s (m/s if prismatic), from which the
     sliding variable s = v - v_r of the velocities v is measured; its derivative in time `a_r` (r,), rad/s^2 (m/s^2);
-    and `more`, the memory, a named tuple of columns, from which the law makes both at the next tick, empty where it
-    needs none. Nothing is checked."""
+    and `more`, the memory, a named tuple of columns, from which the law makes both in the next control period, empty
+    where it needs none. Nothing is checked."""
 
     v_r: Column
     a_r: Column
@@ -62,9 +62,10 @@ class SlotineLi(AdaptiveController):
     tells where the estimate could come to ring (`estimate_hold`), which is no reason not to try; None looks for no such
     place. `tunable` names the numbers that `tuned` changes.
 
-    Raises `GainError` when the period cannot carry the gains: the hold number T_c lambda_max(M^-1 K + Lambda) above 1.5
-    in the workspace, or M not positive definite there; `InputError` on wrong shapes, on gains, limits or a period that
-    are not positive, and on an adaptation law that does not fit the model.
+    Raises `GainError` when the period cannot carry the gains: the hold number T_c lambda_max(M^-1 K + Lambda),
+    lambda_max the largest eigenvalue, above 1.5 in the workspace, or M not positive definite there; `InputError` on
+    wrong shapes, on gains, limits or a period that are not positive, and on an adaptation law that does not fit the
+    model.
     """
 
     tunable: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "initial")
@@ -90,10 +91,10 @@ class SlotineLi(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after learning from the period
-        that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards the
-        `reference`, positions, velocities and accelerations (r,) in rad (m) and per s and s^2, with the last tick's
-        `memory`, at first that of `start`. Nothing is checked here: `step` checks shapes."""
+        """The torque (r,), N m (N for a prismatic joint), for one control period, and the memory after learning from
+        the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
+        the `reference`, positions, velocities and accelerations (r,) in rad (m) and per s and s^2, with the last
+        control period's `memory`, at first that of `start`. Nothing is checked here: `step` checks shapes."""
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
@@ -115,8 +116,8 @@ class SlotineLi(AdaptiveController):
         """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), e = p - p_d, its derivative in time a_r (r,)
         in rad/s^2 (m/s^2), and an empty memory; Lambda is the bandwidth (1/s). p in rad (m) and v in rad/s (m/s), (r,),
         are the measured positions and velocities of r joints; `reference` has the desired p_d, v_d and their derivative
-        a_d (r,). The positions q (n,), rad (m), of all n joints of the spanning tree and the last tick's `memory` are
-        for subclasses that need them. Nothing is checked here."""
+        a_d (r,). The positions q (n,), rad (m), of all n joints of the spanning tree and the last control period's
+        `memory` are for subclasses that need them. Nothing is checked here."""
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())

@@ -24,9 +24,9 @@ EVERY = 50
 
 @dataclass(frozen=True, eq=False)
 class Delayed(Controller[AdaptiveState]):
-    """Slotine and Li's law, `of`, whose torques come one control period late where `late` is above 0.5 (1), and in time
-    otherwise (0, the default). `late` is a tunable number, an argument of the native code, so that arms with and
-    without the delay share one code. Nothing is checked."""
+    """Slotine and Li's law, `of`, whose torques come one control period late where `late` is 1, and in time where it is
+    0, the default. `late` is a tunable number, an argument of the native code, so that arms with and without the delay
+    share one code. Nothing is checked."""
 
     tunable = ("late",)
 
@@ -45,19 +45,19 @@ class Delayed(Controller[AdaptiveState]):
         return self.of.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The memory before the first tick, the wrapped law's own, of arms at positions p in rad (m if prismatic) and
-        velocities v in rad/s (m/s), (..., r) for r joints; its torque is zero. Raises `InputError` on a wrong shape of
-        p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a configuration that locks kinematic
-        loops."""
+        """The memory before the first control period, the wrapped law's own, of arms at positions p in rad (m if
+        prismatic) and velocities v in rad/s (m/s), (..., r) for r joints; its torque is zero. Raises `InputError` on a
+        wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a configuration that locks
+        kinematic loops."""
         return self.of.start(p, v)
 
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) of r joints, N m (N if prismatic), of one tick, that of the last tick where it comes late,
-        else the new one, and the wrapped law's memory after it. Measured positions p are in rad (m) and velocities v in
-        rad/s (m/s), (r,); `reference` has positions, velocities and accelerations (r,); `memory` is the last tick's.
-        Nothing is checked here: `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N if prismatic), for one control period, that of the last period where it
+        comes late, else the new one, and the wrapped law's memory after it. Measured positions p are in rad (m) and
+        velocities v in rad/s (m/s), (r,); `reference` has positions, velocities and accelerations (r,); `memory` is
+        that of the last control period. Nothing is checked here: `step` checks shapes."""
         _, after = self.of.law(p, v, reference, memory)
         late = self.late > 0.5
         return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after

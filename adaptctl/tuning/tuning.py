@@ -19,8 +19,8 @@ from adaptctl.tuning.verification import Verification
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Reference, gains and integration that `tune` chose for a mechanism of r joints and P inertial parameters. Nothing
-    is checked.
+    """Reference, gains and integration that `tune` chose for a mechanism of r joints and P inertial and friction
+    parameters. Nothing is checked.
 
     `period` T (s) is how long a torque is held, `reference` the trajectory, `initial_error` (r,), in rad or m, the
     arm's distance from it at the start. `gains` are Slotine and Li's Lambda, 1/s, and K, N m s/rad (N s/m), (r,) each;
@@ -63,8 +63,8 @@ class Tuning:
 
     def gain_on(self, model: ReducedModel) -> Array:
         """The adaptation gain Gamma (k, k) on a reduced model's k fundamental (base) parameters, in their units squared
-        per J: adapting them is then the same as adapting all P inertial parameters of the mechanism with the tuning's
-        diagonal Gamma (P,). Raises `InputError` for a model of another number of parameters P."""
+        per J: adapting them is then the same as adapting all P inertial and friction parameters of the mechanism with
+        the tuning's diagonal Gamma (P,). Raises `InputError` for a model of another number of parameters P."""
         return mapped_gain(model, self.adaptation)
 
     @cached_property
@@ -79,7 +79,7 @@ class Tuning:
         """Slotine and Li's controller with the tuning's gains, period and torque limits on a reduced model of the
         mechanism, its first estimate zero; without adaptation where `adaptation` is False. Raises `GainError` where the
         period cannot carry the gains in the tuning's `workspace`, `InputError` for a model of another number of joints
-        or, with adaptation, of inertial parameters."""
+        or, with adaptation, of parameters."""
         gain, gains = self.gain_on(model) if adaptation else None, self.gains
         given = None, self.period, self.workspace, self.torque_limits
         return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)

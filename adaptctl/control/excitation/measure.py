@@ -69,8 +69,8 @@ def persistent_excitation(
     model: ReducedModel, run: SampledRun, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
 ) -> Excitation:
     """The excitation of a model's k parameters by a run: eigenvalues of the regressor's Gram matrix over windows of
-    length `window` (s, rounded to whole samples, down to a multiple of 16), each a sixteenth of that after the one
-    before.
+    length `window` (s, rounded to whole samples, down to a multiple of 16), each of which starts a sixteenth of that
+    length after the one before.
 
     `run` has positions p, velocities v and the reference's p_d, v_d and a_d, (T, r) of r joints in rad, rad/s and
     rad/s^2 (m and s for prismatic joints), at T samples. The regressor is Slotine and Li's, at the reference velocity

@@ -63,8 +63,9 @@ def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, worksp
     """The greatest sampled gain T_c lambda_max(M(q)^-1 K), without a unit, over a workspace: 2 is the limit of
     stability of a torque -K v held over the `period` T_c (s).
 
-    M(q) is the mass matrix at positions q and v the joints' velocities; `damping` is K in N m s/rad (N s/m), one number
-    or one a joint (r,). It is found by local search. A `workspace` of None is all that the joints' limits allow. Raises
-    `InputError` unless damping and period are positive and finite, and on a wrong shape.
+    lambda_max is the largest eigenvalue, M(q) the mass matrix at positions q and v the joints' velocities; `damping` is
+    K in N m s/rad (N s/m), one number or one a joint (r,). It is found by local search. A `workspace` of None is all
+    that the joints' limits allow. Raises `InputError` unless damping and period are positive and finite, and on a wrong
+    shape.
     """
     return hold_number(mechanism, damping, period, workspace=workspace).value

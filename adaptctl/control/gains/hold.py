@@ -26,12 +26,12 @@ DEFINITE = 1e-12
 
 @sent_as_made
 class HoldNumber(NamedTuple):
-    """Record of the greatest hold number T_c max lambda(M^-1 (K + M^ Lambda)) found: its `value`, without a unit, the
+    """Record of the greatest hold number T_c lambda_max(M^-1 (K + M^ Lambda)) found: its `value`, without a unit, the
     positions `p` (r,), rad or m, of the r joints where it is reached, and the name of the `joint` that moves most
     there.
 
-    A held torque is stable while the number is below 2. T_c is the control period, M the mass matrix, M^ the estimated
-    one, K the damping and Lambda the bandwidth. Nothing is checked.
+    A held torque is stable while the number is below 2. T_c is the control period, lambda_max the largest eigenvalue, M
+    the mass matrix, M^ the estimated one, K the damping and Lambda the bandwidth. Nothing is checked.
     """
 
     value: float
@@ -50,16 +50,16 @@ def hold_number(
     estimate: ArrayLike | None = None,
     workspace: Workspace | None = None,
 ) -> HoldNumber:
-    """The greatest hold number T_c max lambda(M^-1 (K + M^ Lambda)), without a unit, and where it is, by local search
+    """The greatest hold number T_c lambda_max(M^-1 (K + M^ Lambda)), without a unit, and where it is, by local search
     over a `workspace`, None for all that the joints' limits allow: a torque held over T_c is stable while it is below
     2.
 
-    M is the mass matrix, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in 1/s, 0 by default, each one number
-    or one a joint (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v, v the joints' velocities, and
-    within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the `estimate` (P,) of all P inertial
-    parameters, SI units, None for the mechanism's own. From one period to the next v becomes (1 - T_c M^-1 (K + M^
-    Lambda)) v, which grows, with alternating signs, where the number is above 2. The number is infinite where M is not
-    positive definite, and where K + M^ Lambda drives instead of damps.
+    lambda_max is the largest eigenvalue, M the mass matrix, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
+    1/s, 0 by default, each one number or one a joint (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v,
+    v the joints' velocities, and within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the
+    `estimate` (P,) of all P inertial and friction parameters, SI units, None for the mechanism's own. From one period
+    to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with alternating signs, where the number is
+    above 2. The number is infinite where M is not positive definite, and where K + M^ Lambda drives instead of damps.
 
     Viscous friction with coefficients B acts within the period: M is then replaced by M (X/2) coth(X/2), X = T_c M^-1
     B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
@@ -233,10 +233,10 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
     """The least eigenvalue of a mass matrix over a workspace, its diagonal scaled to 1: a record of this `value`,
     without a unit, and the positions `p` (r,), rad or m, where it is found.
 
-    The mass matrix is that of `parameters` (P,), all P inertial parameters of the mechanism in SI units; it is positive
-    definite in the workspace if the value is above 0, as far as a local search from the worst samples finds. A
-    `workspace` of None is all that the joints' limits allow, in 200 random samples. Raises `InputError` for parameters
-    of another shape or not finite.
+    The mass matrix is that of `parameters` (P,), all P inertial and friction parameters of the mechanism in SI units;
+    it is positive definite in the workspace if the value is above 0, as far as a local search from the worst samples
+    finds. A `workspace` of None is all that the joints' limits allow, in 200 random samples. Raises `InputError` for
+    parameters of another shape or not finite.
     """
     D = _all_parameters(mechanism, parameters)
     found = (workspace or everywhere(mechanism)).highest(
@@ -265,11 +265,11 @@ def require_hold(
     workspace: Workspace | None = None,
 ) -> None:
     """Raise `GainError`, with what the period can carry, where the control `period` (s) cannot carry the gains: the
-    hold number T_c lambda_max(M^-1 (K + M Lambda)), no unit, is above 1.5 somewhere in the workspace, or the mass
-    matrix M is not positive definite there. A torque held over the period T_c is stable below 2. `damping` is K in N m
-    s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default, each one number or (r,) for r joints;
-    `workspace` is None for all positions that the joints' limits allow. Raises `InputError` unless damping and period
-    are positive, the bandwidth at least 0 and all finite, and on a wrong shape.
+    hold number T_c lambda_max(M^-1 (K + M Lambda)), no unit, lambda_max being the largest eigenvalue, is above 1.5
+    somewhere in the workspace, or the mass matrix M is not positive definite there. A torque held over the period T_c
+    is stable below 2. `damping` is K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default,
+    each one number or (r,) for r joints; `workspace` is None for all positions that the joints' limits allow. Raises
+    `InputError` unless damping and period are positive, the bandwidth at least 0 and all finite, and on a wrong shape.
 
     Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, alike to S + Lambda with S
     = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and

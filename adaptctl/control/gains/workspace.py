@@ -59,9 +59,9 @@ def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
 
 
 class Worst(NamedTuple):
-    """Record of the greatest number that a search over positions found, or of the least, as the function that returns
-    it says: the number, `value`, in the unit of what was searched, and the positions `p` (r,) of the r joints, rad (m
-    if prismatic), where it is. Nothing is checked."""
+    """Record of an extreme number that a search over positions found: the number `value`, in the unit of what was
+    searched, and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. It is the greatest, or the
+    least where the function that returns it says so. Nothing is checked."""
 
     value: float
     p: Array
