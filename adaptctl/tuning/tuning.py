@@ -23,15 +23,15 @@ class Tuning:
     parameters. Nothing is checked.
 
     `period` T (s) is how long a torque is held, `reference` the trajectory, `initial_error` (r,), in rad or m, the
-    arm's distance from it at the start. `gains` are Slotine and Li's Lambda, 1/s, and K, N m s/rad (N s/m), (r,) each;
-    `adaptation` (P,) is the diagonal of their adaptation gain Gamma on all parameters, in their units squared per J. A
-    period is simulated in `substeps` steps of the `integrator`. `torque_limits` (r,) are in N m (N); `torque_share`
-    (r,) is the largest share of them that the reference asks, no unit. `hold_number` is T lambda_max((M + T B)^-1 K)
-    and `adaptation_number` T lambda_max(K^-1 Y Gamma Y') along the reference, with the mass matrix M, the viscous
-    friction B and the regressor Y (r, P), Y' its transpose, and lambda_max the largest eigenvalue: no units, each
-    stable below 2. `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the `Verification`
-    runs with these gains, none where the mechanism is too long to compile, and `notes` sentences on what else matters,
-    none unless given.
+    arm's distance from it at the start. `gains` are Slotine and Li's bandwidth Lambda, 1/s, and damping K, N m s/rad (N
+    s/m), (r,) each; `adaptation` (P,) is the diagonal of their adaptation gain Gamma on all parameters, in their units
+    squared per J. A period is simulated in `substeps` steps of the `integrator`. `torque_limits` (r,) are in N m (N);
+    `torque_share` (r,) is the largest share of them that the reference asks, no unit. `hold_number` is T lambda_max((M
+    + T B)^-1 K) and `adaptation_number` T lambda_max(K^-1 Y Gamma Y') along the reference, with the mass matrix M, the
+    viscous friction B and the regressor Y (r, P), Y' its transpose, and lambda_max the largest eigenvalue: no units,
+    each stable below 2. `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the
+    `Verification` runs with these gains, none where the mechanism is too long to compile, and `notes` sentences on what
+    else matters, none unless given.
     """
 
     mechanism: Mechanism
