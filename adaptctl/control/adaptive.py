@@ -21,15 +21,16 @@ from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
 
 
 class AdaptiveState(NamedTuple):
-    """Memory of an adaptive control law: its estimate, and the last tick, from which it learns at the next.
+    """Memory of an adaptive control law: its estimate, and data of the last control period, from which it learns in the
+    next.
 
     Columns, each with leading axes where there are many arms: `estimate` (k,) of the k parameters, SI units; `q` (n,),
-    positions of the spanning tree's n joints at the last tick, rad (m for a prismatic joint), from which loops, if any,
-    are followed; `motion` (w,), w numbers in SI units of that tick's motion, as many as the control law needs to make
-    the gradient Y_r' s with the torque regressor Y_r (r, k) of that tick; `s` (r,), the sliding variable of r joints
-    there, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held since; `elapsed` (1,), the time
-    since in s, 0 before the first tick. `learning` is the adaptation law's memory, `more` the control law's own
-    besides, named tuples of columns. Nothing is checked.
+    positions of the spanning tree's n joints in the last control period, rad (m for a prismatic joint), from which
+    loops, if any, are followed; `motion` (w,), w numbers in SI units of the motion then, as many as the control law
+    needs to make the gradient Y_r' s with the torque regressor Y_r (r, k) then; `s` (r,), the sliding variable of r
+    joints there, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held since; `elapsed` (1,), the
+    time since in s, 0 before the first control period. `learning` is the adaptation law's memory, `more` the control
+    law's own besides, named tuples of columns. Nothing is checked.
 
     If the torque is limited after the controller, put the one that was applied into `torque`, and zero into `elapsed`
     for a period that is not to be learned from.
@@ -56,8 +57,8 @@ class AdaptiveState(NamedTuple):
     def recorded(self) -> Any:
         """Part of the adaptation law's memory that a recorded run holds. For `ConcurrentLearning`, (..., 1): 1 where a
         sample was put on its stack, else 0. For `CompositeLearning`, (..., 1): the number of joints' equations learned
-        from. For `ConsistentLift`: the lift (..., P) of all P parameters, SI units. Raises `AttributeError` for other
-        laws, or with adaptation off."""
+        from. For `ConsistentLift`, (..., P): the P inertial and friction parameters, SI units, that stand for its
+        estimate. Raises `AttributeError` for other laws, or with adaptation off."""
         return self.learning.recorded
 
 
@@ -120,10 +121,10 @@ class AdaptiveController(Controller[AdaptiveState]):
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The memory before the first tick, of arms at positions p in rad (m for a prismatic joint) and velocities v in
-        rad/s (m/s), (..., r) for r primary joints: the first estimate, zero torque, and a period of no length to learn
-        from. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError`
-        where kinematic loops are near a configuration that locks them."""
+        """The memory before the first control period, of arms at positions p in rad (m for a prismatic joint) and
+        velocities v in rad/s (m/s), (..., r) for r primary joints: the first estimate, zero torque, and a period of no
+        length to learn from. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it,
+        `SingularityError` where kinematic loops are near a configuration that locks them."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law

@@ -31,7 +31,8 @@ class AdaptiveComputedTorque(AdaptiveController):
     p, v and a (r,) are positions, velocities and accelerations in rad, rad/s and rad/s^2 (m, m/s and m/s^2), p_d and
     a_d the reference's, e is the tracking error and s, in rad/s (m/s for a prismatic joint), the sliding variable; M^,
     C^ and g^ are the estimate's mass matrix, Coriolis matrix and gravity torque, Y (r, k) is the torque regressor,
-    `error` (k,) the estimate less the truth.
+    `error` (k,) the estimate less the truth. A prime is a derivative in time, but the transpose of Y and, in V below,
+    of s and error.
 
     With both poles of the error loop at -Lambda, s' + Lambda s = M^^-1 Y error, the strictly positive real filter of
     the paper. Guarantees, without disturbance and while M^ is positive definite: V = s'Ws/2 + error' Gamma^-1 error/2
@@ -77,10 +78,10 @@ class AdaptiveComputedTorque(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), of one tick, and the memory after learning from
-        the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
-        `reference`, its positions, velocities and accelerations (r,), with the last tick's `memory`. Nothing is checked
-        here."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after
+        learning from the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s),
+        (r,), towards `reference`, its positions, velocities and accelerations (r,), with the last control period's
+        `memory`. Nothing is checked here."""
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v

@@ -25,11 +25,11 @@ class ComputedTorque(ModelBased):
 
     M is the mass matrix, C the Coriolis matrix, g the gravity torque, all of `parameters`, at measured positions p and
     velocities v (r,); p_d and a_d are the reference's positions and accelerations, the torque (r,) is in N m (N). With
-    the true parameters every joint's error e = p - p_d decays at `bandwidth` omega (rad/s, one number or (r,)) and
-    damping ratio zeta (`damping_ratio`, no unit; 1 is critical); with wrong ones it does not, and nothing learns.
-    `parameters` (P,), all P inertial ones of the mechanism, are in SI units, None for the `mechanism`'s own. Raises
-    `InputError` on wrong shapes, for numbers that are not finite, and for a bandwidth or damping ratio that is not
-    positive.
+    the true parameters every joint's error e = p - p_d, e' its derivative in time, decays at `bandwidth` omega (rad/s,
+    one number or (r,)) and damping ratio zeta (`damping_ratio`, no unit; 1 is critical); with wrong ones it does not,
+    and nothing learns. `parameters` (P,), all P inertial and friction ones of the mechanism, are in SI units, None for
+    the `mechanism`'s own. Raises `InputError` on wrong shapes, for numbers that are not finite, and for a bandwidth or
+    damping ratio that is not positive.
     """
 
     tunable = ("bandwidth", "damping_ratio")
@@ -56,10 +56,11 @@ class ComputedTorque(ModelBased):
         return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, by inverse dynamics from the acceleration that
-        brings the tracking error back to zero, and the memory after it: the positions (n,) of all n joints of the
-        spanning tree. Measured positions p are in rad (m), velocities v in rad/s (m/s), (r,); `reference` has
-        positions, velocities and accelerations (r,); `memory` is the last tick's."""
+        """The torque (r,), N m (N for a prismatic joint), for one control period, by inverse dynamics from the
+        acceleration that brings the tracking error back to zero, and the memory after it: the positions (n,) of all n
+        joints of the spanning tree. Measured positions p are in rad (m), velocities v in rad/s (m/s), (r,); `reference`
+        has positions, velocities and accelerations (r,); `memory` is that of the last control period. Nothing is
+        checked here: `step` checks shapes."""
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)

@@ -26,8 +26,9 @@ from adaptctl.scalars import Column, Structure, Tunable
 
 
 class ReferencePoint(NamedTuple):
-    """Desired positions `p` in rad (m), velocities `v` in rad/s (m/s) and accelerations `a` in rad/s^2 (m/s^2), each
-    (..., r) for r joints; or (..., m), in m and s, for m task-space coordinates. In a law each is a column."""
+    """Reference point of a motion: desired positions `p` in rad (m if prismatic), velocities `v` in rad/s (m/s) and
+    accelerations `a` in rad/s^2 (m/s^2), arrays (..., r) for r joints; or in m and s, (..., m) for m task-space
+    coordinates. In a control law's equation each is a `Column` of r (or m) scalars. Nothing is checked."""
 
     p: Any
     v: Any
@@ -35,11 +36,14 @@ class ReferencePoint(NamedTuple):
 
 
 class Reference(Protocol):
-    """A reference trajectory: a callable from times (...) in s to a `ReferencePoint`, whose positions, velocities and
-    accelerations are (..., r) for r joints, rad (m) and s, or (..., m) for m task-space coordinates, m and s."""
+    """Protocol of a reference trajectory: a callable from times `t`, one or an array (...), in s, to a
+    `ReferencePoint`. Its positions, velocities and accelerations are (..., r) for r joints, in rad (m if prismatic) and
+    s, or (..., m) for m task-space coordinates, in m and s. An implementation should give finite numbers at any
+    time."""
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference at times t."""
+        """The reference point at times `t` (...) in s: positions, velocities and accelerations, (..., r) or (..., m)
+        each."""
         ...
 
 
@@ -48,20 +52,23 @@ GAINS, MEMORY = "gains", "memory"
 
 
 class Controller(Tunable, ABC, Generic[Memory]):
-    """Base class of control laws for a mechanism of r joints, called once a control period, for one arm or for many.
+    """Base class of control laws for a mechanism of r joints, called once a control period, a tick, for one arm or for
+    many arms at once.
 
-    A subclass is a frozen dataclass of configuration. It writes `start` and `law`; `law` is an equation over scalars of
-    any kind, so that it can be compiled to native code, differentiated, and run on floats when a mechanism is too long
-    to compile. What changes over time is the memory, passed in and out.
+    A subclass is a frozen dataclass of configuration. It writes `start`, the memory before the first control period,
+    and `law`, the equation of a tick. What changes over time is that memory, a named tuple of arrays, which `step`
+    takes and returns. `law` computes on scalars of any kind (floats, arrays, dual numbers, symbols), so that it can be
+    compiled to native code and differentiated; above 100 joints it runs in Python instead.
 
-    Numbers that the class names in `tunable`, its gains, are arguments of the native code: controllers that differ in
-    them alone share it, and `tuned` makes one of another. Without such names all numbers are compiled in. A tick
-    refuses NaN and infinity, by `NonFiniteError`, in its results where `finite` is "results", the default; also in its
-    arguments where it is True; nowhere where it is False.
+    Attributes that the class names in `tunable` hold its gains; these are arguments of the native code. Controllers
+    that differ in them alone share one code, and `tuned` makes such a copy. Without names in `tunable` all numbers are
+    compiled in. `finite` says where a tick raises `NonFiniteError` for NaN and infinity: in its results if "results",
+    the default; in its arguments too if True; nowhere if False. Nothing is checked at construction, unless by a
+    subclass.
     """
 
     finite: ClassVar[Finite] = "results"
-    """True if a tick checks its arguments for NaN and infinity, not only its results."""
+    """Where a tick refuses NaN and infinity: "results", True (its arguments too) or False (nowhere)."""
 
     @property
     @abstractmethod
@@ -70,31 +77,40 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad or m, where the law can start and is compiled: zeros unless a subclass gives others."""
+        """Positions (r,) of the r joints, rad (m if prismatic), at which the control law can start and at which it is
+        compiled: zeros unless a subclass gives others."""
         return np.zeros(self.dof)
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point: the number r of joints, or m of task-space coordinates."""
+        """Length of each part (positions, velocities, accelerations) of the control law's reference points: the number
+        r of joints, unless a subclass gives the number m of task-space coordinates."""
         return self.dof
 
     @abstractmethod
     def start(self, p: Array, v: Array) -> Memory:
-        """The memory before the first tick, of arms at p in rad (m) and v in rad/s (m/s), (..., r): a named tuple of
-        arrays, or of such tuples, each array (..., its length), or (its length,) where all arms begin alike."""
+        """The control law's memory before its first control period, for arms at positions p in rad (m if prismatic) and
+        velocities v in rad/s (m/s), both (..., r) for r joints with leading axes for arms. An implementation returns a
+        named tuple of arrays, or of such tuples: each array (..., n), n its own length, or (n,) where all arms begin
+        alike. Shapes and values are checked by `init`, which calls it."""
 
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after it; at measured positions p
-        in rad (m) and velocities v in rad/s (m/s), (r,), towards `reference`, with the last tick's `memory`."""
+        """The torque (r,) of the r joints, N m (N if prismatic), for one control period, and the control law's memory
+        after it. Measured positions p are in rad (m) and velocities v in rad/s (m/s), columns (r,); `reference` has the
+        desired positions, velocities and accelerations; `memory` is that of the last period, at first that of `start`.
+        An implementation computes on scalars of any kind and checks nothing: `step` does, and raises `InputError` where
+        what `law` returns is not a `Column` of r scalars and a memory of the same sizes."""
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
-        """The state before the first tick, from measured positions in rad (m) and velocities in rad/s (m/s), (..., r).
+        """The controller's state (memory) before the first control period, from measured positions p in rad (m if
+        prismatic) and velocities v in rad/s (m/s), both (..., r) for r joints.
 
-        Leading axes are arms, and each has its own state, a named tuple of arrays (..., length of each). `gains` are
-        tunable numbers, by their names in the property `numbers` and with the same leading axes, of arms that have
-        their own; None for the controller's. Their values are not checked. Raises `InputError` on a wrong shape,
-        `NotFoundError` for a name that is not there, `NonFiniteError` where p, v or the state are not finite.
+        Leading axes are arms, and each has its own state: a named tuple of arrays (..., n), n the length of each.
+        `gains` are tunable numbers, by their names in the property `numbers` and with the same leading axes, for arms
+        that have their own; None for the controller's. Their values are not checked. Raises `InputError` on a wrong
+        shape, `NotFoundError` for a name that is not there, `NonFiniteError` where p, v or the state are not finite;
+        laws of closed kinematic loops `SingularityError` near a configuration that locks them.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -104,12 +120,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return self._remembering(self._array_of(started, positions.shape[:-1]))
 
     def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
-        """The state of many arms, with those where the mask `arms` (...) of bools is True set back to before their
-        first tick.
+        """The `state` of many arms, in which those where the mask `arms` (...) of bools is True are set back to before
+        their first control period, as when an episode begins anew.
 
-        These are arms whose episode has begun anew, at positions p in rad (m) and velocities v in rad/s (m/s), (...,
-        r). Raises `InputError` for a mask that is not of bools and for shapes that do not fit together,
-        `NonFiniteError` for p or v not finite where it is True.
+        These arms are at positions p in rad (m if prismatic) and velocities v in rad/s (m/s), (..., r) for r joints;
+        other rows of p and v are not used. The state given is not changed. Raises `InputError` for a mask that is not
+        of bools and for shapes that do not fit together, `NonFiniteError` for p or v not finite where the mask is True.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not (*chosen.shape, self.dof) == p.shape == v.shape:
@@ -125,29 +141,36 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """The torque (..., r), N m (N for a prismatic joint), of one tick, and the next state, from measured positions
-        p in rad (m) and velocities v in rad/s (m/s).
+        """The torque (..., r) of the r joints, N m (N if prismatic), for one control period, and the next state
+        (memory), from measured positions p in rad (m) and velocities v in rad/s (m/s), the `reference` point and the
+        last `state`, at first that of `init`.
 
-        Leading axes of p (..., r) are arms, worked on in SIMD lanes; v and the reference may be (r,), the same for all.
-        Raises `InputError` on a wrong shape and `NonFiniteError` when the torque or the next state of any arm is not
-        finite, as by NaN in p, v or the reference; the message names the arm. `state` is never changed, so the tick can
-        be repeated without that arm, or all arms wrapped in `Guarded`, which brakes that one alone.
+        Leading axes of p (..., r) are arms, computed together in SIMD lanes; v and the reference's parts may be (r,),
+        the same for all. Raises `InputError` on a wrong shape and `NonFiniteError` when the torque or the next state of
+        any arm is not finite, as by NaN in p, v or the reference; the message names the arm. `state` is never changed,
+        so the step can be repeated without that arm, or with the controller wrapped in `Guarded`, which brakes that arm
+        alone.
         """
         return self._step_one(state, p, v, reference)
 
     def step_tuned(
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
-        """The torques (N, r), N m (N for a prismatic joint), of one tick of N arms, each with tunable gains of its own,
-        and the next state. A row of `gains` (N, g) has an arm's g numbers in the order of the property `numbers`, not
-        checked; p (N, r) is in rad (m), v in rad/s (m/s); v and the reference have a row an arm or one for all. Raises
-        `InputError` on a wrong shape, `NonFiniteError` for results that are not finite."""
+        """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N arms, each with tunable
+        gains of its own, and the next state (memory).
+
+        A row of `gains` (N, g) has an arm's g tunable numbers in the order of the property `numbers`; they are not
+        checked. Measured positions p (N, r) are in rad (m), velocities v in rad/s (m/s); v and the reference's parts
+        have a row an arm or one, (r,), for all. Raises `InputError` on a wrong shape, `NonFiniteError` for results that
+        are not finite.
+        """
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
-        """The controller itself, its tick set up now instead of at the first step: compiled for one arm, or, with
-        `many`, prepared for many. Raises `InputError` where `law` does not return torque and memory, `TraceError` where
-        it cannot be traced."""
+        """The controller itself, its control law compiled to native code now instead of at the first `step`. By default
+        this is for one arm; with `many` True the law for many arms is only prepared, and compiled at the first step of
+        as many. Raises `InputError` where `law` does not return torque and memory, `TraceError` where it cannot be
+        traced into an expression graph; with `many`, that first step raises them."""
         _ = self._many if many else self._step_one
         return self
 
@@ -213,18 +236,26 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def kernel(self) -> Kernel | None:
-        """The control law as native code, which can count its operations; None above LARGEST_COMPILED (100) joints.
+        """Native code of the control law, a `Kernel`, which can also count its operations; None above 100 joints, where
+        the law runs in Python.
 
-        It takes p (r,) in rad (m), v (r,) in rad/s (m/s), the reference's p, v and a, the memory in one array and any
-        tunable numbers (g,), `packed`; it returns the torque (r,), N m (N), and the memory after it.
+        For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
+        reference's positions, velocities and accelerations, the memory as one array and, where there are any, the g
+        tunable numbers (g,) as in the property `packed`; it returns the torque (r,), N m (N), and the memory after the
+        control period as one array. Raises `InputError` where `law` returns anything else, `TraceError` where it cannot
+        be traced.
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
     @property
     def on_floats(self) -> OnFloats:
-        """The law as a Python function on arrays, with the controller's own gains: it takes p (r,) in rad (m), v (r,)
-        in rad/s (m/s), the reference's p, v and a, and each array of the memory, and returns the torque (r,), N m (N),
-        and the memory's arrays after the tick."""
+        """The control law as a Python function on arrays, run without native code and with the controller's own gains.
+
+        For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
+        reference's positions, velocities and accelerations, and each array of the memory; it returns the torque (r,), N
+        m (N), and the memory's arrays after the control period, as a tuple. The function raises `InputError` on a wrong
+        shape and `NonFiniteError` where the attribute `finite` asks for finite numbers.
+        """
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
 
@@ -261,7 +292,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def gain_sizes(self) -> dict[str, int]:
-        """Number g of tunable gains, {"gains": g}, by the name of that argument of the native code; {} where none."""
+        """Number g of the controller's tunable gains as a dict {"gains": g}, by the name of the argument of the native
+        code that holds them; the empty dict where there are none."""
         return {GAINS: self.packed.size} if self.packed.size else {}
 
     @cached_property
@@ -347,8 +379,9 @@ def _ticked(law: Any, *given: Any) -> Any:
 
 
 def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
-    """The torque (r,) and the memory that a law returned. Raises `InputError` unless they are a `Column` of r scalars
-    and a memory of the sizes that `start` gives."""
+    """The torque, a `Column` of r scalars for r joints, and the memory, as the method `law` of a controller `returned`
+    them, once they are checked; the argument `law` is that controller. Raises `InputError` unless `returned` is a tuple
+    of such a column and a memory of as many columns, each as long, as the controller's `start` gives."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")

@@ -26,7 +26,7 @@ _LABEL = re.compile(r"(\w+)\[(\d+)\]")
 
 
 class LinearState(NamedTuple):
-    """The memory of a linear controller: its state x (n,)."""
+    """The memory of a linear controller: its state `x` (n,), n numbers, at first zero. Nothing is checked."""
 
     x: Any
     """(n,) the system's state"""
@@ -83,12 +83,12 @@ class LinearController(Controller[LinearState]):
         """Linear controller made of a linear system of python-control in discrete time, `system`, whose r outputs are
         the torques in N m (N for a prismatic joint), at the control `period` in s.
 
-        The system's inputs are named p[0], v[0], reference_p[0], reference_v[0], reference_a[0], error[0] (reference_p
-        - p) or error_rate[0] (reference_v - v) and so on for each joint, in any order: p and v are measured positions
-        and velocities, the others the reference's, a accelerations. The torque that the inverse dynamics of the
-        mechanism `feedforward` asks for on the reference is added, none for None. Raises `InputError` for a period that
-        is not positive, for what is no linear system, for a system in continuous time, at another period, or of inputs
-        of other names, and for a `feedforward` that is no tree of r joints.
+        The system's inputs are named p[j], v[j], reference_p[j], reference_v[j], reference_a[j], error[j] (reference_p
+        - p) or error_rate[j] (reference_v - v), with j from 0 to r - 1 for the r joints, in any order and number: p and
+        v are measured positions and velocities, the others the reference's, a accelerations. The torque that the
+        inverse dynamics of the mechanism `feedforward` asks for on the reference is added, none for None. Raises
+        `InputError` for a period that is not positive, for what is no linear system, for a system in continuous time,
+        at another period, or of inputs of other names, and for a `feedforward` that is no tree of r joints.
         """
         import control
 
@@ -110,14 +110,15 @@ class LinearController(Controller[LinearState]):
         return len(self.D)
 
     def start(self, p: Array, v: Array) -> LinearState:
-        """The memory before the first tick: the n numbers of the controller's state x (n,), zero whatever the positions
-        p and velocities v (..., r) are."""
+        """The memory before the first control period: the n numbers of the controller's state x (n,), zero whatever the
+        positions p and velocities v (..., r) are."""
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after it, the n numbers of the
-        controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
-        `reference`, positions, velocities and accelerations (r,), from the state in `memory`."""
+        """The torque (r,), N m (N for a prismatic joint), for one control period, and the memory after it, the n
+        numbers of the controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s (m/s),
+        (r,), towards `reference`, positions, velocities and accelerations (r,), from the state in `memory`. Nothing is
+        checked here: `step` checks shapes."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward

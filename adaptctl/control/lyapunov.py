@@ -12,7 +12,9 @@ from adaptctl.errors import InputError
 
 
 def has_sliding_variable(controller: object) -> bool:
-    """True for Slotine and Li's law itself, whose sliding variable is s = e' + Lambda e; False for its relatives."""
+    """True if `controller` is Slotine and Li's law with its own sliding variable s = e' + Lambda e, of the tracking
+    error e of the joints, its derivative in time e' and the bandwidth Lambda. False for laws with another s, such as
+    `PassivityIntegral` and `TaskSpaceSlotineLi`, and for any other object."""
     own = SlotineLi.reference_velocity
     return isinstance(controller, SlotineLi) and type(controller).reference_velocity is own
 
@@ -32,14 +34,14 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
 
 def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> Array:
     """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 of Slotine and Li's law, in J, at the T samples
-    of a run, with the mass matrix M and the parameters of the true `mechanism`.
+    of a run, with the mass matrix M and the parameters of the true `mechanism`; these two primes are transposes.
 
-    s = e' + Lambda e is the sliding variable, e the tracking error (measured less desired positions), Lambda the
-    `controller`'s bandwidth, `error` (k,) the estimate of k parameters less the true ones and Gamma the adaptation
-    gain. An adaptation law may have its own distance for the second term; with adaptation off only the first is
-    left. Where the parameters are no physical set, M need not be positive definite, and V is then no distance; it is
-    reported as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate, and
-    for a control law with another s, such as `PassivityIntegral` or `TaskSpaceSlotineLi`.
+    s = e' + Lambda e is the sliding variable, e the tracking error (measured less desired positions), e' its derivative
+    in time, Lambda the `controller`'s bandwidth, `error` (k,) the estimate of k parameters less the true ones and Gamma
+    the adaptation gain. An adaptation law may have its own distance for the second term; with adaptation off only the
+    first is left. Where the parameters are no physical set, M need not be positive definite, and V is then no distance;
+    it is reported as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate,
+    and for a control law with another s, such as `PassivityIntegral` or `TaskSpaceSlotineLi`.
     """
     s = sliding_variable(controller, run)
     kinetic = 0.5 * np.einsum("ti,tij,tj->t", s, mechanism.mass_matrix(run.p), s)

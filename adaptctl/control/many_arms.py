@@ -21,10 +21,12 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True, eq=False)
 class ManyArms:
-    """A control law for many arms at once: an equation of columns with names and lengths, those `given` to each tick,
-    and its `memory`.
+    """Control law for many arms at once: compiled to one native step in SIMD lanes (arms computed at once) where
+    `native` is True, else NumPy on arrays of arms.
 
-    `law` makes the torque (r,) and the memory after it.
+    `law` is the law's equation for one arm: called with `Column`s by keyword, it returns the torque (r,) of r joints
+    and the columns of the memory after the control period. `given` has the names and lengths of the columns that it is
+    given each time, `memory` those of the memory, which each call replaces. Nothing is checked at construction.
     """
 
     law: Callable[..., tuple[Column, ...]]
@@ -36,7 +38,14 @@ class ManyArms:
     write again what they hold, costs more than a tick."""
 
     def step(self, arms: int, given: Columns, memory: Columns) -> tuple[Array, list[Array]]:
-        """The torques (N, r), N m, of one tick of N arms, and their memory after it, all new, the memory read-only."""
+        """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N = `arms` arms, and the list
+        of their memory's arrays (N, n) after it; all are new arrays.
+
+        `given` and `memory` hold the columns given and the last memory by name, arrays (N, n), n a column's length, or
+        (n,) for all arms alike. In native code the first call compiles the law, and the memory returned is read-only.
+        Raises `InputError` for arrays of another shape in native code, and `TraceError` at the first call for a law
+        that cannot be traced; NaN and infinity are not looked for.
+        """
         if not self.native:
             return self._on_arrays(arms, given, memory)
         spare: tuple[Ensemble, Columns] | None = self._spare.pop(arms, None)

@@ -20,7 +20,8 @@ Parts = tuple[tuple[str, Any], ...]
 
 
 def leaves(memory: tuple[Any, ...]) -> list[Any]:
-    """The columns of a memory, those of the memories within it in their place."""
+    """The columns of a control law's `memory` as a flat list: `memory` is a (named) tuple of columns, arrays (..., n)
+    or `Column`s, and of further such tuples, whose columns stand in their place. Nothing is checked."""
     flat: list[Any] = []
     for part in memory:
         if isinstance(part, tuple):
@@ -31,7 +32,10 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
 
 
 def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
-    """Names of a memory's columns, one for each leaf."""
+    """Iterator over the dotted names of the columns of a control law's `memory`, such as ``state.learning.filtered``,
+    one for each column, in the order of `leaves`. `memory` is a (named) tuple of columns and of further such tuples;
+    without field names a part's index stands for its name. `to` is what names begin with, "state" unless given. Nothing
+    is checked."""
     for name, part in zip(_names(memory), memory, strict=True):
         if isinstance(part, tuple):
             yield from paths(part, f"{to}.{name}")
@@ -40,7 +44,9 @@ def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
 
 
 def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
-    """A memory of the pattern's kind with these leaves."""
+    """A control law's memory of the kind of `pattern`, a (named) tuple of columns and of further such tuples, whose
+    columns are `parts`, in the order in which `leaves` lists them. Raises `StopIteration` for too few parts; further
+    ones are left out."""
     return _filled(pattern, iter(parts))
 
 
@@ -56,10 +62,13 @@ def _names(memory: Any) -> tuple[str, ...]:
 
 
 class InOneArray(tuple[Any, ...]):
-    """A memory, the columns of which are views of one array (..., n) that native code reads and makes.
+    """Memory of a control law, a named tuple of columns and of further such tuples, whose columns are views of one
+    array (..., n): native code reads and makes that one array. `in_one_array` makes the type for the memories of one
+    law.
 
-    It is a memory of its law's own kind, and like it in all but that: its parts are looked up when they are asked for.
-    What is made of it with other parts, as by `_replace`, is an ordinary memory.
+    It is an instance of the law's own kind of memory, with the same fields; views are made when they are asked for.
+    What is made of it with other parts, as by `_replace` or by calling its type with `parts`, is an ordinary memory. It
+    is equal to itself alone and has no hash. Nothing is checked.
     """
 
     __slots__ = ()
@@ -109,7 +118,9 @@ class InOneArray(tuple[Any, ...]):
 
 
 def in_one_array(memory: tuple[Any, ...]) -> type[InOneArray]:
-    """The type of memories like this one (leaves (..., n)) in one array."""
+    """The subclass of `InOneArray`, and of the type of `memory`, for memories with the fields and column lengths of
+    `memory`: a (named) tuple of columns (..., n) and of further such tuples. Its instances keep all columns in one
+    array. Raises `IndexError` for a column that is one number, without an axis."""
     parts = zip(_names(memory), memory, strict=True)
     described = ((name, in_one_array(x) if isinstance(x, tuple) else np.shape(x)[-1]) for name, x in parts)
     return _type(getattr(memory, "_kind", type(memory)), tuple(described))

@@ -15,14 +15,18 @@ from adaptctl.scalars import Column, column
 
 
 class BranchState(NamedTuple):
-    """The memory of a law without learning: the configuration q (n,), from which a mechanism's loops are followed."""
+    """The memory of a control law that learns nothing: the configuration `q` (n,) of all n joints of the mechanism's
+    spanning tree in the last control period, rad (m if prismatic). With closed kinematic loops the next configuration
+    is found from it. Nothing is checked."""
 
     q: Any
     """(n,) the tree's joints at the last tick, from which the next configuration is found"""
 
 
 class ModelBased(Controller[BranchState]):
-    """Base class of control laws with parameters (P,), right or wrong, of a mechanism; its own unless given."""
+    """Base class of control laws for a `mechanism` with given `parameters` (P,), right or wrong: all its P inertial and
+    friction parameters, SI units, None for the mechanism's own. A subclass raises `InputError` at construction for
+    parameters of another shape or not finite."""
 
     mechanism: Mechanism
     parameters: Array | None
@@ -35,16 +39,21 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number r of the mechanism's primary joints, which the control law moves; kinematic loops, if any, move the
+        others."""
         return self.mechanism.dof
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad or m, where loops, if any, are known to close."""
+        """Positions (r,) of the r primary joints, rad (m if prismatic), at which the mechanism's kinematic loops are
+        known to close; zeros without loops."""
         return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> BranchState:
-        """The memory before the first tick: the configuration at p (..., r)."""
+        """The memory before the first control period: the configuration (..., n), rad (m if prismatic), of all n joints
+        of the mechanism's spanning tree at positions p (..., r) of its r primary joints; v is not used. Raises
+        `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a
+        configuration that locks kinematic loops."""
         return BranchState(self.mechanism.configuration(p))
 
     @property
@@ -53,6 +62,7 @@ class ModelBased(Controller[BranchState]):
 
 
 def embedded_parameters(model: ReducedModel, parameters: ArrayLike | None) -> Array:
-    """Parameters (P,) with the torques of fundamental ones (k,), the true ones unless given: zero where removed, so
-    that what they would have cost is never computed."""
+    """All P inertial and friction parameters (P,) of the model's mechanism, SI units, that give the same torques as its
+    k fundamental (base) `parameters` (k,), None for the true ones. Those that the model has removed are zero, so that
+    their terms are never computed. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
     return model.embed(model.fundamental_parameters if parameters is None else parameters)

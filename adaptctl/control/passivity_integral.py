@@ -15,7 +15,9 @@ from adaptctl.scalars import Column, column
 
 
 class Integral(NamedTuple):
-    """The memory of integral action: the error's integral (r,) and the last error (r,)."""
+    """The memory of integral action on r joints: `integral` (r,), the integral in time of the tracking error (measured
+    less desired positions) so far, rad s (m s if prismatic), and `error` (r,), that error in the last control period,
+    rad (m). Nothing is checked."""
 
     integral: Any
     """(r,) of the error so far, rad s"""
@@ -32,7 +34,8 @@ class PassivityIntegral(SlotineLi):
         torque = Y_r(p, v, v_r, a_r) estimate - K s
 
     p_d and v_d are the reference's, e is the tracking error and s, in rad/s (m/s), the sliding variable; a_r = v_r',
-    and Y_r (r, k) is the torque regressor. The integral is taken by the trapezium, exact to T_c^2.
+    and Y_r (r, k) is the torque regressor. A prime is a derivative in time, but in V below the transpose. The integral
+    is taken by the trapezium, exact to T_c^2.
 
     Guarantees: what `SlotineLi` does, V = s'Ms/2 + error' Gamma^-1 error/2 falling as -s'Ks, with this s, M the mass
     matrix and error the estimate less the true parameters; on s = 0 the tracking error has both poles at -Lambda. A
@@ -50,8 +53,9 @@ class PassivityIntegral(SlotineLi):
     T_c, 1e-3 s; `workspace` where the period must carry the gains, None for all that the joints' limits allow;
     `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for the mechanism's; `prior`
     (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates could ring, None for
-    none. Raises `GainError` where T_c max lambda(M^-1 (K + 2 M Lambda)) is above 1.5, and `InputError` on wrong shapes,
-    for gains, limits or a period that are not positive, and for a law that does not fit the model.
+    none. Raises `GainError` where T_c lambda_max(M^-1 (K + 2 M Lambda)), lambda_max the largest eigenvalue, is above
+    1.5, and `InputError` on wrong shapes, for gains, limits or a period that are not positive, and for a law that does
+    not fit the model.
     """
 
     tunable = SlotineLi.tunable
@@ -63,8 +67,8 @@ class PassivityIntegral(SlotineLi):
         a_r (r,) in rad/s^2 (m/s^2), and the memory: the integral (r,) in rad s (m s) and the last e (r,).
 
         e = p - p_d is the tracking error and Lambda the bandwidth (1/s); `reference` has the desired p_d, v_d and a_d
-        (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is the last tick's. The positions q (n,)
-        of all n joints of the tree are not used.
+        (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is that of the last control period. The
+        positions q (n,) of all n joints of the tree are not used.
         """
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth

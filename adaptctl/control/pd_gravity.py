@@ -22,8 +22,8 @@ from adaptctl.scalars import Column, column
 class PDGravity(ModelBased):
     """PD control with gravity compensation: torque = g(p) - Kp (p - p_d) - Kd (v - v_d) (Takegaki and Arimoto 1981).
 
-    p and v are the measured positions and velocities, p_d and v_d the desired ones, e = p - p_d, g gravity's torque and
-    M the mass matrix.
+    p and v are the measured positions and velocities of r joints, p_d and v_d the desired ones, e = p - p_d, g
+    gravity's torque and M the mass matrix; a prime is the transpose.
 
     Guarantees, with the true gravity: a p_d that stands still is reached from anywhere, as v'Mv/2 + e'Kp e/2 falls by
     -v'Kd v; whatever the inertias.
@@ -32,9 +32,9 @@ class PDGravity(ModelBased):
     leaves the error Kp^-1 times what is missing. Nothing learns.
 
     `stiffness` is Kp in N m/rad (N/m for a prismatic joint) and `damping` Kd in N m s/rad (N s/m), each one number or
-    (r,); `parameters` (P,), all P inertial ones, are in SI units, None for the `mechanism`'s own. `finite` is True: a
-    tick refuses NaN and infinity in its arguments too, by `NonFiniteError`. Raises `InputError` on wrong shapes, for
-    numbers that are not finite, and for gains that are not positive.
+    (r,); `parameters` (P,), all P inertial and friction ones, are in SI units, None for the `mechanism`'s own. `finite`
+    is True: a step refuses NaN and infinity in its arguments too, by `NonFiniteError`. Raises `InputError` on wrong
+    shapes, for numbers that are not finite, and for gains that are not positive.
     """
 
     tunable = ("stiffness", "damping")
@@ -63,10 +63,10 @@ class PDGravity(ModelBased):
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick: gravity's, a spring's and a damper's; and the
-        memory after it, the positions (n,) of all n joints of the spanning tree. At measured positions p in rad (m) and
-        velocities v in rad/s (m/s), (r,), towards `reference`, positions and velocities (r,), with the last tick's
-        `memory`."""
+        """The torque (r,), N m (N for a prismatic joint), for one control period: gravity's, a spring's and a damper's;
+        and the memory after it, the positions (n,) of all n joints of the spanning tree. Measured positions p are in
+        rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and velocities (r,), its accelerations
+        are not used; `memory` is that of the last control period. Nothing is checked here: `step` checks shapes."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

@@ -177,7 +177,8 @@ class Sinusoids:
             raise InputError(f"start_time: expected a finite time of at least 0 s, got {self.start_time}")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference (..., r) at times (...)."""
+        """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
+        velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
         numbers = SinusoidNumbers(*(Column(values.tolist()) for values in self.numbers))
         point = sinusoids_at(np.asarray(t, dtype=np.float64), numbers)
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
@@ -230,7 +231,8 @@ class Spline:
             raise InputError(f"spline: expected at least {DEGREE + 1} positions at increasing times")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference (..., r) at times (...)."""
+        """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
+        velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2). Raises `MissingExtraError` without SciPy."""
         time = np.asarray(t, dtype=np.float64)
         inside = np.clip(time, self.times[0], self.times[-1])
         resting = ((time < self.times[0]) | (time > self.times[-1]))[..., None]
@@ -296,7 +298,8 @@ class MinimumJerk:
             raise InputError("minimum jerk: expected at least two waypoints at increasing times")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference (..., r) at times (...)."""
+        """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
+        velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
         time = np.asarray(t, dtype=np.float64)
         stretch = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2)
         start, length = self.times[stretch], np.diff(self.times)[stretch][..., None]
@@ -324,11 +327,11 @@ class MinimumJerk:
 @dataclass(frozen=True, eq=False)
 class Halted:
     """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then along its path to rest within
-    `over` (s; 1 by default), and stays there.
+    `over` (s; 1 by default), and stays there. It excites an adaptive controller for an interval, and no longer.
 
     After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
-    1 to 0, so that positions, velocities and accelerations stay continuous: motion that excites for an interval, and no
-    longer. Raises `InputError` for a negative stop, an `over` that is not positive, or either no number or not finite.
+    1 to 0, so that positions, velocities and accelerations stay continuous. Raises `InputError` for a negative stop, an
+    `over` that is not positive, or either no number or not finite.
     """
 
     of: Reference
@@ -344,7 +347,8 @@ class Halted:
             )
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference (..., r) at times (...)."""
+        """The reference point at times `t` (...) in s: positions, velocities and accelerations in the shapes and units
+        of the reference that is halted."""
         time = np.asarray(t, dtype=np.float64)
         u = np.clip((time - self.stop) / self.over, 0.0, 1.0)
         fallen, slope, _ = quintic(u)

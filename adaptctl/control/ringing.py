@@ -20,7 +20,14 @@ LASTING = 25
 
 
 class Ringing(NamedTuple):
-    """Detector of ringing by moving averages of a sliding variable s (r,)."""
+    """Detector of ringing, a sliding variable s (r,) of r joints that changes its sign from one control period to the
+    next, by exponential moving averages over about 100 control periods.
+
+    `product` (r,) is the average of s times the s of the control period before and `square` (r,) that of the earlier
+    one squared, both in rad^2/s^2 (m^2/s^2 if prismatic); `s` (r,) is the last one, rad/s (m/s). Their quotient is the
+    correlation rho of s with itself. `lasting` (2,) counts the control periods in a row in which some joint's rho was
+    below -0.5 and below -0.9. All are arrays or `Column`s. Nothing is checked.
+    """
 
     product: Any
     """(r,) of s now times s a tick ago"""
@@ -33,11 +40,13 @@ class Ringing(NamedTuple):
 
     @classmethod
     def silent(cls, dof: int) -> Ringing:
-        """The detector before the first tick, of `dof` joints."""
+        """The detector of ringing of `dof` joints before the first control period: all its averages and counts are
+        zero."""
         return cls(np.zeros(dof), np.zeros(dof), np.zeros(dof), np.zeros(2))
 
     def heard(self, s: Column) -> Ringing:
-        """The detector after one more tick, with a sliding variable s (r,)."""
+        """The detector of ringing after one more control period, in which the sliding variable was `s`, a `Column` (r,)
+        of r joints in rad/s (m/s if prismatic). The detector's own fields must be `Column`s too. Nothing is checked."""
         keep, new = 1.0 - 1.0 / SPAN, 1.0 / SPAN
         product = keep * self.product + new * (self.s * s)
         square = keep * self.square + new * (self.s * self.s)
@@ -47,18 +56,26 @@ class Ringing(NamedTuple):
 
     @property
     def alarm(self) -> Any:
-        """Alarm: 1 where a joint has rung for a while, else 0."""
+        """Alarm of ringing: 1 where for 25 control periods in a row some joint's sliding variable had a correlation
+        with itself one control period ago below -0.5 (it mostly changed its sign), else 0."""
         return where(self.lasting[0] >= LASTING, 1.0, 0.0)
 
     @property
     def brake(self) -> Any:
-        """Signal to brake: 1 where a joint has hardly done anything but ring for a while, else 0."""
+        """Signal to brake the arm: 1 where for 25 control periods in a row some joint's sliding variable had a
+        correlation with itself one control period ago below -0.9 (hardly anything but ringing was left), else 0."""
         return where(self.lasting[1] >= LASTING, 1.0, 0.0)
 
 
 def correlation(product: Column, square: Column) -> Column:
-    """Correlation rho (r,) of s with itself a tick ago: 1 - h in a free loop of hold number h; towards 0 where s is
-    FAINT."""
+    """Correlation rho (r,), without a unit, of the sliding variables s of r joints with themselves one control period
+    ago: `product` over `square` plus 1e-4, so that rho goes to 0 where s is below 0.01 rad/s (m/s).
+
+    `product` (r,) is the moving average of s times the s of the control period before, `square` (r,) that of the
+    earlier s squared, in rad^2/s^2 (m^2/s^2 if prismatic). In a loop that nothing disturbs rho is 1 - h, h its hold
+    number, which must be below 2: the control period times the rate at which the held torque damps s. Raises
+    `ValueError` for columns of different lengths.
+    """
     return Column(x / (y + FAINT * FAINT) for x, y in zip(product, square, strict=True))
 
 
@@ -70,7 +87,10 @@ def _least(values: Column) -> Any:
 
 
 def ringing(s: Array) -> Array:
-    """The correlation rho (T, r) along a run, from its sliding variable s (T, r) at every tick."""
+    """The correlation rho (T, r), without a unit, of the sliding variables of r joints with themselves one control
+    period ago, averaged over about 100 control periods, in the T control periods of a run. -0.5 is an alarm: s mostly
+    changes its sign from one control period to the next, the loop rings. At -0.9 it is about to be lost. `s` (T, r) has
+    the sliding variables in every control period, in rad/s (m/s if prismatic). Nothing is checked."""
     averages, found = Ringing(*map(Column, Ringing.silent(s.shape[-1]))), np.empty(s.shape)
     for k, row in enumerate(s):
         averages = averages.heard(Column(row.tolist()))

@@ -8,47 +8,54 @@ from adaptctl.arrays import Array
 
 
 class TrackedRun(Protocol):
-    """Protocol of a run: T control periods of r joints and of the reference they followed."""
+    """Protocol of a closed-loop run: T control periods of r joints, and the reference that they followed. Positions
+    `p`, velocities `v`, and the reference's `reference_p` and `reference_v` are arrays (T, r), in rad and rad/s (m and
+    m/s if prismatic), one row a sample."""
 
     @property
     def p(self) -> Array:
-        """Positions (T, r), rad or m."""
+        """Positions (T, r) of the r joints at the run's T samples, rad (m if prismatic)."""
         ...
 
     @property
     def v(self) -> Array:
-        """Velocities (T, r), rad/s or m/s."""
+        """Velocities (T, r) of the r joints at the run's T samples, rad/s (m/s if prismatic)."""
         ...
 
     @property
     def reference_p(self) -> Array:
-        """The reference's positions (T, r), rad or m."""
+        """The reference's positions (T, r) for the r joints at the run's T samples, rad (m if prismatic)."""
         ...
 
     @property
     def reference_v(self) -> Array:
-        """The reference's velocities (T, r), rad/s or m/s."""
+        """The reference's velocities (T, r) for the r joints at the run's T samples, rad/s (m/s if prismatic)."""
         ...
 
 
 class SampledRun(TrackedRun, Protocol):
-    """Protocol of a run with its reference's accelerations and its sampling time."""
+    """Protocol of a closed-loop run of T samples of r joints (positions and velocities, and the reference's), which
+    also has its reference's accelerations `reference_a` (T, r), rad/s^2 (m/s^2 if prismatic), and its sampling time
+    `control_period`, s."""
 
     @property
     def reference_a(self) -> Array:
-        """Accelerations (T, r) of the reference, rad/s^2 or m/s^2."""
+        """The reference's accelerations (T, r) for the r joints at the run's T samples, rad/s^2 (m/s^2 if
+        prismatic)."""
         ...
 
     @property
     def control_period(self) -> float:
-        """Time between samples, s."""
+        """Time from one sample of the run to the next, s: the control period."""
         ...
 
 
 class LearningRun(TrackedRun, Protocol):
-    """Protocol of a run with the estimates of its adaptive controller."""
+    """Protocol of a closed-loop run of T samples of r joints (positions and velocities, and the reference's), which
+    also has its adaptive controller's estimates `estimate` (T, k) of k parameters, SI units."""
 
     @property
     def estimate(self) -> Array:
-        """Parameter estimates (T, k)."""
+        """The adaptive controller's estimates (T, k) of its k parameters at the run's T samples, in the parameters' SI
+        units."""
         ...

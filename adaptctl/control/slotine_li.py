@@ -23,8 +23,10 @@ from adaptctl.scalars import Column, column
 
 
 class ReferenceVelocity(NamedTuple):
-    """A reference velocity v_r (r,), from which s = v - v_r is measured, its derivative a_r (r,), and a law's memory of
-    them."""
+    """Reference velocity of Slotine and Li's law for r joints: `v_r` (r,), rad/s (m/s if prismatic), from which the
+    sliding variable s = v - v_r of the velocities v is measured; its derivative in time `a_r` (r,), rad/s^2 (m/s^2);
+    and `more`, the memory, a named tuple of columns, from which the law makes both in the next control period, empty
+    where it needs none. Nothing is checked."""
 
     v_r: Column
     a_r: Column
@@ -39,8 +41,9 @@ class SlotineLi(AdaptiveController):
         torque = Y_r(p, v, v_r, a_r) estimate - K s
         estimate' = -Gamma Y_r' s, or another adaptation law's
 
-    p and v are measured, p_d and v_d desired; Y_r (r, k) is the torque regressor, M the mass matrix, C that of Coriolis
-    torques, and error the estimate minus the true parameters.
+    p and v (r,) are measured positions and velocities of r joints, p_d and v_d desired ones; Y_r (r, k) is the torque
+    regressor, M the mass matrix, C that of Coriolis torques, and error the estimate minus the true parameters. A prime
+    is a derivative in time, but the transpose of Y_r and, in V below, of s and error.
 
     Theorem: M s' + C s + K s = Y_r error, so that in continuous time V = s'Ms/2 + error' Gamma^-1 error/2 falls as
     -s'Ks, and the tracking error goes to zero. Drives' friction f is modelled at v_r: with it V falls by s'(f(v) -
@@ -59,9 +62,10 @@ class SlotineLi(AdaptiveController):
     tells where the estimate could come to ring (`estimate_hold`), which is no reason not to try; None looks for no such
     place. `tunable` names the numbers that `tuned` changes.
 
-    Raises `GainError` when the period cannot carry the gains: the hold number T_c lambda_max(M^-1 K + Lambda) above 1.5
-    in the workspace, or M not positive definite there; `InputError` on wrong shapes, on gains, limits or a period that
-    are not positive, and on an adaptation law that does not fit the model.
+    Raises `GainError` when the period cannot carry the gains: the hold number T_c lambda_max(M^-1 K + Lambda),
+    lambda_max the largest eigenvalue, above 1.5 in the workspace, or M not positive definite there; `InputError` on
+    wrong shapes, on gains, limits or a period that are not positive, and on an adaptation law that does not fit the
+    model.
     """
 
     tunable: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "initial")
@@ -87,10 +91,10 @@ class SlotineLi(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,), N m (N for a prismatic joint), of one tick, and the memory after learning from the period
-        that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards the
-        `reference`, positions, velocities and accelerations (r,) in rad (m) and per s and s^2, with the last tick's
-        `memory`, at first that of `start`."""
+        """The torque (r,), N m (N for a prismatic joint), for one control period, and the memory after learning from
+        the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
+        the `reference`, positions, velocities and accelerations (r,) in rad (m) and per s and s^2, with the last
+        control period's `memory`, at first that of `start`. Nothing is checked here: `step` checks shapes."""
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
@@ -109,10 +113,11 @@ class SlotineLi(AdaptiveController):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), e = p - p_d, its derivative a_r (r,) in
-        rad/s^2 (m/s^2), and an empty memory; Lambda is the bandwidth (1/s). p in rad (m) and v in rad/s (m/s), (r,),
-        are measured; `reference` has p_d, v_d and a_d (r,). The positions q (n,), rad (m), of all n joints of the tree
-        and the last tick's `memory` are for laws that need them."""
+        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), e = p - p_d, its derivative in time a_r (r,)
+        in rad/s^2 (m/s^2), and an empty memory; Lambda is the bandwidth (1/s). p in rad (m) and v in rad/s (m/s), (r,),
+        are the measured positions and velocities of r joints; `reference` has the desired p_d, v_d and their derivative
+        a_d (r,). The positions q (n,), rad (m), of all n joints of the spanning tree and the last control period's
+        `memory` are for subclasses that need them. Nothing is checked here."""
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())

@@ -32,7 +32,9 @@ SMALLEST = 1e-12
 
 
 class Goal(NamedTuple):
-    """The memory of a reference given in joints: its configuration q (n,), from which loops are followed."""
+    """The memory of a task-space law whose reference is given in joints: `q` (n,), the reference's positions of all n
+    joints of the mechanism's spanning tree in the last control period, rad (m if prismatic), from which closed
+    kinematic loops are followed. Nothing is checked."""
 
     q: Any
     """(n,) its tree's joints at the last tick"""
@@ -111,13 +113,13 @@ class TaskSpaceSlotineLi(SlotineLi):
     ) -> ReferenceVelocity:
         """The reference velocity v_r (r,) of the r primary joints in rad/s (m/s), at which the tool is led to its path,
         its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the law's memory for the next
-        tick.
+        control period.
 
         With a reference in joints, that memory is the reference's configuration (n,) of the tree's n joints, from which
         loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in rad (m)
-        and v (r,) in rad/s (m/s) the measured primary joints, `memory` the controller's at the last tick. `reference`
-        is the tool's position, velocity and acceleration (m,), in m, m/s and m/s^2 along the m axes, or those of the
-        joints (r,).
+        and v (r,) in rad/s (m/s) the measured primary joints, `memory` the controller's in the last control period.
+        `reference` is the tool's position, velocity and acceleration (m,), in m, m/s and m/s^2 along the m axes, or
+        those of the joints (r,).
         """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)

@@ -23,17 +23,19 @@ class Watch(NamedTuple):
     `adaptation` (T,) is T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off: theorems of discrete adaptation ask for
     less than 2, or 2 - h. `hold` (T,) is h = T_c lambda_max(M^-1 (K + M^ Lambda)): velocities ring above 2; infinite
     where M is not positive definite. `ringing` (T, r) is the correlation rho of each joint's sliding variable s = e' +
-    Lambda e with itself a tick ago, averaged over about 100 ticks: -0.5 is an alarm, -0.9 a loop about to be lost.
+    Lambda e with itself one control period ago, averaged over about 100 control periods: -0.5 is an alarm, -0.9 a loop
+    about to be lost.
 
     T_c is the control period (s), r the number of primary joints, lambda_max the largest eigenvalue, K the damping,
-    Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor, M the true mass matrix, M^ the estimate's,
-    e = p - p_d the tracking error of the joints' positions. Nothing is checked.
+    Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor and Y' its transpose, M the true mass
+    matrix, M^ the estimate's, e = p - p_d the tracking error of the joints' positions and e' its derivative in time.
+    Nothing is checked.
     """
 
     adaptation: Array
-    """(T,) a = T_c lambda_max(K^-1 Y Gamma Y'): the theorems of discrete adaptation ask for a below 2 or 2 - h"""
+    """(T,) T_c lambda_max(K^-1 Y Gamma Y'): theorems of discrete adaptation ask for less than 2, or 2 - h"""
     hold: Array
-    """(T,) T_c lambda_max(M^-1 (K + M^ Lambda)) with the true M and the estimate's M^: velocities ring above 2"""
+    """(T,) h = T_c lambda_max(M^-1 (K + M^ Lambda)) with the true M and the estimate's M^: velocities ring above 2"""
     ringing: Array
     """(T, r) rho of every joint: -0.5 is an alarm, -0.9 a loop about to be lost"""
 
@@ -43,14 +45,15 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 
 def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> Watch:
-    """The stability numbers, without units, of a run of Slotine and Li's law at T of its samples, every `every`-th, by
-    default all.
+    """The stability numbers, a `Watch` without units, of a run of Slotine and Li's law at T of its samples, every
+    `every`-th, by default all.
 
-    The record's fields are `adaptation` (T,), of the adaptation gain over the period, `hold` (T,), of the torque held
-    over it, with the true `mechanism`, and `ringing` (T, r), the correlation of the sliding variable of each of the r
-    primary joints with itself a tick ago. The `run` must have all of the controller's ticks. The first two numbers cost
-    a regressor and a mass matrix a sample. Raises `InputError` for relatives of Slotine and Li's law with another
-    sliding variable, such as `TaskSpaceSlotineLi`, and for an adaptation law without a constant gain.
+    The record's fields are `adaptation` (T,), of the adaptation gain over the control period, `hold` (T,), of the
+    torque held over it, with the true `mechanism`, and `ringing` (T, r), the correlation of the sliding variable of
+    each of the r primary joints with itself one control period ago. The `run` must have every control period as a
+    sample: positions, velocities, the reference's, and the estimates. The first two numbers cost a regressor and a mass
+    matrix a sample. Raises `InputError` for relatives of Slotine and Li's law with another sliding variable, such as
+    `TaskSpaceSlotineLi`, and for an adaptation law without a constant gain.
     """
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]

@@ -25,7 +25,14 @@ WIDTH = 0.2
 
 
 class CarriedGains(NamedTuple):
-    """Gains that a control period and the torque limits carry, and which of them limits each joint's."""
+    """Record of the tracking gains of r joints that a control period and the torque limits carry, and of what limits
+    each. Nothing is checked.
+
+    `gains` are Slotine and Li's bandwidth Lambda (r,), 1/s, and damping K (r,), N m s/rad (N s/m if prismatic).
+    `by_hold` (r,) is True where the control period limits K, not the torque limit; `by_torque` (r,) is True where the
+    torque limit limits Lambda. `free_inertia` (r,), kg m^2 (kg), is the least inertia that each joint's torque feels
+    along the reference while all other joints are free.
+    """
 
     gains: Gains
     by_hold: NDArray[np.bool_]
@@ -39,9 +46,16 @@ class CarriedGains(NamedTuple):
 def carried_gains(
     mechanism: Mechanism, limits: Array, p: Array, off: Array, period: float, bandwidth: float, hold: float
 ) -> CarriedGains:
-    """Gains for postures p (S, r): Lambda at most `bandwidth`, K with T lambda_max((M + T B)^-1 K) at most `hold`.
+    """The largest gains of Slotine and Li's law that torque limits and control period carry at S positions `p` (S, r)
+    of r joints, rad (m if prismatic), as a `CarriedGains`: bandwidth Lambda (r,), 1/s, and damping K (r,), N m s/rad (N
+    s/m).
 
-    `off` (r,) is the initial error, `limits` (r,) those of torques. Raises `InputError` where M is singular.
+    `limits` (r,) are the torque limits, N m (N), `off` (r,) the initial tracking errors, rad (m), above 0, `period` the
+    control period T, s. Lambda is `bandwidth` (1/s), or less where 0.3 of a torque limit brings the error back no
+    faster. K has T lambda_max((M + T B)^-1 K) of at most `hold` (no unit; a held torque is stable below 2) and asks for
+    at most half a torque limit at the initial error; M is the mass matrix, B the viscous friction, lambda_max the
+    largest eigenvalue. Raises `InputError` for joints that move nothing that has inertia, and where M is not positive
+    definite.
     """
     M = mechanism.mass_matrix(p)
     _require_inertia(mechanism, M)

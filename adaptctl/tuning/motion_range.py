@@ -14,8 +14,9 @@ AMPLITUDE = 0.5
 
 
 def motion_range(joint: Joint) -> tuple[float, float]:
-    """Least and greatest position of a joint, rad or m: its limits, and 2 AMPLITUDE to each side of zero, or to the
-    one side of its only bound, where it has none. Limits of more than two turns are none."""
+    """The least and the greatest position between which a joint is moved, rad (m if prismatic): its position limits. A
+    joint without any is moved from -1 to 1 rad (m), one with a single limit within 2 rad (m) of it. Where limits are
+    more than two turns (4 pi rad, or m) apart, those that are as far from zero count as none. Nothing is checked."""
     lower, upper, width = joint.limits.lower, joint.limits.upper, 2.0 * AMPLITUDE
     if upper - lower > TURNS:
         lower, upper = (x if abs(x) < TURNS else np.copysign(np.inf, x) for x in (lower, upper))
@@ -25,6 +26,8 @@ def motion_range(joint: Joint) -> tuple[float, float]:
 
 
 def motion_ranges(mechanism: Mechanism) -> tuple[Array, Array]:
-    """Least and greatest positions (r,) of the primary joints, rad or m."""
+    """The least and the greatest positions between which the mechanism's r primary joints are moved, two arrays (r,),
+    rad (m if prismatic): their limits, and 1 rad (m) to each side of zero where a joint has none. Nothing is
+    checked."""
     lower, upper = np.array([motion_range(joint) for joint in mechanism.primary_joints]).T
     return lower, upper

@@ -42,7 +42,15 @@ SLOWEST = 2.0
 
 
 def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
-    """A law with a tuning's gains, on a model of its mechanism. Raises `NotFoundError` for a name that is none."""
+    """The control law of the name `law` with a tuning's gains, control period and torque limits, on a reduced `model`
+    of the tuning's mechanism.
+
+    Names are "slotine-li", "slotine-li-fixed" (true parameters, no adaptation), "slotine-li-composite" (learning from
+    predicted torques too), "passivity-integral", "task-space" (its reference given in joints),
+    "adaptive-computed-torque", "computed-torque" and "pd-gravity". Those that adapt start from zero parameters, but
+    adaptive computed torque from the true ones, which the last two use as well. Raises `NotFoundError` for another
+    name, and what the law itself raises, such as `GainError` where the period cannot carry the gains.
+    """
     if law not in LAWS:
         raise NotFoundError(f"law: unknown law {law!r}; laws: {', '.join(LAWS)}")
     gains, period, mechanism = tuning.gains, tuning.period, tuning.mechanism
@@ -72,7 +80,11 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
 
 
 def guarded(law: Controller[Any], tuning: Tuning) -> Guarded:
-    """The law behind guards: the mechanism's torque, position and velocity limits where it states any."""
+    """The control law `law` behind guards, a `Guarded`: its torques are limited to the tuning's torque limits, and it
+    brakes the arm, with the tuning's damping, where a joint is outside the mechanism's position limits or too fast. A
+    joint is too fast beyond its velocity limit, where it has none beyond 1.5 times the reference's greatest speed in 20
+    s, at least 2 rad/s (m/s). Raises `InputError` for what `Guarded` refuses, such as a joint whose two position limits
+    are equal."""
     joints = [joint.limits for joint in tuning.mechanism.primary_joints]
     speed = np.array([limits.velocity for limits in joints])
     asked = np.abs(tuning.reference(np.linspace(0.0, 20.0, 400)).v).max(axis=0)

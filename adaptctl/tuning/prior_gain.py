@@ -25,10 +25,13 @@ ranges); mixed is half of the latter and half of each link."""
 
 
 def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
-    """Prior ranges (P,) of the parameters: a link's from its joint's typical inertia and the reach behind it.
+    """Prior ranges (P,), SI units, of all P inertial and friction parameters of a mechanism: their greatest plausible
+    errors, as far as its inertias and lengths tell.
 
-    Of that inertia I, a body at a third of what is left of the arm's reach has the mass m = I/lever^2, which is
-    at most `heaviest` (kg), and the first moment sqrt(m I).
+    A link's are made from the typical inertia I of the joint that moves it: a body at a third of the arm's reach beyond
+    that joint (the lever, of a reach of at least 0.05 m) has the mass m = I/lever^2, at most `heaviest` (kg; 5 unless
+    given), which is the range of the mass; sqrt(m I) is that of first moments and I that of inertias. Friction has the
+    ranges of `PriorRanges`, 5 N m s/rad and 10 N m. Raises `InputError` where a typical inertia is not positive.
     """
     inertia = _behind(mechanism)
     levers = np.maximum(reach_behind(mechanism.links), SHORTEST_LEVER) / 3.0
@@ -42,8 +45,13 @@ def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
 
 
 def adaptation_number(regressor: Array, damping: Array, gain: Array, period: float) -> float:
-    """The adaptation number T lambda_max(K^-1 Y Gamma Y') over samples: regressor (S, r, P), K (r,), Gamma (P,), T in
-    s."""
+    """The adaptation number T lambda_max(K^-1 Y Gamma Y'), without a unit, the greatest over S samples: sampled
+    adaptation is stable below 2.
+
+    Y is the torque `regressor` (S, r, P) of r joints and P parameters and Y' its transpose, K the `damping` (r,), N m
+    s/rad (N s/m if prismatic), Gamma the adaptation `gain`, its diagonal (P,), in the parameters' units squared per J,
+    T the control `period`, s, and lambda_max the largest eigenvalue. Nothing is checked.
+    """
     scaled = regressor * np.sqrt(gain) / np.sqrt(damping)[:, None]
     return period * float(np.linalg.eigvalsh(scaled @ np.swapaxes(scaled, -1, -2))[:, -1].max())
 
@@ -51,7 +59,15 @@ def adaptation_number(regressor: Array, damping: Array, gain: Array, period: flo
 def carried_gain(
     mechanism: Mechanism, regressor: Array, damping: Array, ranges: Array, period: float, number: float, shares: Shares
 ) -> Array:
-    """Diagonal (P,) of Gamma with the adaptation number that is asked for."""
+    """The diagonal (P,) of an adaptation gain Gamma on all P parameters of a mechanism, in their units squared per J,
+    scaled so that the adaptation number T lambda_max(K^-1 Y Gamma Y'), no unit, over S samples is `number`.
+
+    Y is the torque `regressor` (S, r, P) and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if prismatic), T
+    the control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in proportion to:
+    "ranges", the squares of the parameters' prior `ranges` (P,), SI units; "links", these, but scaled so that each link
+    and each drive has the same number by itself; "parameters", the inverse of each parameter's greatest effect on the
+    torques; "mixed", half "ranges" and half "links". Nothing is checked.
+    """
     gain = ranges**2
     if shares == "links":
         gain = _each_link(mechanism, regressor, damping, gain, period)

@@ -25,7 +25,14 @@ SMALLEST_ERROR = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A proposal of gains, with the numbers that they were asked for."""
+    """Proposal of gains for Slotine and Li's law, with the two numbers that they were asked for. Nothing is checked.
+
+    `carried` has the tracking gains, bandwidth and damping, and what limits them; `gain` (P,) is the diagonal of the
+    adaptation gain on all P parameters, in their units squared per J. `hold` is the greatest hold number T
+    lambda_max((M + T B)^-1 K) allowed and `adaptation` the number T lambda_max(K^-1 Y Gamma Y'), both without a unit
+    and stable below 2: T is the control period, M the mass matrix, B viscous friction, K the damping, Y the torque
+    regressor, Gamma the adaptation gain, lambda_max the largest eigenvalue.
+    """
 
     carried: CarriedGains
     gain: Array
@@ -36,7 +43,14 @@ class Proposal:
 
 @dataclass(frozen=True, eq=False)
 class Proposals:
-    """Proposals for a mechanism on a reference, from postures and motions along it."""
+    """Maker of proposals of gains for a `mechanism` of r joints on a reference, from S positions and motions along it;
+    the class method `along` makes one. Nothing is checked.
+
+    `limits` (r,) are the torque limits, N m (N if prismatic), `off` (r,) the sizes of the initial tracking error, rad
+    (m), above 0, and `period` the control period, s. `points` is the reference at S times, (S, r) each. `postures` (S,
+    r), rad (m), are random positions near it that kinematic loops can reach. `errors` (S, r), rad (m), are tracking
+    errors of random sign at the same times, at least as large as the initial one, 0 where loops could not close.
+    """
 
     mechanism: Mechanism
     limits: Array
@@ -63,7 +77,10 @@ class Proposals:
         samples: int,
         seed: int,
     ) -> Proposals:
-        """Proposals from so many samples of a reference."""
+        """Maker of proposals of gains from `samples` samples of the first 20 s of a `reference` of the mechanism's r
+        joints. `limits` (r,) are the torque limits, N m (N if prismatic), `off` (r,) the initial tracking errors, rad
+        (m), of which those below 0.01 count as 0.01, `period` the control period, s. Equal values of `seed`, a whole
+        number of at least 0, draw equal positions and errors near the reference. Nothing is checked."""
         rng, points = np.random.default_rng(seed), reference(np.linspace(0.0, HORIZON, samples))
         lower, upper = motion_ranges(mechanism)
         width = np.minimum(WIDTH, 0.5 * (upper - lower))
@@ -76,16 +93,30 @@ class Proposals:
 
     @cached_property
     def ranges(self) -> Array:
-        """Prior ranges (P,) of the parameters, SI units."""
+        """Prior ranges (P,) of all P inertial and friction parameters of the mechanism, their greatest plausible
+        errors, in SI units. Raises `InputError` where a joint's typical inertia is not positive."""
         return prior_ranges(self.mechanism)
 
     @lru_cache(maxsize=8)  # noqa: B019  # a search asks for the same few again and again, and they take longest
     def carried(self, bandwidth: float, hold: float) -> CarriedGains:
-        """The largest gains of at most this bandwidth (1/s) and hold number."""
+        """The largest tracking gains, a `CarriedGains`, with a bandwidth of at most `bandwidth` (1/s) and a hold number
+        T lambda_max((M + T B)^-1 K) of at most `hold`, no unit, stable below 2: T is the control period, M the mass
+        matrix, B viscous friction, K the damping and lambda_max the largest eigenvalue. The last 8 results are kept.
+        Raises `InputError` for joints that move nothing that has inertia, and where M is not positive definite."""
         return carried_gains(self.mechanism, self.limits, self.postures, self.off, self.period, bandwidth, hold)
 
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
-        """Gains of at most this bandwidth (1/s), hold number and adaptation number."""
+        """Proposal of gains with a bandwidth of at most `bandwidth` (1/s), a hold number T lambda_max((M + T B)^-1 K)
+        of at most `hold` and an adaptation number T lambda_max(K^-1 Y Gamma Y') of `adaptation`, both without a unit
+        and stable below 2.
+
+        T is the control period, M the mass matrix, B viscous friction, K the damping, Y the torque regressor and Y' its
+        transpose, lambda_max the largest eigenvalue. `shares` says what the adaptation gain Gamma is in proportion to:
+        "ranges", the squares of the parameters' prior ranges (greatest plausible errors), "links", these with an equal
+        number for each link, "parameters", the inverse of each parameter's effect on torques, or "mixed", half of each
+        of the first two. Raises `InputError` for joints that move nothing that has inertia, and where M is not positive
+        definite.
+        """
         mechanism, points = self.mechanism, self.points
         carried = self.carried(bandwidth, hold)
         rates = carried.gains.bandwidth

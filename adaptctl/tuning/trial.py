@@ -24,7 +24,9 @@ EVERY = 50
 
 @dataclass(frozen=True, eq=False)
 class Delayed(Controller[AdaptiveState]):
-    """Slotine and Li's law, its torques a control period late where `late` is 1, and in time where it is 0."""
+    """Slotine and Li's law, `of`, whose torques come one control period late where `late` is 1, and in time where it is
+    0, the default. `late` is a tunable number, an argument of the native code, so that arms with and without the delay
+    share one code. Nothing is checked."""
 
     tunable = ("late",)
 
@@ -33,29 +35,43 @@ class Delayed(Controller[AdaptiveState]):
 
     @property
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number r of the joints that the wrapped control law moves."""
         return self.of.dof
 
     @property
     def home(self) -> Array:
-        """Positions (r,) where loops, if any, are known to close."""
+        """Positions (r,) of the r joints, rad (m if prismatic), at which the mechanism's kinematic loops are known to
+        close; zeros without loops."""
         return self.of.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The memory before the first tick: the law's own."""
+        """The memory before the first control period, the wrapped law's own, of arms at positions p in rad (m if
+        prismatic) and velocities v in rad/s (m/s), (..., r) for r joints; its torque is zero. Raises `InputError` on a
+        wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a configuration that locks
+        kinematic loops."""
         return self.of.start(p, v)
 
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) N m of one tick, the last one's or the new one, and the law's memory after it."""
+        """The torque (r,) of r joints, N m (N if prismatic), for one control period, that of the last period where it
+        comes late, else the new one, and the wrapped law's memory after it. Measured positions p are in rad (m) and
+        velocities v in rad/s (m/s), (r,); `reference` has positions, velocities and accelerations (r,); `memory` is
+        that of the last control period. Nothing is checked here: `step` checks shapes."""
         _, after = self.of.law(p, v, reference, memory)
         late = self.late > 0.5
         return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after
 
 
 class TrialSetting(NamedTuple):
-    """Setting of a trial: the gains and true parameters of a closed loop that is tried."""
+    """Setting of one trial run of Slotine and Li's law on r joints: its gains, and the true parameters of the simulated
+    arm. Nothing is checked.
+
+    `bandwidth` (r,) is in 1/s and `damping` (r,) in N m s/rad (N s/m if prismatic); `gain` (P,) is the diagonal of the
+    adaptation gain on all P inertial and friction parameters, in their units squared per J, zero for adaptation off.
+    `parameters` (P,) are the arm's true ones, SI units. With `late` True torques come a control period late, by default
+    not.
+    """
 
     bandwidth: Array
     damping: Array
@@ -68,10 +84,12 @@ class TrialSetting(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Trials on one plant, reference and initial error (r,): Slotine and Li's law on all parameters, from zero.
+    """Trial runs on one `plant` and `reference`: simulated closed loops of Slotine and Li's law, which adapts all P
+    inertial and friction parameters from a first estimate of zero. Arms start at rest, `off` (r,) from the reference's
+    first positions, rad (m if prismatic), for r joints.
 
-    Nothing is learned from a period whose torque was limited. It is the law on a reduced model with the mapped gain,
-    to round-off.
+    Nothing is learned from a period whose torque was limited. To round-off the law is the same as on a reduced model
+    with the adaptation gain mapped to its parameters. Nothing is checked.
     """
 
     plant: Plant
@@ -80,11 +98,14 @@ class Trials:
 
     @property
     def possible(self) -> bool:
-        """True if the mechanism has few enough links to compile."""
+        """True if the mechanism has at most 100 links, few enough to compile: only then can the trials be run."""
         return len(self.plant.mechanism.links) <= LARGEST_COMPILED
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
-        """Runs (M,) of the settings, side by side."""
+        """Simulated runs (`Rollouts`) of `duration` seconds, one for each of the M `settings`, computed side by side in
+        native code; every 50th control period is a sample. Raises `InputError` for a mechanism of more than 100 links
+        and a duration below a control period, `SingularityError` where kinematic loops cannot be followed to the
+        start."""
         p = self.reference(np.zeros(1)).p[0]
         law, parameters = _law(self.plant, tuple(p.tolist())), np.array([one.parameters for one in settings])
         laws = [law.having(_numbers(law, one)) for one in settings]

@@ -46,9 +46,9 @@ def tune(
     zero.
 
     The law is torque = Y estimate - K s, s = v - v_d + Lambda (p - p_d), d estimate/dt = -Gamma Y' s. p and v (r,) are
-    positions and velocities, p_d and v_d the reference's, Y (r, P) is the regressor of the P inertial parameters and Y'
-    its transpose; Lambda (1/s) and K (N m s/rad, N s/m) are gains of each joint, Gamma (P, P) is the adaptation gain in
-    the parameters' units squared per J.
+    positions and velocities, p_d and v_d the reference's, Y (r, P) is the regressor of the P inertial and friction
+    parameters and Y' its transpose; Lambda (1/s) and K (N m s/rad, N s/m) are gains of each joint, Gamma (P, P) is the
+    adaptation gain in the parameters' units squared per J.
 
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
     limits; the `initial_error` (rad or m, one number or (r,)), unless given, is 0.1 rad or m, and less where a range or

@@ -19,19 +19,19 @@ from adaptctl.tuning.verification import Verification
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Reference, gains and integration that `tune` chose for a mechanism of r joints and P inertial parameters. Nothing
-    is checked.
+    """Reference, gains and integration that `tune` chose for a mechanism of r joints and P inertial and friction
+    parameters. Nothing is checked.
 
     `period` T (s) is how long a torque is held, `reference` the trajectory, `initial_error` (r,), in rad or m, the
-    arm's distance from it at the start. `gains` are Slotine and Li's Lambda, 1/s, and K, N m s/rad (N s/m), (r,) each;
-    `adaptation` (P,) is the diagonal of their adaptation gain Gamma on all parameters, in their units squared per J. A
-    period is simulated in `substeps` steps of the `integrator`. `torque_limits` (r,) are in N m (N); `torque_share`
-    (r,) is the largest share of them that the reference asks, no unit. `hold_number` is T lambda_max((M + T B)^-1 K)
-    and `adaptation_number` T lambda_max(K^-1 Y Gamma Y') along the reference, with the mass matrix M, the viscous
-    friction B and the regressor Y (r, P), Y' its transpose, and lambda_max the largest eigenvalue: no units, each
-    stable below 2. `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the `Verification`
-    runs with these gains, none where the mechanism is too long to compile, and `notes` sentences on what else matters,
-    none unless given.
+    arm's distance from it at the start. `gains` are Slotine and Li's bandwidth Lambda, 1/s, and damping K, N m s/rad (N
+    s/m), (r,) each; `adaptation` (P,) is the diagonal of their adaptation gain Gamma on all parameters, in their units
+    squared per J. A period is simulated in `substeps` steps of the `integrator`. `torque_limits` (r,) are in N m (N);
+    `torque_share` (r,) is the largest share of them that the reference asks, no unit. `hold_number` is T lambda_max((M
+    + T B)^-1 K) and `adaptation_number` T lambda_max(K^-1 Y Gamma Y') along the reference, with the mass matrix M, the
+    viscous friction B and the regressor Y (r, P), Y' its transpose, and lambda_max the largest eigenvalue: no units,
+    each stable below 2. `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the
+    `Verification` runs with these gains, none where the mechanism is too long to compile, and `notes` sentences on what
+    else matters, none unless given.
     """
 
     mechanism: Mechanism
@@ -63,8 +63,8 @@ class Tuning:
 
     def gain_on(self, model: ReducedModel) -> Array:
         """The adaptation gain Gamma (k, k) on a reduced model's k fundamental (base) parameters, in their units squared
-        per J: adapting them is then the same as adapting all P inertial parameters of the mechanism with the tuning's
-        diagonal Gamma (P,). Raises `InputError` for a model of another number of parameters P."""
+        per J: adapting them is then the same as adapting all P inertial and friction parameters of the mechanism with
+        the tuning's diagonal Gamma (P,). Raises `InputError` for a model of another number of parameters P."""
         return mapped_gain(model, self.adaptation)
 
     @cached_property
@@ -79,7 +79,7 @@ class Tuning:
         """Slotine and Li's controller with the tuning's gains, period and torque limits on a reduced model of the
         mechanism, its first estimate zero; without adaptation where `adaptation` is False. Raises `GainError` where the
         period cannot carry the gains in the tuning's `workspace`, `InputError` for a model of another number of joints
-        or, with adaptation, of inertial parameters."""
+        or, with adaptation, of parameters."""
         gain, gains = self.gain_on(model) if adaptation else None, self.gains
         given = None, self.period, self.workspace, self.torque_limits
         return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)

@@ -39,7 +39,13 @@ HIGHEST = 0.95
 
 
 class WorkableReference(NamedTuple):
-    """A reference, and the shares of the torque limits that it asks for."""
+    """Record of a reference for r joints, `reference`, and of the shares of the torque limits that it asks for, (r,)
+    each without a unit. Nothing is checked.
+
+    `static` is the share that gravity and Coulomb friction ask at its centre, at rest; `asked` is the largest share in
+    20 s of following it, infinite where kinematic loops cannot; `reduced` is the reference's amplitude over that which
+    positions and speeds would allow, 1 where torques did not make it smaller and for a reference that was given.
+    """
 
     reference: Reference
     static: Array
@@ -51,10 +57,14 @@ class WorkableReference(NamedTuple):
 
 
 def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> WorkableReference:
-    """A reference of sinusoids within TORQUE_SHARE of the torque limits (r,), about a centre where gravity asks little.
+    """A reference of sinusoids for the mechanism's r joints that asks for at most 0.6 of the torque limits `limits`
+    (r,), N m (N if prismatic), about a centre where gravity asks little, with the shares that it asks: a
+    `WorkableReference`.
 
-    Joints that ask for more, be it that gravity does, are moved less until they are halfway between that and their
-    limit. Frequencies and amplitudes are drawn by seed.
+    Frequencies, from 0.1 to 0.25 Hz, and amplitudes, up to 0.5 rad (m), are drawn by `seed`, a whole number of at least
+    0; the smooth start takes 2 s. Joints that ask for more are moved less until they ask for at most 0.6 of their limit
+    or, where gravity and Coulomb friction at rest ask much, for the mean of their share at rest and 1, at most 0.95; a
+    joint of which gravity alone asks more is held still. Nothing is checked.
     """
     rng = np.random.default_rng(seed)
     lower, upper = motion_ranges(mechanism)
@@ -70,7 +80,10 @@ def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> Workab
 
 
 def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) -> WorkableReference:
-    """The reference given, and the shares of the torque limits that it asks for."""
+    """The `reference` given, for the mechanism's r joints, with the shares (r,), without a unit, of the torque limits
+    `limits` (r,), N m (N if prismatic), that it asks: a `WorkableReference` whose centre is the position at time 0 and
+    whose `reduced` is 1. Raises `InputError` where the reference's points do not fit the joints, `NonFiniteError` where
+    they are not finite, `SingularityError` where kinematic loops cannot reach the first."""
     center = reference(np.zeros(1)).p[0]
     asked = _asked(mechanism, limits, reference)
     return WorkableReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))

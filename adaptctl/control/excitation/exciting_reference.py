@@ -92,8 +92,14 @@ class MotionLimits:
 
 @dataclass(frozen=True, eq=False)
 class FourierSearch:
-    """A search for exciting Fourier references of a band within limits, over vectors without bounds (size,):
-    coefficients, then how much of the limits each joint uses and where, through logistics."""
+    """Search for an exciting reference: a periodic motion of the model's r joints, a Fourier series of `harmonics`
+    harmonics of `frequency` (Hz) within `limits`, that tells as much as possible of the model's k parameters.
+
+    It is over vectors x (size,) without bounds or units: coefficients of the sines and cosines, then, through logistic
+    functions, the share of each joint's limits that is used and where between them the swing lies. The condition number
+    of the torque regressor, its columns scaled by `scale` (k,), the parameters' prior ranges (greatest plausible
+    errors) in SI units, is what is to be small. Nothing is checked here: `exciting_reference` checks, and searches.
+    """
 
     model: ReducedModel
     limits: MotionLimits
@@ -103,28 +109,34 @@ class FourierSearch:
 
     @property
     def dof(self) -> int:
-        """Number of joints r."""
+        """Number r of the mechanism's primary joints, which the reference moves."""
         return self.model.mechanism.dof
 
     @property
     def size(self) -> int:
-        """Length of the vectors that are searched."""
+        """Length of the vectors that are searched: r (2 h + 2) for r joints and h harmonics."""
         return self.dof * (2 * self.harmonics + 2)
 
     def random(self, rng: np.random.Generator) -> Array:
-        """A vector (size,) drawn at random, whose reference uses nearly all that the limits allow."""
+        """A random vector (size,) of the search, without units, drawn from the generator `rng`, whose reference uses 95
+        % of what the limits of each joint allow."""
         coefficients = rng.normal(size=2 * self.harmonics * self.dof)
         return np.concatenate((coefficients, np.full(self.dof, FULL), rng.normal(size=self.dof)))
 
     def motion(self, x: Array, factor: float = 1.0) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (n, r) over a period of the reference of a vector x (size,)."""
+        """Positions in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2), (n, r)
+        each, of r joints over one period of the reference that a vector `x` (size,) stands for, at n = 40 samples for
+        each of the harmonics. The swing about the centre is multiplied by `factor`, 1 unless given. Nothing is
+        checked."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
         return center + used * y, used * rate, used * bend
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
-        """The reference of a vector x (size,): at the samples its positions and speeds are within their limits by
-        construction."""
+        """The periodic reference of r joints that a vector `x` (size,) of the search stands for, as `Sinusoids` without
+        fade-in; its swing about the centre is multiplied by `factor`, 1 unless given. For factors up to 1 its positions
+        and speeds are within their limits by construction, at 40 samples a period of the highest harmonic; torques may
+        be beyond theirs. Nothing is checked."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
         used, center = self._fitted(x, y, rate, factor)
@@ -133,26 +145,33 @@ class FourierSearch:
         return Sinusoids(center, amplitude, frequency, phase, start_time=0.0)
 
     def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
-        """The condition number of the regressor along a vector's reference, and its largest torque over the limit."""
+        """Two numbers without units for the reference that a vector `x` (size,) stands for: the condition number of the
+        torque regressor stacked over a period, its columns scaled by the parameters' prior ranges, and the largest
+        torque of any joint over its limit, with the model's own parameters. The swing about the centre is multiplied by
+        `factor`, 1 unless given. Nothing is checked."""
         Y = self._along(x, factor)
         eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
         smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))
         return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
 
     def torque_share(self, x: Array, factor: float) -> float:
-        """The largest torque over its limit along the reference of a vector x (size,), its swings times a factor."""
+        """The largest torque of any joint over its limit, without a unit, along the reference that a vector `x` (size,)
+        stands for, with the model's own parameters; the swing about the centre is multiplied by `factor`. Nothing is
+        checked."""
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
-        """The cost that is minimised at a vector x (size,): the logarithm of the condition number, and a penalty for
-        torques beyond their limits."""
+        """The cost, without a unit, that the search minimises, at a vector `x` (size,): the natural logarithm of the
+        scaled torque regressor's condition number on its reference, and 30 times the square of the largest torque's
+        excess over its limit, as a share of that limit. Nothing is checked."""
         condition, share = self.judged(x)
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
-        """The reference of a vector x (size,), with smaller swings where torques would pass their limits; its condition
-        number and its largest torque over the limit. Raises `InputError` where torques pass their limits even at rest.
-        """
+        """The reference that a vector `x` (size,) stands for, as `Sinusoids`, its swing about the centre made smaller
+        where torques would pass their limits; then the condition number of the scaled torque regressor on it and its
+        largest torque over the limit, both without a unit. Raises `InputError` where torques pass their limits even at
+        rest."""
         factor = 1.0
         if self.torque_share(x, 1.0) > 1.0:
             if self.torque_share(x, 0.0) > 1.0:
@@ -228,10 +247,10 @@ def exciting_reference(
 
     Fourier series within positions, speeds and torques (Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997):
     within `limits`, or where these are None a `share` (0 to 1) of the joints' own. Torques are those of the model's own
-    parameters; where they are only guessed, leave them room. `scale` (k,), SI units, or one number are the prior ranges
-    (greatest plausible errors) of the model's k parameters, by which the regressor's columns are scaled, those of
-    `PriorRanges` where None. The search (L-BFGS, at most `iterations`) begins at the best of ten random references,
-    drawn by the integer `seed` of at least 0; equal seeds find equal references.
+    parameters; where these are only guessed, give lower torque limits. `scale` (k,), SI units, or one number are the
+    prior ranges (greatest plausible errors) of the model's k parameters, by which the regressor's columns are scaled,
+    those of `PriorRanges` where None. The search (L-BFGS, at most `iterations`) begins at the best of ten random
+    references, drawn by the integer `seed` of at least 0; equal seeds find equal references.
 
     `progress` is called after each iteration with the share done, 0 to 1; None calls nothing. Ctrl-C ends the search
     with the best reference so far, marked as not complete. Raises `InputError` unless the frequency is positive,

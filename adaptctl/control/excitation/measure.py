@@ -40,26 +40,27 @@ class Excitation:
     time: Array
     """(w,) s, the end of each window"""
     smallest: Array
-    """(w,)"""
+    """(w,) least eigenvalue of each window, (N m)^2 s"""
     largest: Array
-    """(w,)"""
+    """(w,) greatest eigenvalue of each window, (N m)^2 s"""
     weakest: Array
     """(k,) the least excited direction of scaled parameters over the whole run"""
     window: float
-    """s"""
+    """s, the windows' length"""
 
     @property
     def level(self) -> float:
-        """The least eigenvalue of the excitation Gram matrices, the integrals of (Y S)'(Y S), of all windows, in (N
-        m)^2 s (N^2 s for prismatic joints): 0 where some direction of the parameters is not excited in one of them. Y
-        is Slotine and Li's regressor and S the diagonal matrix of the parameters' prior ranges."""
+        """The least eigenvalue of the excitation Gram matrices, the integrals of (Y S)'(Y S) over windows of time along
+        the run, in all windows, in (N m)^2 s (N^2 s for prismatic joints): 0 where some direction of the parameters is
+        not excited in one of them. Y is Slotine and Li's regressor, S the diagonal matrix of the parameters' prior
+        ranges (greatest plausible errors), a prime the transpose."""
         return float(self.smallest.min())
 
     @property
     def condition(self) -> Array:
         """Condition number (w,), without a unit, of Slotine and Li's regressor, its columns scaled by the parameters'
-        prior ranges, stacked over each of w windows: the root of the ratio of its Gram matrix's largest eigenvalue to
-        the smallest, infinite where the smallest is 0."""
+        prior ranges (greatest plausible errors), stacked over each of w windows of time along the run: the root of the
+        ratio of its Gram matrix's largest eigenvalue to the smallest, infinite where the smallest is 0."""
         with np.errstate(divide="ignore"):
             return np.sqrt(self.largest / self.smallest)
 
@@ -68,8 +69,8 @@ def persistent_excitation(
     model: ReducedModel, run: SampledRun, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
 ) -> Excitation:
     """The excitation of a model's k parameters by a run: eigenvalues of the regressor's Gram matrix over windows of
-    length `window` (s, rounded to whole samples, down to a multiple of 16), each a sixteenth of that after the one
-    before.
+    length `window` (s, rounded to whole samples, down to a multiple of 16), each of which starts a sixteenth of that
+    length after the one before.
 
     `run` has positions p, velocities v and the reference's p_d, v_d and a_d, (T, r) of r joints in rad, rad/s and
     rad/s^2 (m and s for prismatic joints), at T samples. The regressor is Slotine and Li's, at the reference velocity
@@ -113,15 +114,29 @@ def _triangular(rows: Array) -> Array:
 def scaled_regressor(
     model: ReducedModel, p: Array, v: Array, v_r: Array, a_r: Array, scale: ArrayLike | None = None
 ) -> Array:
-    """The scaled regressor Y_r S (T, r, k) along a motion (T, r), in native code where the mechanism is short
-    enough."""
+    """The scaled regressor Y_r S (T, r, k), N m (N if prismatic), along T samples of a motion of r joints: Y_r is
+    Slotine and Li's torque regressor on the model's k parameters, S the diagonal matrix of `scale`.
+
+    Positions `p` are in rad (m), velocities `v` and reference velocities `v_r` in rad/s (m/s), reference accelerations
+    `a_r` in rad/s^2 (m/s^2), all (T, r). `scale` (k,), SI units, or one number are the parameters' prior ranges, their
+    greatest plausible errors, those of `PriorRanges` where None. Mechanisms of up to 100 links are computed in native
+    code. Raises `InputError` on a wrong shape and for a scale that is not finite, `NonFiniteError` for positions that
+    are not, `SingularityError` near a configuration that locks kinematic loops.
+    """
     ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
     ranges = np.broadcast_to(ranges, (len(model.columns),)) if ranges.ndim == 0 else ranges
     return regressor_of(model)(p, v, v_r, a_r) * frozen_array(ranges, (len(model.columns),), "scale")
 
 
 def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], Array]:
-    """Slotine and Li's regressor (T, r, k) as a function of p, v, v_r and a_r (T, r)."""
+    """A function that computes Slotine and Li's torque regressor (T, r, k) of the model's r joints and k parameters, in
+    N m (N if prismatic) per SI unit of each, at T samples: in native code, compiled here, for up to 100 links, else in
+    NumPy.
+
+    Its arguments are positions p in rad (m), velocities v and reference velocities v_r in rad/s (m/s) and reference
+    accelerations a_r in rad/s^2 (m/s^2), all (T, r). It raises `InputError` on a wrong shape, `NonFiniteError` for
+    positions that are not finite, `SingularityError` near a configuration that locks kinematic loops.
+    """
     mechanism, r = model.mechanism, model.mechanism.dof
     if len(mechanism.links) > LARGEST_COMPILED:
         return model.slotine_li_regressor

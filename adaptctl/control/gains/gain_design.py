@@ -148,16 +148,17 @@ class GainDesign:
 
     @property
     def sampled_gain(self) -> float:
-        """The greatest sampled gain T_c max lambda(M^-1 K), without a unit, over all positions within the joints'
-        limits, as far as a search finds, with T_c the control period, M the mass matrix and K the velocity gains
-        `damping`: a torque held over T_c is stable below 2, and below 1 with a delay of one period."""
+        """The greatest sampled gain T_c lambda_max(M^-1 K), without a unit, over all positions within the joints'
+        limits, as far as a search finds, with T_c the control period, lambda_max the largest eigenvalue, M the mass
+        matrix and K the velocity gains `damping`: a torque held over T_c is stable below 2, and below 1 with a delay of
+        one period."""
         return sampled_gain(self.mechanism, self.damping, self.period)
 
     @property
     def largest_sampled_gain(self) -> float:
-        """The largest sampled gain T_c max lambda(M^-1 K), without a unit, that is allowed, three quarters of the limit
+        """The largest sampled gain T_c lambda_max(M^-1 K), without a unit, that is allowed, three quarters of the limit
         of stability of a held torque: 1.5 without delay, 0.75 with a delay of one period, less with more. T_c is the
-        control period, M the mass matrix and K the damping."""
+        control period, lambda_max the largest eigenvalue, M the mass matrix and K the damping."""
         return largest_with_delay(self.delay)
 
     @property
@@ -170,9 +171,10 @@ class GainDesign:
         """The largest factor, without a unit, by which all poles may be multiplied while the control period still
         carries the gains: below 1 where it does not carry the gains as they are.
 
-        It carries them while the sampled gain T_c max lambda(M^-1 K) is at most `largest_sampled_gain`, 1.5 without
-        delay: T_c is the control period, M the mass matrix and K the damping. Infinite where it carries even the gains
-        of a deadbeat loop, 0 where it carries none, as where M is not positive definite.
+        It carries them while the sampled gain T_c lambda_max(M^-1 K) is at most `largest_sampled_gain`, 1.5 without
+        delay: T_c is the control period, lambda_max the largest eigenvalue, M the mass matrix and K the damping.
+        Infinite where it carries even the gains of a deadbeat loop, 0 where it carries none, as where M is not positive
+        definite.
         """
 
         def excess(logarithm: float) -> float:
@@ -187,9 +189,10 @@ class GainDesign:
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def require_carried(self) -> GainDesign:
-        """This gain design itself, if the control period can carry its gains: its `sampled_gain`, T_c max lambda(M^-1
-        K), is at most `largest_sampled_gain`, 1.5 without delay; T_c is the control period, M the mass matrix and K the
-        damping. Raises `GainError` otherwise, whose message says which gains the period can carry."""
+        """This gain design itself, if the control period can carry its gains: its `sampled_gain`, T_c lambda_max(M^-1
+        K), is at most `largest_sampled_gain`, 1.5 without delay; T_c is the control period, lambda_max the largest
+        eigenvalue, M the mass matrix and K the damping. Raises `GainError` otherwise, whose message says which gains
+        the period can carry."""
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(
@@ -202,10 +205,13 @@ class GainDesign:
 
 
 def largest_with_delay(delay: int) -> float:
-    """The largest T_c lambda_max(M^-1 K) that is allowed with a delay in periods: three quarters of the limit.
+    """The largest sampled gain T_c lambda_max(M^-1 K), without a unit, that is allowed where the torque comes `delay`
+    whole control periods late, 0 or more: three quarters of the limit of stability, 1.5 without delay, 0.75 with one
+    period. T_c is the control period, M the mass matrix, K the velocity gains, lambda_max the largest eigenvalue.
+    Nothing is checked.
 
-    A velocity held and fed back d periods late, z^(d+1) - z^d + g = 0, is stable for g below
-    2 sin(pi/(2(2d + 1))): 2, 1, 0.62, ... (Levin and May 1976).
+    A velocity that is held and fed back d periods late, with the characteristic equation z^(d+1) - z^d + g = 0, is
+    stable for sampled gains g below 2 sin(pi/(2(2d + 1))): 2, 1, 0.62, ... (Levin and May 1976).
     """
     limit = 2.0 * float(np.sin(np.pi / (2.0 * (2.0 * delay + 1.0))))
     return 0.5 * LARGEST_SAMPLED_GAIN * limit

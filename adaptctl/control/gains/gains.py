@@ -16,10 +16,8 @@ from adaptctl.errors import InputError
 
 
 def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """Positive finite numbers (r,), from one for all joints or one each: read-only.
-
-    Raises `InputError` on a wrong shape and for any other numbers.
-    """
+    """Positive finite numbers (dof,), one a joint, read-only, in the unit of `values`: one number for all `dof` joints,
+    or one each. Raises `InputError` on a wrong shape and for any other numbers; the message names them by `what`."""
     array = per_joint(values, dof, what)
     if not ((array > 0.0) & np.isfinite(array)).all():
         raise InputError(f"{what}: expected positive numbers, got {array.tolist()}")
@@ -65,8 +63,9 @@ def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, worksp
     """The greatest sampled gain T_c lambda_max(M(q)^-1 K), without a unit, over a workspace: 2 is the limit of
     stability of a torque -K v held over the `period` T_c (s).
 
-    M(q) is the mass matrix at positions q and v the joints' velocities; `damping` is K in N m s/rad (N s/m), one number
-    or one a joint (r,). It is found by local search. A `workspace` of None is all that the joints' limits allow. Raises
-    `InputError` unless damping and period are positive and finite, and on a wrong shape.
+    lambda_max is the largest eigenvalue, M(q) the mass matrix at positions q and v the joints' velocities; `damping` is
+    K in N m s/rad (N s/m), one number or one a joint (r,). It is found by local search. A `workspace` of None is all
+    that the joints' limits allow. Raises `InputError` unless damping and period are positive and finite, and on a wrong
+    shape.
     """
     return hold_number(mechanism, damping, period, workspace=workspace).value

@@ -26,12 +26,12 @@ DEFINITE = 1e-12
 
 @sent_as_made
 class HoldNumber(NamedTuple):
-    """Record of the greatest hold number T_c max lambda(M^-1 (K + M^ Lambda)) found: its `value`, without a unit, the
+    """Record of the greatest hold number T_c lambda_max(M^-1 (K + M^ Lambda)) found: its `value`, without a unit, the
     positions `p` (r,), rad or m, of the r joints where it is reached, and the name of the `joint` that moves most
     there.
 
-    A held torque is stable while the number is below 2. T_c is the control period, M the mass matrix, M^ the estimated
-    one, K the damping and Lambda the bandwidth. Nothing is checked.
+    A held torque is stable while the number is below 2. T_c is the control period, lambda_max the largest eigenvalue, M
+    the mass matrix, M^ the estimated one, K the damping and Lambda the bandwidth. Nothing is checked.
     """
 
     value: float
@@ -50,16 +50,16 @@ def hold_number(
     estimate: ArrayLike | None = None,
     workspace: Workspace | None = None,
 ) -> HoldNumber:
-    """The greatest hold number T_c max lambda(M^-1 (K + M^ Lambda)), without a unit, and where it is, by local search
+    """The greatest hold number T_c lambda_max(M^-1 (K + M^ Lambda)), without a unit, and where it is, by local search
     over a `workspace`, None for all that the joints' limits allow: a torque held over T_c is stable while it is below
     2.
 
-    M is the mass matrix, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in 1/s, 0 by default, each one number
-    or one a joint (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v, v the joints' velocities, and
-    within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the `estimate` (P,) of all P inertial
-    parameters, SI units, None for the mechanism's own. From one period to the next v becomes (1 - T_c M^-1 (K + M^
-    Lambda)) v, which grows, with alternating signs, where the number is above 2. The number is infinite where M is not
-    positive definite, and where K + M^ Lambda drives instead of damps.
+    lambda_max is the largest eigenvalue, M the mass matrix, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
+    1/s, 0 by default, each one number or one a joint (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v,
+    v the joints' velocities, and within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the
+    `estimate` (P,) of all P inertial and friction parameters, SI units, None for the mechanism's own. From one period
+    to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with alternating signs, where the number is
+    above 2. The number is infinite where M is not positive definite, and where K + M^ Lambda drives instead of damps.
 
     Viscous friction with coefficients B acts within the period: M is then replaced by M (X/2) coth(X/2), X = T_c M^-1
     B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
@@ -148,8 +148,17 @@ def hold_numbers(
     *,
     estimate: ArrayLike | None = None,
 ) -> Array:
-    """Hold numbers (...), without a unit, at given positions (..., r), and with estimates (P,) or (..., P): see
-    `hold_number`."""
+    """Hold numbers T_c lambda_max(M^-1 (K + M^ Lambda)) (...), without a unit, at given positions `p` (..., r) of r
+    joints, rad (m if prismatic): a torque held over the control period T_c is stable while the number is below 2.
+
+    M is the mass matrix, lambda_max the largest eigenvalue, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
+    1/s, 0 by default, each one number or (r,); `period` is T_c in s. M^ is the mass matrix of the `estimate`, (P,) or
+    (..., P), of all P inertial and friction parameters, SI units, None for the mechanism's own. The number is infinite
+    where M is not positive definite, and where K + M^ Lambda drives instead of damps. Viscous friction is taken in as
+    in `hold_number`, which searches for the worst positions. Raises `InputError` on a wrong shape of `p`, damping or
+    bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a configuration that locks
+    kinematic loops; signs are not checked.
+    """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
     p = np.asarray(p, dtype=np.float64)
@@ -202,14 +211,19 @@ def _viscous(mechanism: Mechanism) -> tuple[tuple[int, ...], Array]:
 
 
 def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
-    """The mass matrix M (..., r, r), kg m^2, at positions p (..., r) with other parameters, (P,) or (..., P), also
-    impossible ones."""
+    """The mass matrix M (..., r, r) of a mechanism's r joints, kg m^2 (kg between prismatic joints), at positions `p`
+    (..., r), rad (m), with other `parameters` than its own: all P inertial and friction ones, (P,) or (..., P), in SI
+    units, also impossible ones, for which M is not positive definite. Raises `InputError` on a wrong shape of `p`,
+    `NonFiniteError` on NaN or infinity in it, `SingularityError` near a configuration that locks kinematic loops; the
+    parameters are not checked."""
     rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), column(parameters))
     return stacked_rows(rows, p.shape[:-1])
 
 
 def scaled_eigenvalues(M: Array) -> Array:
-    """Eigenvalues (..., r), rising, of mass matrices (..., r, r) whose diagonal is scaled to 1 in magnitude."""
+    """Eigenvalues (..., r), rising, without a unit, of symmetric matrices `M` (..., r, r), such as mass matrices, whose
+    rows and columns are scaled so that the diagonal has magnitude 1. All are above 0 where M is positive definite. NaN
+    and infinity are not looked for; matrices that are not square raise `ValueError`."""
     diagonal = np.sqrt(np.abs(np.diagonal(M, axis1=-2, axis2=-1)))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
     return np.asarray(np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :])))
@@ -219,10 +233,10 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
     """The least eigenvalue of a mass matrix over a workspace, its diagonal scaled to 1: a record of this `value`,
     without a unit, and the positions `p` (r,), rad or m, where it is found.
 
-    The mass matrix is that of `parameters` (P,), all P inertial parameters of the mechanism in SI units; it is positive
-    definite in the workspace if the value is above 0, as far as a local search from the worst samples finds. A
-    `workspace` of None is all that the joints' limits allow, in 200 random samples. Raises `InputError` for parameters
-    of another shape or not finite.
+    The mass matrix is that of `parameters` (P,), all P inertial and friction parameters of the mechanism in SI units;
+    it is positive definite in the workspace if the value is above 0, as far as a local search from the worst samples
+    finds. A `workspace` of None is all that the joints' limits allow, in 200 random samples. Raises `InputError` for
+    parameters of another shape or not finite.
     """
     D = _all_parameters(mechanism, parameters)
     found = (workspace or everywhere(mechanism)).highest(
@@ -232,7 +246,10 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
 
 
 def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace | None = None) -> float:
-    """The least eigenvalue of M^-1 K over a workspace, 1/s: how fast every velocity decays at least."""
+    """The least eigenvalue of M^-1 K over a workspace, 1/s: under the torque -K v all velocities v of the r joints
+    decay at least as fast. M is the mass matrix, `damping` K in N m s/rad (N s/m if prismatic), one number or (r,). It
+    is found by local search from the worst samples of `workspace`, None for all positions that the joints' limits
+    allow. Raises `InputError` for a damping of another shape or NaN; that it is positive is not checked."""
     root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
     found = (workspace or everywhere(mechanism)).highest(
         lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
@@ -247,13 +264,17 @@ def require_hold(
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> None:
-    """Raise `GainError`, saying what the period can carry, where the hold number of gains is above
-    LARGEST_SAMPLED_GAIN: the control period (s) cannot carry the gains.
+    """Raise `GainError`, with what the period can carry, where the control `period` (s) cannot carry the gains: the
+    hold number T_c lambda_max(M^-1 (K + M Lambda)), no unit, lambda_max being the largest eigenvalue, is above 1.5
+    somewhere in the workspace, or the mass matrix M is not positive definite there. A torque held over the period T_c
+    is stable below 2. `damping` is K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default,
+    each one number or (r,) for r joints; `workspace` is None for all positions that the joints' limits allow. Raises
+    `InputError` unless damping and period are positive, the bandwidth at least 0 and all finite, and on a wrong shape.
 
-    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, alike to S + Lambda with
-    S = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
-    with K, for S becomes D S D, D >= 1, and D^-1 u, u being the eigenvector of l, has a Rayleigh quotient of at least
-    l, since l >= Lambda_i.
+    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, alike to S + Lambda with S
+    = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
+    with K, for S becomes D S D, D >= 1 diagonal, and D^-1 u, u being the eigenvector of l, has a Rayleigh quotient of
+    at least l, since l >= Lambda_i.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     accepted = _accepted(mechanism, workspace, period)
@@ -309,6 +330,6 @@ def _lightness(mechanism: Mechanism, p: Array) -> str:
 
 
 def require_period(period: float) -> None:
-    """Raise `InputError` for a control period that is no positive time."""
+    """Raise `InputError` unless the control `period`, a number in s, is positive and finite."""
     if not (np.isfinite(period) and period > 0.0):
         raise InputError(f"control period: expected a positive time in s, got {period}")

@@ -26,16 +26,17 @@ APART = 0.2
 
 
 def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Array:
-    """Random positions (samples, r) within the limits: the full circle, or 1 m, where there are none.
-
-    With loops, those of them that the loops allow.
-    """
+    """Random positions (S, r) of the mechanism's r joints within their limits, rad (m if prismatic): `samples` of them,
+    drawn uniformly by `seed`, without those that kinematic loops cannot reach. A joint without limits is drawn from -pi
+    to pi rad (-1 to 1 m). Equal seeds draw equal positions. Nothing is checked."""
     p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
     return p[reachable(mechanism, p)]
 
 
 def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
-    """The least and the greatest position (r,) of each joint: its limits, half a turn or 1 m where it has none."""
+    """The least and the greatest position of each of the r joints, two arrays (r,), rad (m if prismatic): its limits,
+    and -pi and pi rad (-1 and 1 m) where it has none. Limits that are more than two turns (4 pi rad, or m) apart count
+    as none. Nothing is checked."""
     limits = [joint.limits for joint in mechanism.primary_joints]
     wide = [np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints]
     ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
@@ -47,7 +48,9 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
 
 
 def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
-    """Mask of the positions (samples, r) that the loops can reach within their conditions."""
+    """Mask (samples,) of bools, True where the mechanism's kinematic loops can be closed, within their stated
+    conditions, at positions p (samples, r) of its r primary joints, rad (m if prismatic); True everywhere without
+    loops. Shapes and numbers of p are not checked."""
     if mechanism.continuation is None:
         return np.ones(len(p), dtype=np.bool_)
     allowed = np.asarray(mechanism.description.within_conditions(p))
@@ -56,7 +59,9 @@ def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
 
 
 class Worst(NamedTuple):
-    """The greatest `value` that a search found, and the positions `p` (r,), rad or m, where."""
+    """Record of an extreme number that a search over positions found: the number `value`, in the unit of what was
+    searched, and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. It is the greatest, or the
+    least where the function that returns it says so. Nothing is checked."""
 
     value: float
     p: Array
@@ -166,5 +171,7 @@ class Workspace:
 
 @lru_cache(maxsize=8)
 def everywhere(mechanism: Mechanism) -> Workspace:
-    """Workspace of all that a mechanism's limits allow; its samples are kept for the next call."""
+    """The workspace of all positions that the joints' limits of a mechanism allow, in 200 random samples (S, r) of its
+    r joints, less those that kinematic loops cannot reach. Workspaces of the last 8 mechanisms are kept, so that the
+    next call returns the same one at once. Raises `InputError` where loops reach none of the samples."""
     return Workspace.within_limits(mechanism)
