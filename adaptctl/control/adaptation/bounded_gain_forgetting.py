@@ -24,7 +24,9 @@ from adaptctl.scalars import Column, Scalar, each
 
 
 class CovarianceMemory(NamedTuple):
-    """The memory of least squares by their covariance: P, in units of the first gain, and the torque filters."""
+    """The memory of adaptation by least squares on k parameters that hold their covariance P (k, k), between ticks:
+    `covariance` (k (k + 1)/2,) is the upper triangle of P, row by row, in units of the first gain Gamma (of S^-1 P S^-1
+    with S = Gamma^1/2), the identity at the start; `filtered` is the torque filters' memory. Nothing is checked."""
 
     covariance: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the first gain: the identity at the start"""

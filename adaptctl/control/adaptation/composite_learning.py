@@ -27,7 +27,14 @@ from adaptctl.scalars import Column, Scalar, each, maximum, sqrt, where
 
 
 class LearningMemory(NamedTuple):
-    """The memory of composite learning, in units of the first gain: with S = Gamma^1/2, S Q S and S z."""
+    """The memory of composite learning on k parameters between ticks, in units of the first gain Gamma, S being
+    Gamma^1/2.
+
+    `information` (k (k + 1)/2,) is the upper triangle of S Q S, row by row, Q (k, k) the information matrix, zero at
+    the start; `known` (k,) is S z, where z (k,) is Q times the true parameters as far as nothing disturbs; `learned`
+    (1,) is the number of joints' equations that were learned from in the last period; `filtered` is the torque filters'
+    memory. Nothing is checked.
+    """
 
     information: Any
     """(k (k + 1)/2,) the upper triangle of Q, row by row: zero at the start"""
@@ -39,8 +46,8 @@ class LearningMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a run keeps: the number (1,) of joints' equations that were learned from in the last
-        period."""
+        """Part of the memory that a recorded run keeps, `learned` (1,): the number of joints' equations that were
+        learned from in the last control period."""
         return self.learned
 
 

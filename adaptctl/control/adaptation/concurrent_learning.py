@@ -29,7 +29,14 @@ LONGEST = 64
 
 
 class Stack(NamedTuple):
-    """The memory of concurrent learning: the stack of samples, and the torque filters."""
+    """The memory of concurrent learning between ticks: the stack of samples, the newest first, zero where none is kept
+    yet, and the torque filters' memory `filtered`.
+
+    `rows` has the entries of the samples' filtered torque regressors that are not always zero, in N m (N for a
+    prismatic joint) per SI unit of each parameter, one sample after the other; `torques` (samples r,) their filtered
+    torques of r joints in N m (N); `learned` (1,) is 1 where the last period's sample was put on the stack, else 0.
+    Nothing is checked.
+    """
 
     rows: Any
     """W of every sample kept, the newest first, without what is always zero: zero where none is kept yet"""
@@ -41,7 +48,8 @@ class Stack(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
+        """Part of the memory that a recorded run keeps, `learned` (1,): 1 where the last control period's sample was
+        put on the stack of samples, else 0."""
         return self.learned
 
 

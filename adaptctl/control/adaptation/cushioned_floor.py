@@ -24,7 +24,10 @@ from adaptctl.scalars import Column, each
 
 
 class InformationMemory(NamedTuple):
-    """The memory of least squares by their information: P^-1, in units of the first gain, and the torque filters."""
+    """The memory of adaptation by least squares on k parameters that hold their information P^-1 (k, k), P the
+    covariance, between ticks: `information` (k (k + 1)/2,) is the upper triangle, row by row, of S P^-1 S, S =
+    Gamma^1/2 with the first gain Gamma, the identity at the start; `filtered` is the torque filters' memory. Nothing is
+    checked."""
 
     information: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of S P^-1 S, S = Gamma^1/2: the identity at the start"""

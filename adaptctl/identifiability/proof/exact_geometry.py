@@ -94,9 +94,10 @@ class ExactGeometry:
 
     `links` are the N links' geometry as the equations of motion take it, lengths in the unit of `reading`, the rule
     that made floats exact; `shifts` (N,) is what joints' coordinates are here more than in the file, rad for revolute
-    joints, 0 for others; `gravity` (3) is in the ground's axes, of length 1 or, by frames, in m/s^2, zero where there
-    is none. `fixed`, a function of a link's index (-1 for the ground) and a pose in that link's frame, gives the exact
-    frame that is fixed there. Made by `by_axes` or `by_frames`; nothing is checked at construction.
+    joints, 0 for others. `gravity` (3) is in m/s^2 in the ground's axes, or, by axes, of length 1 in these turned until
+    z is up; zero where there is none. `fixed`, a function of a link's index (-1 for the ground) and a pose in that
+    link's frame, gives the exact frame that is fixed there. Made by `by_axes` or `by_frames`; nothing is checked at
+    construction.
     """
 
     links: tuple[Segment, ...]

@@ -18,8 +18,9 @@ LEAST_COLUMN = 1e-3
 
 def pivots(matrix: Any) -> tuple[float, ...]:
     """The sizes, as floats, of the pivots of a `matrix` (m, n) in fixed point (Python ints, values times 2^200) by
-    Gaussian elimination with complete pivoting: as many as the rank, and one or more of round-off after them. It ends
-    where one is below 1e-40 of the first. Raises `OverflowError` for entries beyond a double."""
+    Gaussian elimination with complete pivoting, in the order in which they are found: those beyond the matrix's rank
+    are round-off or zero, and the first that is below 1e-40 of the largest entry is the last. Empty for an empty
+    matrix. Raises `OverflowError` for entries beyond a double."""
     left, found = matrix, list[float]()
     while left.size:
         sizes = np.abs(floats(left))
