@@ -97,7 +97,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
         in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Nothing is checked here.
+        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
+        than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)

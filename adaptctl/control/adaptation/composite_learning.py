@@ -126,7 +126,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
         in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Nothing is checked here.
+        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
+        than zero; nothing else is checked.
         """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)

@@ -123,7 +123,8 @@ class ConcurrentLearning(Descent[Stack]):
 
         `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
         tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` the control period in s. Nothing is checked here.
+        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
+        values other than zero; nothing else is checked.
         """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)

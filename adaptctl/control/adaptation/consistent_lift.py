@@ -120,7 +120,8 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
 
         `initial`, the first estimate (k,) of k fundamental parameters, is not looked at; q (n,) are the positions of
         the spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in
-        rad/s (m/s), `period` the control period in s. Nothing is checked here.
+        rad/s (m/s), `period` the control period in s. With a weight, raises `InputError` for a model whose linear
+        constraints fix parameters at values other than zero; nothing else is checked.
         """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)

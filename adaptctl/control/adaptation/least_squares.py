@@ -78,8 +78,8 @@ def first_triangle(k: int) -> Array:
 
 
 def from_triangle(entries: Array, k: int) -> Array:
-    """The symmetric matrix (k, k), as an array, whose upper triangle (k (k + 1)/2,), row by row, are the `entries`.
-    Raises `ValueError` for another number of them."""
+    """The symmetric matrix (k, k), as an array, whose upper triangle (k (k + 1)/2,), row by row, is `entries`. Raises
+    `ValueError` for another number of them, but for a single one, which is taken for all."""
     upper = np.zeros((k, k))
     upper[np.triu_indices(k)] = entries
     return upper + np.triu(upper, 1).T

@@ -104,7 +104,7 @@ class Natural(AdaptationLaw[NoMemory]):
         units.
 
         D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias (4, 4), - 1 of numbers. Where either is no rigid
-        bodies' it is not a number on arrays, and floats raise `ValueError`.
+        bodies' it is not a number on arrays, and floats raise `ValueError` or `ZeroDivisionError`.
         """
         rates, bodies = each_rate(self.rate, model), 10 * len(model.mechanism.description.bodies)
         total: Scalar = 0.0
@@ -183,8 +183,9 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
     parameters of each of `bodies` links along the geodesic of their pseudo-inertia, each drive's, which come after
     them, along that of a positive number.
 
-    `slope` (P,), without a unit times its parameter, is the rate times the integral of the gradient over the period.
-    Nothing is checked; parameters that no rigid bodies have raise `ValueError` in floats, and give NaN in arrays.
+    `slope` (P,), in the parameters' inverse units, is each one's rate in 1/J times the integral over the period of the
+    gradient Y's, in J per unit, with the torque regressor Y and the sliding variable s. Nothing is checked: parameters
+    that no rigid bodies have raise `ValueError` or `ZeroDivisionError` in floats, and give NaN in arrays.
     """
     links = 10 * bodies
     entries: list[Any] = []
@@ -214,12 +215,13 @@ def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
     """A link's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2)
-    after one step of natural adaptation from `ten`, along the geodesic of its pseudo-inertia; `slope` (10,) is in the
-    inverse units.
+    after one step of natural adaptation from `ten`, along the geodesic of its pseudo-inertia; `slope` (10,), in the
+    inverse units, is the rate times the integral of the gradient over the period.
 
     With the pseudo-inertia G G', G lower triangular, the step goes to G Q Q G', Q positive definite. What is added to G
     G' is computed by itself, so that small steps are rounded as small numbers are, and many of them do not wear an
-    estimate away. A `ten` that no rigid body has raises `ValueError` in floats, and gives NaN in arrays.
+    estimate away. A `ten` that no rigid body has raises `ValueError` or `ZeroDivisionError` in floats, and gives NaN in
+    arrays.
     """
     root = cholesky(pseudo(ten))
     X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))

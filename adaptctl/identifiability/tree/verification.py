@@ -71,9 +71,9 @@ def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: State
 
 def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvidence:
     """The evidence for a tree's rank from the energy `changes` (N, samples, 11), in J per kg, of bodies that are given
-    from a link to its parent at `samples` states, of more than eleven: at each of N joints their singular values, with
-    columns scaled to a norm of one, against the rank by geometry in `found`, the tree's inertial transfers. Raises
-    `numpy.linalg.LinAlgError` for NaN."""
+    from a link to its parent at `samples` states, 11 or more: at each of N joints their singular values, with columns
+    scaled to a norm of one (very small ones less), against the rank by geometry in `found`, the tree's inertial
+    transfers. Raises `numpy.linalg.LinAlgError` for NaN."""
     norms = np.linalg.norm(changes, axis=1, keepdims=True)
     scales = 1.0 / np.maximum(norms, SMALLEST_NORM * norms.max(axis=2, keepdims=True))
     values = np.linalg.svd(changes * scales, compute_uv=False)
