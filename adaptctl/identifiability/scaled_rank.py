@@ -54,9 +54,10 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
     comparable, whatever the units and the size of the mechanism.
 
     They are 1, L and L^2 for masses, first moments and moments of inertia, over the columns' norms so scaled, or over
-    1e-3 of the largest of these where a norm is below. `norms` (P,), in J per SI unit of each parameter, must be those
-    of the energies themselves, not of their differences: a column that is constant then keeps its size, and its
-    round-off stays small. `parameter_names` are P, `length` is L in m. Raises `KeyError` for friction and other names.
+    1e-3 of the largest of these where a norm is below; 1, L and L^2 alone where all norms are 0. `norms` (P,), in J per
+    SI unit of each parameter, must be those of the energies themselves, not of their differences: a column that is
+    constant then keeps its size, and its round-off stays small. `parameter_names` are P, `length` is L in m. Raises
+    `KeyError` for friction and other names.
     """
     sizes = length_scales(parameter_names, length)
     scaled = norms * sizes

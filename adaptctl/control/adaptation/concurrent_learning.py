@@ -66,7 +66,8 @@ class ConcurrentLearning(Descent[Stack]):
     one number or (r,), `cutoff` in rad/s; `samples`, from 1 to 64, is how many the stack holds. Raises `InputError` for
     a gain that is not finite, symmetric and positive definite, a weight, cutoff or threshold that is not positive and
     finite (a weight of NaN is a `NonFiniteError`), samples that are no whole number or out of range, and, with a
-    controller, for sizes that do not fit the model and a cutoff above 1/T_c, T_c the control period.
+    controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, and a
+    cutoff above 1/T_c, T_c the control period.
 
     A sample is put on the stack where it tells something new: where its rows differ from those of the sample put there
     last by sum_i R_i d_i'Gamma d_i above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest

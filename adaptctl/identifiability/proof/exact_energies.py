@@ -33,10 +33,11 @@ class ExactEnergies:
     """The energies of a mechanism at random states, computed without round-off on its geometry as exact numbers, so
     that ranks are proved by them.
 
-    `precision` says from which differences on angles and lengths of floats are different ones, round-off by default;
-    `seed` draws the states. For closed loops, `strict` is true where relations that hold only to a file's round-off do
-    not count as holding. `by_frames` is true for a geometry described from frame to frame, as in the file, and false,
-    the default, for one from axis to axis. Nothing is checked at construction.
+    `precision` has the differences of angles, lengths and numbers that count as none, round-off by default; `seed`, 0
+    by default, draws the states. For closed loops, `strict` is true where relations that hold only to a file's
+    round-off do not count as holding, false by default. `by_frames` is true for a geometry described from frame to
+    frame, as in the file, and false, the default, for one from joint axis to joint axis. Nothing is checked at
+    construction.
 
     Without closed loops, energies are residues modulo the prime 2^31 - 1. A rank modulo a prime is never above that
     over the rational numbers, and at random states below it only by a chance of about one in 2^31 for each factor of a

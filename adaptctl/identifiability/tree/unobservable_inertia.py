@@ -89,10 +89,10 @@ class InertialTransfers:
         return self.frames.parents
 
     def passed_to_parent(self, i: int, bodies: Array) -> Array:
-        """The bodies (11, n) on the parent link that n `bodies` (11, n), unobservable at joint `i` (from 0), become
-        when they are given to it. A body is ten inertial parameters in its joint's frame, lengths over the tree's
-        characteristic length, and a rotor inertia, which is 0 in the result. Raises `IndexError` for a joint beyond the
-        last."""
+        """The bodies (11, n) on the parent link that n `bodies` (11, n), unobservable at joint `i` (from 0), whose
+        motion does not change their energy, become when they are given to it. A body is ten inertial parameters in its
+        joint's frame, lengths over the tree's characteristic length, and a rotor inertia, which is 0 in the result.
+        Raises `IndexError` for a joint beyond the last."""
         out = np.zeros_like(bodies)
         out[:10] = self.to_parent[i] @ bodies[:10]
         return out
