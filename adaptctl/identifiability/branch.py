@@ -25,11 +25,15 @@ FEWEST = 100
 
 
 def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
-    """Random primary positions (m, r), those of joints that move a loop put onto its branch.
+    """Positions (m, r), rad (m for a prismatic joint), of a mechanism's r primary joints, in which its closed loops can
+    be closed: random `positions` (m, r), those of joints that move a loop brought onto the assembly branch of the
+    reference configuration. A mechanism without loops keeps all.
 
-    Such a joint starts at the reference and takes its random position as a direction: it goes along a straight
-    line as far as its limits, the mechanism's conditions and regularity let it, and stops at random on the
-    way. The other joints keep their positions, which no loop depends on. A tree keeps all.
+    Each sample of the joints that move a loop is a direction: from the reference they go along a straight line, as far
+    as their limits, the mechanism's conditions and the distance from singularities allow (the closure Jacobian's
+    smallest singular value keeps 0.2 of that at the reference), and stop on the way at random, drawn with NumPy's
+    `generator`. Joints that move no loop keep their positions. Raises `InputError` for a reference that breaks a
+    condition, `LoopError` where loops do not fit together.
     """
     continuation = mechanism.continuation
     if continuation is None:
@@ -44,10 +48,14 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
 
 
 def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int], Array]) -> Array:
-    """Positions (samples, r) out of those that `draw` gives, to which the loops can be followed.
+    """The first `samples` positions (samples, r), rad (m for a prismatic joint), of a mechanism's r primary joints, out
+    of those that the function `draw` gives, at which its closed loops can be closed. A mechanism without loops takes
+    all that are drawn.
 
-    They keep the mechanism's conditions and every tree joint's limits, and are regular all the way. Raises
-    InputError when hardly any are. A tree keeps all.
+    `draw`, called with a number m, gives m random positions (m, r). Those are taken that keep the mechanism's
+    conditions and, loops closed, the limits of all the tree's joints, and that a straight line from the reference
+    reaches without coming near a singularity. Raises `InputError` when a hundred draws, of at least 100 positions each,
+    do not give enough, `LoopError` where loops do not fit together.
     """
     continuation = mechanism.continuation
     if continuation is None:

@@ -36,7 +36,14 @@ LONG = 100
 
 
 class CertifiedNullSpace(NamedTuple):
-    """A null space, its certificate, and the energies that it was found or checked with."""
+    """A certified null space: the directions of a mechanism's P inertial parameters (all but friction) that change no
+    energy, with the evidence for their number.
+
+    `null_space` is the `NullSpace`, `certificate` the `Certificate` of its rank, `proof` the energies on exact
+    geometry, None where they were not computed. `energies()` gives the triangular factor R (at most P, P) of the
+    differences H = Q R of energies at random states, in J per SI unit of each parameter; `states` says in words where
+    these states come from. Nothing is checked at construction.
+    """
 
     null_space: NullSpace
     certificate: Certificate
@@ -51,10 +58,18 @@ class CertifiedNullSpace(NamedTuple):
 def certified(
     mechanism: Mechanism, method: Method, near: Near, prove: bool | None, samples: int, seed: int
 ) -> CertifiedNullSpace:
-    """The null space by the method asked for; by "automatic", what transfers cannot certify is left to svd.
+    """The certified null space of a mechanism's energies: the directions of its P inertial parameters (all but
+    friction) that change no energy, found by the `method` asked for.
 
-    Raises `RankError` where the rank cannot be certified, `InputError` for a method that is unknown or not for this
-    mechanism.
+    "svd" takes the singular value decomposition of energy differences at `samples` random states, drawn by `seed`;
+    "transfers", for trees alone, the geometry, joint by joint; "automatic" transfers for trees of 100 parameters or
+    more, if their rank can be certified so, and else "svd". `prove` adds the rank on exact geometry, None where it
+    takes milliseconds (no closed loops), False never. `near` is for angles or lengths that are nearly, but not exactly,
+    special, and would make another rank if they were: "refuse" raises, "as_is" takes them as they stand.
+
+    Raises `RankError` where the rank cannot be certified or is refused, `InputError` for a `method` or `near` that is
+    unknown, and for transfers of a mechanism that is no tree, has constrained parameters, or drives that turn with
+    several joints.
     """
     if method not in get_args(Method):
         raise InputError(f"method: expected one of {', '.join(get_args(Method))}, got {method!r}")
@@ -80,9 +95,12 @@ def _no_tree(mechanism: Mechanism) -> str:
 def certified_by_decomposition(
     mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
 ) -> CertifiedNullSpace:
-    """The null space by singular value decomposition of energy differences at random states; of any mechanism.
+    """The certified null space of a mechanism's energies, of any kind of mechanism, by singular value decomposition of
+    the energy differences at `samples` random states, drawn by `seed`, at least twice as many as there are parameters.
 
-    Raises `RankError` unless the energies of `samples` states, of twice as many, and torques agree on a clear rank.
+    Its certificate compares the ranks of these energies, of those of twice as many states, of torques at random states,
+    and, if a `proof` is given, of energies on exact geometry. Raises `RankError` unless all agree, with a clear gap
+    between the singular values that count and the rest; `InputError` for fewer than two samples.
     """
     generator = np.random.default_rng(seed)
     some, as_many = random_halves(mechanism, samples, generator)
@@ -120,10 +138,13 @@ def _torque_rank(mechanism: Mechanism, rows: Array, energies: ScaledRegressor) -
 def certified_by_transfers(
     mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
 ) -> CertifiedNullSpace:
-    """The null space of a tree from its geometry, joint by joint, checked at every joint against sampled energies.
+    """The certified null space of a tree's energies from its geometry, joint by joint, checked at every joint against
+    energies at 46 random states, drawn by `seed`.
 
-    Raises `RankError` unless energies agree, joint by joint, with the rank by geometry. `samples` is the number of
-    states whose energy differences are computed when they are asked for.
+    The mechanism must be a tree without constraints on its parameters, which is not checked here. `samples` (2 or more)
+    is the number of random states of which the result's `energies` are made when they are asked for. Raises `RankError`
+    unless the rank by geometry is, joint by joint, that of the sampled energies, with a clear gap, and that of energies
+    on exact geometry, if a `proof` is given.
     """
     found = TreeNullSpace.of(mechanism, seed)
     generator = np.random.default_rng(seed)
@@ -171,9 +192,11 @@ def _require_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: 
 
 
 def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
-    """The singular values beyond the gap that are more than round-off, with the parameters that dominate their vectors.
+    """The singular values that a rank counts as zero though they are more than round-off, above 1e-14 of the largest: a
+    `Leftover` each, with the names of the parameters, four at most, that dominate its right singular vector.
 
-    The spectrum (P,) falls; `vectors` (P, P) holds a right singular vector a column.
+    `spectrum` (P,) has the singular values, falling, in any unit; `vectors` (P, P) a right singular vector in each
+    column; the first `rank` are not looked at; `names` (P,) are the parameters'. Nothing is checked.
     """
     relative = spectrum / spectrum.max(initial=1e-300)
     beyond = [i for i in range(rank, len(spectrum)) if relative[i] > ROUND_OFF]

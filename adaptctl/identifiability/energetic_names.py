@@ -6,5 +6,6 @@ from adaptctl.dynamics import Mechanism
 
 
 def energetic_names(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the P parameters that enter the energy: all but friction, which energies can never find."""
+    """Names, P of them, of a mechanism's inertial parameters that enter its energy, such as ``link3.I_xx``, in the
+    mechanism's order: all but friction, which energies cannot show."""
     return mechanism.parameter_names[: mechanism.energetic]

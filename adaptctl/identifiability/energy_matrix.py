@@ -17,33 +17,45 @@ BLOCK = 1024
 
 
 def energies(mechanism: Mechanism, states: States) -> Array:
-    """Kinetic plus potential energies (samples, P) per unit of each parameter, in J."""
+    """The energies (samples, P), kinetic plus potential, in J per SI unit of each of a mechanism's P inertial
+    parameters (all but friction), at `samples` states. Raises `InputError` for states of another number of joints,
+    `SingularityError` near locked loops."""
     return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.energetic]
 
 
 def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Array]:
-    """Energies (some, P) of many states, a block of them at a time, in J per unit of each parameter."""
+    """Iterator over the energies of many states, in blocks (m, P) of at most max(1024, 4 P) successive states each, or
+    one more: kinetic plus potential, in J per SI unit of each of a mechanism's P inertial parameters (all but
+    friction). `states` are `States` one after another. Raises, in the course of the iteration, `InputError` for states
+    of another number of joints and `SingularityError` near locked loops."""
     for some in states:
         for part in some.parts(max(BLOCK, 4 * mechanism.energetic)):
             yield energies(mechanism, part)
 
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:
-    """The matrix H (samples - 1, P) of energies at successive states, subtracted (Sheu and Walker 1991, equations 8 and
-    13), in J per unit of each parameter.
+    """The matrix H (samples - 1, P) of differences of energies, kinetic plus potential, between successive ones of
+    `samples` states, in J per SI unit of each of a mechanism's P inertial parameters, all but friction (Sheu and Walker
+    1991, equations 8 and 13).
 
-    Subtracting matters: the energies themselves carry the constant potential, which changes no torque, and
-    have one rank too many.
+    Differences matter: the energies themselves hold the potential's constant, which changes no torque, and have one
+    rank too many. Raises `InputError` for states of another number of joints, `SingularityError` near locked loops.
     """
     return np.diff(energies(mechanism, states), axis=0)
 
 
 @dataclass(frozen=True, eq=False)
 class EnergyFactor:
-    """Triangular factor R of the energy differences H = Q R, which has H's singular values and right vectors.
+    """Triangular factor R of the differences H = Q R, Q orthonormal, of energies between successive states: it has H's
+    singular values and right singular vectors, and is updated as states come.
+
+    `triangle` is R (at most P, P), in J per SI unit of each of P inertial parameters, or H itself while it has at most
+    P rows; `square_sums` (P,) are the sums of squares of the energies themselves, in J^2, and `last` (1, P) those of
+    the last state, from which the next one's are subtracted. Made by `of`; nothing is checked at construction.
 
     Blocks of rows are put under R and factored again (TSQR: Demmel, Grigori, Hoemmen and Langou 2012), so memory does
-    not grow with the samples. Householder's R is right column by column: columns may as well be scaled afterwards.
+    not grow with the samples. Columns may be scaled afterwards, without loss of accuracy, since Householder's R is
+    accurate column by column.
     """
 
     triangle: Array
@@ -55,8 +67,9 @@ class EnergyFactor:
 
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
-        """The factor of energies (samples, P) of successive states in blocks, after those that `before` holds. Raises
-        ValueError without a state."""
+        """The factor of the energy differences of successive states, whose energies (m, P), in J per SI unit of each of
+        P parameters, come in `blocks`; after the states of the factor `before`, if one is given (None by default).
+        Raises `ValueError` when there is no block and no factor before, and for blocks of different widths."""
         factor = before
         for block in blocks:
             factor = cls._begun(block) if factor is None else factor.followed_by(block)
@@ -69,14 +82,21 @@ class EnergyFactor:
         return cls(triangle(np.diff(energies, axis=0)), np.square(energies).sum(axis=0), energies[-1:])
 
     def followed_by(self, energies: Array) -> EnergyFactor:
-        """This factor with the energies (samples, P) of more states appended."""
+        """The factor of the energy differences of the states of this one and, after them, of m more, whose `energies`
+        (m, P) are in J per SI unit of each of P parameters. Raises `ValueError` for another number of parameters."""
         rows = np.diff(energies, axis=0, prepend=self.last)
         squares = self.square_sums + np.square(energies).sum(axis=0)
         return EnergyFactor(triangle(np.vstack([self.triangle, rows])), squares, energies[-1:])
 
 
 def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
-    """Torque regressors (at least 2 P, P) at random states, one above the other, in N m: forces times L."""
+    """The rows (m, P), m at least 2 P, of a mechanism's torque regressors at random states and accelerations, drawn
+    with NumPy's `generator`, one state above the other, a row for each primary joint: in N m per SI unit of each of P
+    inertial parameters (all but friction).
+
+    Forces of prismatic joints are made torques by the mechanism's characteristic length in m. Raises `InputError` for a
+    reference configuration that breaks the mechanism's conditions.
+    """
     columns = range(mechanism.energetic)
     samples = max(2, -(-2 * len(columns) // mechanism.dof))
     states = random_states(mechanism, samples, generator)

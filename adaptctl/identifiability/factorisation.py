@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 
 def triangle(matrix: Array) -> Array:
-    """The triangular factor R (n, n) of the QR factors of a tall matrix (m, n), which has its singular values and right
-    vectors.
+    """The triangular factor R (n, n) of the QR factors of a tall matrix (m, n), in its unit: it has the matrix's
+    singular values and right singular vectors. A matrix of at most n rows is returned as it is. Nothing is checked.
 
-    A matrix that is not tall is returned as it is. Long mechanisms are factored ten times faster so: their regressors
-    lack rank, and the singular value decomposition of a tall matrix dwells on that.
+    The singular values of R cost a tenth of those of a long mechanism's tall regressor, on whose lacking rank the
+    decomposition dwells.
     """
     if matrix.shape[0] <= matrix.shape[1]:
         return matrix
@@ -31,25 +31,27 @@ def triangle(matrix: Array) -> Array:
 
 
 def singular_values(matrix: Array) -> Array:
-    """The singular values (n,) of a matrix (m, n), falling; zeros where there are fewer rows than columns."""
+    """The singular values (n,) of a matrix (m, n), in its unit, falling; zeros at the end where m is below n. Raises
+    `numpy.linalg.LinAlgError` for NaN or infinity."""
     with one_thread():
         values = np.linalg.svd(triangle(matrix), compute_uv=False)
     return np.pad(values, (0, matrix.shape[1] - len(values)))
 
 
 def right_vectors(matrix: Array) -> Array:
-    """Matrix (n, n) whose columns are the right singular vectors of a matrix (m, n), also where m is below n."""
+    """The matrix (n, n) whose columns are the orthonormal right singular vectors of a matrix (m, n), by falling
+    singular value, n of them also where m is below n. Raises `numpy.linalg.LinAlgError` for NaN or infinity."""
     with one_thread():
         return np.asarray(np.linalg.svd(triangle(matrix))[2].T, dtype=np.float64)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """A context in which linear algebra runs in one thread; the numbers of threads come back afterwards.
+    """A context in which NumPy's linear algebra runs in one thread; the numbers of threads are as before when it ends.
 
-    OpenBLAS wakes a thread for every processor, and waits for each in a loop: where one is busy with something else,
-    0.1 s instead of 0.1 ms, and seconds in all for a robot of many joints. Linear algebra of other threads is in one
-    thread for so long too.
+    OpenBLAS otherwise wakes a thread for every processor and waits for each in a loop: where one is busy, small
+    matrices take 0.1 s instead of 0.1 ms. The setting is the process's: linear algebra of other threads is limited too,
+    and another thread that enters such a context waits until this one has left it.
     """
     libraries = _libraries()
     with libraries.turn, libraries.controller.limit(limits=1, user_api="blas"):

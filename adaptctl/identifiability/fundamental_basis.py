@@ -178,8 +178,10 @@ def fundamental_basis(
 
 
 class Chosen(NamedTuple):
-    """Numbers of a basis: the kept columns, the regrouping matrix by rows, scales, and the names of what was kept
-    against the priority."""
+    """The numbers of a fundamental basis as they are cached: `columns` (k,), the rising indices of the k kept ones of P
+    inertial parameters, `regrouping` (k, P), the regrouping matrix in SI units, and `scales` (P,), SI units per J, both
+    as lists, and `passed_over`, the names of kept parameters that the order of removal would remove. Nothing is
+    checked."""
 
     columns: tuple[int, ...]
     regrouping: list[list[float]]

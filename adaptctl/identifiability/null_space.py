@@ -14,33 +14,45 @@ from adaptctl.identifiability.selection import independent_columns
 
 
 class NullSpace(Protocol):
-    """Protocol of a null space: the combinations of P scaled parameters D / scales that change no energy, and the
-    regrouping through them."""
+    """Protocol of a null space of a mechanism's energies: the directions of its P inertial parameters D (P,), all but
+    friction, that change no energy and no torque, and regroupings of the parameters by them. Parameters are divided by
+    `scales` (P,), so that those of different units are comparable. Implementations find it by singular value
+    decomposition or from a tree's geometry."""
 
     @property
     def scales(self) -> Array:
-        """Scales (P,) that make parameters of different units comparable."""
+        """The scales (P,), positive, in SI units per J, that make a mechanism's P inertial parameters D comparable: D /
+        scales are all in J."""
 
     @property
     def rank(self) -> int:
-        """The number of independent parameters k."""
+        """The rank k: the number of independent directions of a mechanism's P inertial parameters (all but friction)
+        that change energies and torques."""
 
     @property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) among the scaled parameters."""
+        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of a mechanism's P inertial
+        parameters over `scales` (P,) that change no energy and no torque."""
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """The regrouping that removes parameters in an order (P,), as long as their rows exceed a tolerance."""
+        """The regrouping that removes P-k of P scaled parameters in an order of removal, k the rank, and adds them to
+        the k that are kept.
+
+        `order` (P,) has the parameters' indices, from 0, the first removed first. A parameter is removed where more
+        than `tolerance` (a length without a unit, between 0 and 1/sqrt(P)) of its row of the null vectors (P, P-k) is
+        left beside the rows of those removed before. Raises `InputError` for another tolerance.
+        """
 
 
 def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Array]:
-    """Orthonormal bases of the null space among the unscaled parameters, V2 (P, P-k), and of its complement (P, k).
+    """Orthonormal bases V2 (P, P-k) of the null space of a regressor among P unscaled parameters, and (P, k) of its
+    complement, k the rank. `scaled_null_basis` (P, P-k) are null vectors of the regressor times `scales` (P,), of full
+    column rank, that is directions of the parameters over `scales`. Nothing is checked.
 
-    `scaled_null_basis` (P, P-k) is a null space of (regressor * scales). Householder QR of its vectors mapped
-    back, rows sorted by size and columns pivoted, which keeps small rows as accurate as large ones (Cox and
-    Higham 1998). Measured on the PUMA with lengths in m, mm and um: torques of null vectors 9e-16, 1e-15 and
-    1e-15 of what they could be, against 2e-14, 6e-13 and 6e-10 when V2 comes from the singular value
-    decomposition of the unscaled H.
+    They come from Householder's QR of the vectors mapped back, rows sorted by size and columns pivoted, which keeps
+    small rows as accurate as large ones (Cox and Higham 1998). On the PUMA with lengths in m, mm and um, null vectors
+    make torques of 9e-16, 1e-15 and 1e-15 of what they could be; with V2 from the singular value decomposition of the
+    unscaled matrix, 2e-14, 6e-13 and 6e-10.
     """
     if scaled_null_basis.shape[1] == 0:
         return scaled_null_basis, np.eye(len(scales))
@@ -56,9 +68,12 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
 
 
 def null_residual(regressor: Array, null_basis: Array, scales: Array) -> float:
-    """The largest torque of any null vector, relative to the largest that a vector of its size could make.
+    """The largest torque that any null vector makes, relative to the largest that a vector of its size could make,
+    without a unit; 0 where there are no null vectors, or the regressor is zero. Round-off is about 1e-15.
 
-    The torque regressor (rows, P) and the null basis (P, P-k) are unscaled; zero where nothing is null, or all is.
+    `regressor` (m, P) has rows of the torque regressor, in N m per SI unit of each of P parameters, `null_basis` (P,
+    P-k) unscaled null vectors; the size of both is taken with parameters over `scales` (P,), in SI units. Nothing is
+    checked.
     """
     if null_basis.shape[1] == 0 or not regressor.any():
         return 0.0

@@ -99,7 +99,8 @@ class Priority:
 
 
 def or_default(priority: Priority | None) -> Priority:
-    """The given priority, or for None one that names nothing. Raises `InputError` for anything else."""
+    """The given `priority`, an order in which dependent inertial parameters are removed, or for None one that names no
+    parameter, so that the default order holds. Raises `InputError` for anything but a `Priority` or None."""
     if not isinstance(priority, Priority | None):
         raise InputError(f"priority: expected a Priority or None, got {printable(repr(priority))}")
     return Priority() if priority is None else priority
@@ -199,7 +200,8 @@ def _require_once(given: Sequence[str], what: str) -> None:
 
 
 def suggestion(name: str, known: Sequence[str]) -> str:
-    """A hint for an unknown name: the known one that is nearest to it, else those that there are."""
+    """The hint, as text, for an unknown name: ``did you mean 'link1.m'?`` with the nearest of the `known` names, or,
+    where none is near, ``there are`` and their list, 20 at most."""
     from difflib import get_close_matches  # here, since only errors need it
 
     close = get_close_matches(name, known, n=1)

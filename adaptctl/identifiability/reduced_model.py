@@ -81,8 +81,9 @@ class ReducedModel(Keyed):
 
     @cached_property
     def fundamental_parameters(self) -> Array:
-        """The mechanism's own fundamental parameters beta = K D (k,), regrouped from its inertial and friction
-        parameters D (P,) by K (k, P), in SI units and the order of `names`, read-only."""
+        """The mechanism's own k fundamental (base) parameters beta = K D (k,), regrouped from its P inertial and
+        friction parameters D (P,) by the matrix `regrouping` K (k, P), in SI units and the order of `names`,
+        read-only."""
         return frozen_array(
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )

@@ -23,8 +23,14 @@ LARGEST_BOUND = 1e7
 
 @dataclass(frozen=True, eq=False)
 class Regrouping:
-    """A regrouping of P scaled parameters onto the kept ones: kept + coefficients @ removed gives the same torques as
-    all."""
+    """A regrouping of P scaled parameters onto k kept ones: kept + `coefficients` @ removed gives the same energies and
+    torques as all P.
+
+    Scaled parameters are those of a mechanism over scales (P,) that make them comparable, all in J. `kept` (k,),
+    rising, and `removed` (P-k,), in any order, are indices from 0; `coefficients` C (k, P-k) are without a unit; `rank`
+    is that of a regressor's kept columns, k if all is well; `passed_over` has the indices of kept parameters that the
+    order of removal would remove, but that those removed before nearly determine. Nothing is checked at construction.
+    """
 
     kept: tuple[int, ...]
     """Indices (k,), rising."""
@@ -39,27 +45,34 @@ class Regrouping:
 
     @cached_property
     def condition(self) -> float:
-        """The condition number of F2' V2 (see `condition`)."""
+        """The condition number, without a unit, of the removed parameters' rows (P-k, P-k) of the orthonormal null
+        vectors (P, P-k), k of P scaled parameters being kept; 1 where none is removed. The larger, the more poorly the
+        null vectors determine the coefficients."""
         return condition(self.coefficients)
 
     @property
     def determined(self) -> bool:
-        """True if the condition number, or its bound, is at most LARGEST_CONDITION: the null vectors determine the
-        coefficients well enough."""
+        """True if the null vectors determine the regrouping's coefficients well enough: if the condition number of the
+        removed parameters' rows of the null vectors, or its upper bound `bound`, is at most 1e4, without a unit."""
         return self.bound <= LARGEST_CONDITION or self.condition <= LARGEST_CONDITION
 
     @cached_property
     def bound(self) -> float:
-        """An upper bound of the condition that needs no factorisation: |C|^2 <= |C|_1 |C|_inf."""
+        """An upper bound, without a unit, on the regrouping's `condition` that needs no factorisation: sqrt(1 + |C|_1
+        |C|_inf), with the coefficients C (k, P-k) and their norms by columns and by rows; 1 where nothing is
+        removed."""
         sizes = np.abs(self.coefficients)
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
     def leaves_more_than(self, tolerance: float, order: Sequence[int]) -> bool:
-        """True if each removed parameter's row of an orthonormal null basis leaves more than a tolerance beside those
-        removed before it in the order (P,).
+        """True if the regrouping can also be found by rows of the null vectors with a `tolerance`, a length without a
+        unit: if of each removed parameter's row of the orthonormal null vectors (P, P-k) more than that is left beside
+        the rows of those removed before it. `order` (P,) has all parameters' indices, the first removed first; it is
+        not checked.
 
-        With the null vectors [-C; 1] = Z B, the removed rows of Z are A = B^-1, and A A' = L L' = (1 + C'C)^-1: what is
-        left of them is on the diagonal of L, from the last to the first that of Cholesky's factor of 1 + C'C.
+        With the regrouping's coefficients C (k, P-k), the null vectors are [-C; 1] = Z B, Z orthonormal, and the
+        removed rows of Z are A = B^-1, so that A A' = L L' = (1 + C'C)^-1: what is left of the rows is on the diagonal
+        of L, whose inverses, from the last to the first, are on that of the Cholesky factor of 1 + C'C.
         """
         if self.bound * tolerance < 1.0 or self.bound > LARGEST_BOUND:
             return self.bound * tolerance < 1.0
@@ -70,7 +83,10 @@ class Regrouping:
         return bool(np.diagonal(factor).max(initial=1.0) * tolerance < 1.0)
 
     def matrix(self, scales: Array) -> Array:
-        """The regrouping matrix K (k, P) among unscaled parameters, which are the scaled ones times `scales` (P,)."""
+        """The regrouping matrix K (k, P) among unscaled parameters, in SI units: K times all P parameters gives the k
+        kept ones with the others added. `scales` (P,), positive, in SI units per J, times the regrouping's scaled
+        parameters are the unscaled ones. Coefficients below 1e-11 in size become 0, those within 1e-13 of a whole
+        number that number. Raises `IndexError` for too few scales."""
         kept, removed = np.array(self.kept, dtype=np.intp), np.array(self.removed, dtype=np.intp)
         i, j = np.nonzero(np.abs(self.coefficients) >= EXACT_ZERO)
         rows, columns = kept[i], removed[j]
@@ -85,9 +101,13 @@ class Regrouping:
 
 
 def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -> Regrouping:
-    """The regrouping that removes parameters in an order, as far as their rows of the null basis Z (P, P-k) allow.
+    """The regrouping that removes P-k of P scaled parameters in an order, as far as their rows of the null vectors Z
+    (P, P-k) are independent: K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991), where F1' and F2'
+    pick the kept and the removed parameters' rows.
 
-    K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991).
+    `null_basis` is Z, orthonormal; `order` (P,) has all indices from 0, the first removed first; more than `tolerance`
+    (a length without a unit) must be left of a row beside those taken before. Raises `InputError` for a tolerance that
+    is not between 0 and 1/sqrt(P).
     """
     gone, passed_over = removed_and_passed_over(null_basis, order, tolerance)
     kept, removed = sorted(set(order) - set(gone)), list(gone)
@@ -96,10 +116,13 @@ def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -
 
 
 def condition(coefficients: Array) -> float:
-    """The condition number of F2' V2 (Sheu and Walker 1991, equation 25) for regrouping coefficients C (k, n).
+    """The condition number, without a unit, of the removed parameters' rows F2' V2 (n, n) of orthonormal null vectors
+    V2 (Sheu and Walker 1991, equation 25), from the `coefficients` C (k, n) by which n removed parameters are added to
+    k kept ones; 1 where nothing is removed.
 
-    The null vectors are [-C; 1], so F2' V2 = (1 + C'C)^-1/2 but for a rotation, and the condition is the root of
-    (1 + sigma_max^2) / (1 + sigma_min^2), with C's n singular values. 1 where nothing is removed.
+    The null vectors span [-C; 1], so that F2' V2 is (1 + C'C)^-1/2 but for a rotation, and the condition the root of (1
+    + sigma_max^2) / (1 + sigma_min^2), with the largest and the smallest of C's n singular values (0 where k is below
+    n). Raises `numpy.linalg.LinAlgError` for NaN.
     """
     k, n = coefficients.shape
     if n == 0:

@@ -15,10 +15,12 @@ ALIKE = 1e-9
 
 
 def regrouping_equations(regrouping: Array, columns: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
-    """Regrouping equations (k,) as text, such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, in SI
-    units.
+    """The regrouping equations, k texts such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, in SI units,
+    one for each kept parameter; a star marks the regrouped one.
 
-    `regrouping` is K (k, P), `columns` (k,) the kept parameters, `names` (P,).
+    `regrouping` is the matrix K (k, P), in SI units, that makes the k kept parameters of all P, `columns` (k,) the kept
+    ones' indices from 0, `names` (P,) all names. Coefficients below 1e-9 in size are left out; equal ones are put
+    before brackets. Raises `ValueError` unless there are k columns.
     """
     return tuple(_equation(row, column, names) for row, column in zip(regrouping, columns, strict=True))
 

@@ -46,10 +46,9 @@ class NearRightAngle:
 
 
 def near_right_angles(description: Description, exact: float = EXACT) -> tuple[NearRightAngle, ...]:
-    """Pairs of successive joints, gravity before the first, whose axes nearly meet at a multiple of 90 degrees.
-
-    The angle between their axes is within 1e-3 rad, but not within `exact` (rad), of it.
-    """
+    """The near right angles of a described mechanism, a `NearRightAngle` for each pair of successive joint axes,
+    gravity standing before a joint on the ground, whose angle is within 1e-3 rad of a multiple of 90 degrees, but not
+    within `exact` (rad, 1e-11 by default). Empty where there are none."""
     meeting = list(meeting_axes(description))
     if not meeting:
         return ()

@@ -93,16 +93,20 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
 
 
 def whereabouts(mechanism: Mechanism) -> str:
-    """Description, as text, of the region that random states are drawn from."""
+    """The region that a mechanism's random states are drawn from, as text: "over the full circle", or, with loops, "on
+    the reference's branch" (the assembly branch of its reference configuration)."""
     return "over the full circle" if mechanism.description.loops is None else "on the reference's branch"
 
 
 def random_halves(
     mechanism: Mechanism, samples: int, generator: np.random.Generator
 ) -> tuple[Iterable[States], Iterable[States]]:
-    """Two halves of `samples` random states each, to be used one after the other.
+    """Two halves of `samples` random states of a mechanism each, as iterables of `States`, drawn with NumPy's
+    `generator` as `random_states` does, and to be used up one after the other, the first first.
 
-    Many are drawn as they are used, a few thousand at a time, so that any number of them needs the same memory.
+    More than 4096 states in all are drawn as they are used, 4096 at a time, so that any number of them needs the same
+    memory. Raises `InputError` for fewer than two samples, and, when drawn, for a reference configuration that breaks
+    the mechanism's conditions.
     """
     if 2 * samples > MOST:
         return _blocks(mechanism, samples, generator), _blocks(mechanism, samples, generator)
@@ -123,7 +127,9 @@ def _spans(count: int, most: int) -> Iterator[tuple[int, int]]:
 
 
 def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:
-    """Random accelerations (samples, r) about g/L, to go with `random_states`."""
+    """Random accelerations (`samples`, r) of a mechanism's r primary joints, to go with `random_states`: normal, drawn
+    with NumPy's `generator`, of mean zero and standard deviation g/L in rad/s^2 (g in m/s^2 for a prismatic joint). L
+    is the mechanism's characteristic length in m, g its gravity in m/s^2, the standard one where it has none."""
     per_joint = np.where(_turns(mechanism), 1.0, characteristic_length(mechanism))
     return generator.normal(size=(samples, mechanism.dof)) * characteristic_rate(mechanism) ** 2 * per_joint
 
@@ -171,6 +177,7 @@ def _turns(mechanism: Mechanism) -> Array:
 
 
 def characteristic_rate(mechanism: Mechanism) -> float:
-    """The characteristic rate sqrt(g/L) (1/s), at which kinetic and potential energy weigh alike."""
+    """The characteristic rate sqrt(g/L) of a mechanism, in 1/s, at which kinetic and potential energy weigh alike: g is
+    its gravity in m/s^2, the standard one where it has none, L its characteristic length in m."""
     gravity = float(np.linalg.norm(mechanism.description.gravity)) or float(np.linalg.norm(STANDARD_GRAVITY))
     return float(np.sqrt(gravity / characteristic_length(mechanism)))

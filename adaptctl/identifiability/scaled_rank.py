@@ -33,24 +33,31 @@ FLOOR = 1e-15
 
 
 def length_scales(parameter_names: Sequence[str], length: float) -> Array:
-    """Factors (P,) 1, L, L^2 of masses, first moments and inertias, for a length L in m."""
+    """Factors (P,) 1, L and L^2 by which parameters of a body become comparable: for masses, first moments and moments
+    of inertia (rotor inertias among them), with a `length` L in m. `parameter_names` are P, such as ``link1.mc_x``, of
+    which the part after the last dot counts. Raises `KeyError` for friction and other names."""
     powers = np.array([LENGTH_POWERS[name.rsplit(".", 1)[-1]] for name in parameter_names], dtype=np.float64)
     return np.asarray(length**powers)
 
 
 def parameter_units(mechanism: Mechanism, length: float) -> Array:
-    """Units (P,) 1, L, L^2 of the parameters that enter energies, in kg, kg m and kg m^2, for a length L in m."""
+    """Units (P,) of a mechanism's P inertial parameters (all but friction) when lengths are counted in a `length` L
+    (m): 1, L and L^2 for masses (kg), first moments (kg m) and moments of inertia (kg m^2). Rotor inertias count as
+    masses at prismatic joints, as moments of inertia at others."""
     slides = {f"{k.joint.name}.rotor_inertia" for k in mechanism.links if not k.joint.kind.turns}
     names = energetic_names(mechanism)
     return np.where([name in slides for name in names], 1.0, length_scales(names, length))
 
 
 def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -> Array:
-    """Factors (P,) that make a regressor's columns comparable, whatever the units and the size of the mechanism.
+    """Scales (P,), SI units per J, by which the columns of a regressor of P parameters are multiplied so that they are
+    comparable, whatever the units and the size of the mechanism.
 
-    Columns of these norms (P,) are multiplied by (1, L, L^2) for mass, first moment and inertia, then divided by
-    max(norm, floor). Norms must be those of energies before differencing: a column that is constant then keeps its
-    size, and its round-off stays small.
+    They are 1, L and L^2 for masses, first moments and moments of inertia, over the columns' norms so scaled, or over
+    1e-3 of the largest of these where a norm is below; 1, L and L^2 alone where all norms are 0. `norms` (P,), in J per
+    SI unit of each parameter, must be those of the energies themselves, not of their differences: a column that is
+    constant then keeps its size, and its round-off stays small. `parameter_names` are P, `length` is L in m. Raises
+    `KeyError` for friction and other names.
     """
     sizes = length_scales(parameter_names, length)
     scaled = norms * sizes
@@ -59,9 +66,12 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
 
 
 def energy_scales(mechanism: Mechanism, seed: int) -> Array:
-    """Scales (P,) that make the parameters D / scales comparable, by their energies at a few random states.
+    """The scales (P,), SI units per J, that make a mechanism's P inertial parameters D (all but friction) comparable,
+    as D / scales: one over the root of the summed squares of the energies that a unit of each parameter has at 46
+    random states, drawn by `seed`, small ones taken as at least a thousandth of the largest.
 
-    Choices among parameters of different units are made on D / scales, whichever way the null space was found.
+    Choices among parameters of different units are made on D / scales, whichever way the null space was found. Raises
+    `InputError` for a reference configuration that breaks the mechanism's conditions.
     """
     E = energies(mechanism, random_states(mechanism, FEW_STATES, np.random.default_rng(seed)))
     return column_scales(np.linalg.norm(E, axis=0), energetic_names(mechanism), characteristic_length(mechanism))
@@ -69,7 +79,9 @@ def energy_scales(mechanism: Mechanism, seed: int) -> Array:
 
 @dataclass(frozen=True)
 class NumericalRank:
-    """The numerical rank k of a matrix, where its singular values have their largest gap; 0 where all are round-off."""
+    """The numerical rank k of a matrix with singular values sigma_1 >= sigma_2 >= ...: `rank` is k, where the values
+    have their largest gap, 0 where all are round-off; `gap` is sigma_k/sigma_k+1 and `smallest` sigma_k/sigma_1, both
+    without a unit. Made by `of`; nothing is checked at construction."""
 
     rank: int
     gap: float
@@ -79,9 +91,12 @@ class NumericalRank:
 
     @classmethod
     def of(cls, singular_values: ArrayLike) -> NumericalRank:
-        """The rank at the largest ratio sigma_k/sigma_k+1 of singular values (n,), falling; full rank is possible too.
+        """The numerical rank k at the largest ratio sigma_k/sigma_k+1 of `singular_values` (n,), falling; full rank, k
+        = n, is possible.
 
-        Ratios to sigma_1 are floored at 1e-15. Nothing above 1e-12 is rank 0, by the largest gap there can be.
+        Values are taken relative to the largest, sigma_1, and at least as 1e-15 of it. Where none is above 1e-12, as of
+        columns whose norms were made 1, the rank is 0, with a gap of 1e15. Raises `ValueError` for what is no array of
+        numbers.
         """
         values = np.asarray(singular_values, dtype=np.float64)
         if values.max(initial=0.0) <= NOTHING:
@@ -94,7 +109,9 @@ class NumericalRank:
 
 @dataclass(frozen=True, eq=False)
 class ScaledRegressor:
-    """A sampled regressor with comparable columns, as the triangle of its QR factors."""
+    """A sampled regressor of P inertial parameters with comparable columns: `scales` (P,), by which the columns are
+    multiplied, and `triangle` R (P, P), the triangular factor of the scaled regressor, which has its singular values
+    and right singular vectors. Made by `of_energies` and `of_torques`; nothing is checked at construction."""
 
     scales: Array
     """Factors (P,) of the columns."""
@@ -103,13 +120,16 @@ class ScaledRegressor:
 
     @classmethod
     def of_energies(cls, mechanism: Mechanism, factor: EnergyFactor) -> ScaledRegressor:
-        """The scaled regressor of energy differences of more states than there are parameters, scaled by the energies
-        themselves."""
+        """The scaled regressor of a mechanism's energy differences at random states, given by their `factor`, of more
+        states than the P inertial parameters: each column is scaled by the size of the energies themselves. Raises
+        `ValueError` for a factor of another number of parameters."""
         return cls._scaled(mechanism, factor.triangle, factor.square_sums)
 
     @classmethod
     def of_torques(cls, mechanism: Mechanism, rows: Array) -> ScaledRegressor:
-        """The scaled regressor of rows (n, P) of the torque regressor, more than there are parameters."""
+        """The scaled regressor of a mechanism's torques: of `rows` (m, P) of its torque regressor, in N m per SI unit
+        of each of P inertial parameters, m at least P; each column is scaled by its own size. Raises `ValueError` for
+        another number of columns."""
         return cls._scaled(mechanism, triangle(rows), np.square(rows).sum(axis=0))
 
     @classmethod
@@ -120,38 +140,49 @@ class ScaledRegressor:
 
     @cached_property
     def singular_values(self) -> Array:
-        """The singular values (P,), falling."""
+        """The singular values (P,), falling, without a unit, of the sampled regressor with scaled columns, one for each
+        of P inertial parameters. Raises `numpy.linalg.LinAlgError` for NaN."""
         return np.asarray(np.linalg.svd(self.triangle, compute_uv=False), dtype=np.float64)
 
     @cached_property
     def vectors(self) -> Array:
-        """The right singular vectors (P, P), a vector a column."""
+        """The orthonormal right singular vectors (P, P), one in each column, by falling singular value, of the sampled
+        regressor with scaled columns. Raises `numpy.linalg.LinAlgError` for NaN."""
         return right_vectors(self.triangle)
 
     @cached_property
     def decision(self) -> NumericalRank:
-        """The numerical rank with its gap."""
+        """The `NumericalRank` of the scaled regressor: its rank, the gap among the singular values there, and the
+        smallest that counts, relative to the largest."""
         return NumericalRank.of(self.singular_values)
 
     @property
     def rank(self) -> int:
-        """The rank k."""
+        """The rank k of the scaled regressor: the number of independent ones of its P columns, where its singular
+        values have their largest gap."""
         return self.decision.rank
 
     @property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        """Orthonormal null vectors (P, P-k), without a unit, of the scaled regressor of rank k: directions of P
+        inertial parameters over the columns' `scales` (P,) that change nothing."""
         return self.vectors[:, self.rank :]
 
     def rank_of(self, columns: Sequence[int]) -> int:
-        """The rank of some columns of H = U S V'; without U, which changes no rank."""
+        """The rank of those of the scaled regressor's P columns whose indices, from 0, are `columns`. Raises
+        `IndexError` for an index of P or more.
+
+        It is found from singular values and right vectors alone: the left factor U of U S V' changes no rank.
+        """
         shares = (self.vectors * self.singular_values)[list(columns)]
         return NumericalRank.of(np.linalg.svd(shares, compute_uv=False)).rank
 
 
 @dataclass(frozen=True, eq=False)
 class DecomposedNullSpace:
-    """The null space of a regressor by its decomposition, among parameters of other scales than its columns'."""
+    """A null space of energies by singular value decomposition of a `ScaledRegressor`, the `regressor`: the directions
+    of P inertial parameters that change no energy, among parameters over `scales` (P,), positive, in SI units per J,
+    which need not be those of the regressor's columns. Nothing is checked at construction."""
 
     regressor: ScaledRegressor
     scales: Array
@@ -159,16 +190,24 @@ class DecomposedNullSpace:
 
     @property
     def rank(self) -> int:
-        """The number of independent parameters k."""
+        """The rank k: the number of independent directions of P inertial parameters that change energies and
+        torques."""
         return self.regressor.rank
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of P inertial parameters D over the
+        null space's `scales` (P,), D / scales in J, that change no energy."""
         vectors = self.regressor.null_basis * (self.regressor.scales / self.scales)[:, None]
         return np.asarray(np.linalg.qr(vectors)[0], dtype=np.float64)
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """The regrouping that removes parameters in an order, with the rank of the columns that are kept."""
+        """The regrouping that removes P-k of P scaled parameters in an order, k the rank, and adds them to the k kept
+        ones; its `rank` is that of the regressor's kept columns.
+
+        `order` (P,) has all indices from 0, the first removed first. A parameter is removed where more than
+        `tolerance`, a length without a unit, of its row of the null vectors (P, P-k) is left beside those removed
+        before. Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
+        """
         found = by_null_vectors(self.null_basis, order, tolerance)
         return replace(found, rank=self.regressor.rank_of(found.kept))

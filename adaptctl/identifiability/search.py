@@ -15,7 +15,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The settings of a search, on which all that it finds depends."""
+    """The settings of a search for the null space of a mechanism's energies, and its result, found when first asked
+    for.
+
+    `method` is "automatic", "svd" (singular values of energies at random states) or "transfers" (a tree's geometry);
+    `near` "refuse" or "as_is", for angles and lengths that are nearly special; `prove` whether the rank is also
+    computed on exact geometry, None where that takes milliseconds. `samples` is the number of random states, `seed`
+    draws them. Nothing is checked at construction, but when it is `found`.
+    """
 
     mechanism: Mechanism
     method: Method
@@ -26,13 +33,18 @@ class Search:
 
     @cached_property
     def inputs(self) -> list[str]:
-        """The mechanism's hash and the settings, in JSON's types."""
+        """All that the search's result depends on, as a list of six texts: the mechanism's SHA-256 hash (hexadecimal),
+        then the method, near, prove, samples and seed as Python writes them. It is the key under which results are
+        cached."""
         settings = self.method, self.near, self.prove, self.samples, self.seed
         return [self.mechanism.description.sha256, *map(repr, settings)]
 
     @cached_property
     def found(self) -> CertifiedNullSpace:
-        """The null space, its certificate, its proof and the energies behind them. Raises as `certified` does."""
+        """The certified null space: the directions of the mechanism's inertial parameters that change no energy, their
+        certificate, the proof if there is one, and the energies behind them. Raises `RankError` where the rank cannot
+        be certified or is refused, `InputError` for a method or near that is unknown or a method that is not for this
+        mechanism."""
         from adaptctl.identifiability.certification import certified  # a tenth of the time to the first torque
 
         return certified(self.mechanism, self.method, self.near, self.prove, self.samples, self.seed)

@@ -25,27 +25,33 @@ CLEAR = 1e-8
 
 
 def require_tolerance(tolerance: float, parameters: int) -> None:
-    """Raise `InputError` for a tolerance that could not find all of P - k rows: it must be below 1/sqrt(P)."""
+    """Raise `InputError` unless a `tolerance`, the length without a unit above which what is left of a null vectors'
+    row counts, is a number above 0 and below 1/sqrt(P), P the number of `parameters`. A larger one may not find all
+    independent rows."""
     most = 1.0 / np.sqrt(max(parameters, 1))
     if not 0.0 < real_number(tolerance, "tolerance") < most:
         raise InputError(f"tolerance: expected a number between 0 and {most:.2g}, got {tolerance:g}")
 
 
 def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tuple[int, ...]:
-    """Rows of `null_basis` (P, P-k) that are independent, met in this order: the parameters to remove."""
+    """Indices (P-k,), from 0, of the parameters to remove: the rows of the orthonormal null vectors `null_basis` (P,
+    P-k) that are independent, met in an `order` of row indices, the first removed first. A row is independent where
+    more than `tolerance`, a length without a unit, is left of it beside those taken before. Raises `InputError` for a
+    tolerance that is not between 0 and 1/sqrt(P)."""
     return removed_and_passed_over(null_basis, order, tolerance)[0]
 
 
 def removed_and_passed_over(
     null_basis: Array, order: Iterable[int], tolerance: float
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Rows of `null_basis` (P, P-k) that are independent, met in this order, and those that were passed over although
-    they are independent by more than round-off.
+    """Two tuples of indices, from 0, of rows of the orthonormal null vectors `null_basis` (P, P-k), met in an `order`
+    of row indices: the P-k independent ones, that is the parameters to remove, and those passed over though they are
+    independent by more than round-off (1e-8).
 
-    A row is taken when what is left of it beside the rows already taken is longer than `tolerance` (Sheu and
-    Walker 1991, theorem 4.1), orthogonalised twice so that round-off cannot pass for independence. The columns
-    are orthonormal, so what is left of all rows together never vanishes before P-k are taken: a tolerance
-    below 1/sqrt(P) always finds them all. Raises `InputError` for any other tolerance.
+    A row is taken when what is left of it beside the rows already taken is longer than `tolerance`, without a unit
+    (Sheu and Walker 1991, theorem 4.1); it is orthogonalised twice, so that round-off cannot pass for independence. The
+    columns are orthonormal, so that what is left of all rows together does not vanish before P-k are taken: a tolerance
+    below 1/sqrt(P) always finds them all, if the order has all P. Raises `InputError` for any other tolerance.
     """
     rows, needed = null_basis.shape
     require_tolerance(tolerance, rows)
@@ -66,11 +72,12 @@ def removed_and_passed_over(
 
 
 def independent_columns(columns: Array, tolerance: float, negligible: float) -> tuple[list[int], Array]:
-    """Indices of independent columns out of columns (r, n), as they are taken, and orthonormal directions (m, r).
+    """Indices (m,), from 0, of m independent ones of the n columns of `columns` (r, n), in the order in which they are
+    taken, and orthonormal directions (m, r), without a unit, that they span. Nothing is checked.
 
-    Each time the first column is taken of which more than `tolerance` is left beside those before, and where there
-    is none, the one of which most is left, as long as that is not `negligible`. With an infinite tolerance this is
-    column pivoting (Businger and Golub 1965).
+    Each time the first column is taken of which more than `tolerance`, a length in the columns' unit, is left beside
+    those before; where there is none, the one of which most is left, as long as that is more than `negligible`, in the
+    same unit. With an infinite tolerance this is column pivoting (Businger and Golub 1965).
     """
     left, taken, directions = columns, list[int](), list[Array]()
     for _ in range(min(columns.shape)):

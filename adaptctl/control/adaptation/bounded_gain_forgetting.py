@@ -24,7 +24,9 @@ from adaptctl.scalars import Column, Scalar, each
 
 
 class CovarianceMemory(NamedTuple):
-    """The memory of least squares by their covariance: P, in units of the first gain, and the torque filters."""
+    """The memory of adaptation by least squares on k parameters that hold their covariance P (k, k), between ticks:
+    `covariance` (k (k + 1)/2,) is the upper triangle of P, row by row, in units of the first gain Gamma (of S^-1 P S^-1
+    with S = Gamma^1/2), the identity at the start; `filtered` is the torque filters' memory. Nothing is checked."""
 
     covariance: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the first gain: the identity at the start"""
@@ -44,8 +46,9 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     filter F = cutoff/(d/dt + cutoff). `weight` is R in 1/(N m s) (m/(N s)), one number or (r,), `cutoff` in rad/s, both
     positive; `forgetting` of at least 0 is in 1/s; `bound` of at least 1, unitless, is the most that tr(Gamma^-1 P)/k,
     the mean gain over Gamma, may become; `called` is the law's name in messages. Raises `InputError` for other numbers
-    and shapes at construction, and, with a controller, for sizes that do not fit the model, a cutoff above 1/T_c and a
-    forgetting above 0.1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
+    and shapes at construction, and, with a controller, for sizes that do not fit the model, constraints that fix
+    parameters at values other than zero, a cutoff above 1/T_c and a forgetting above 0.1/T_c, T_c the control period; a
+    weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 -
@@ -95,7 +98,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
         in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Nothing is checked here.
+        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
+        than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)

@@ -30,7 +30,7 @@ class Composite(Descent[Filtered]):
     is R's diagonal, one number or (r,), in 1/(N m s) (m/(N s)); `cutoff` is lambda in rad/s. Raises `InputError` at
     construction for a gain that is not finite, symmetric and positive definite, and a weight or cutoff that is not
     positive and finite (a weight of NaN is a `NonFiniteError`), and, with a controller, for sizes that do not fit the
-    model and for a cutoff above 1/T_c, T_c the control period.
+    model, constraints that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with the prediction error eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R eps:
@@ -70,7 +70,8 @@ class Composite(Descent[Filtered]):
 
         `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
         tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` the control period in s. Nothing is checked here.
+        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
+        values other than zero; nothing else is checked.
         """
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 

@@ -27,7 +27,14 @@ from adaptctl.scalars import Column, Scalar, each, maximum, sqrt, where
 
 
 class LearningMemory(NamedTuple):
-    """The memory of composite learning, in units of the first gain: with S = Gamma^1/2, S Q S and S z."""
+    """The memory of composite learning on k parameters between ticks, in units of the first gain Gamma, S being
+    Gamma^1/2.
+
+    `information` (k (k + 1)/2,) is the upper triangle of S Q S, row by row, Q (k, k) the information matrix, zero at
+    the start; `known` (k,) is S z, where z (k,) is Q times the true parameters as far as nothing disturbs; `learned`
+    (1,) is the number of joints' equations that were learned from in the last period; `filtered` is the torque filters'
+    memory. Nothing is checked.
+    """
 
     information: Any
     """(k (k + 1)/2,) the upper triangle of Q, row by row: zero at the start"""
@@ -39,8 +46,8 @@ class LearningMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a run keeps: the number (1,) of joints' equations that were learned from in the last
-        period."""
+        """Part of the memory that a recorded run keeps, `learned` (1,): the number of joints' equations that were
+        learned from in the last control period."""
         return self.learned
 
 
@@ -64,8 +71,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     law's name in messages; s (r,) is the sliding variable of r joints in rad/s (m/s), tau (r,) the torque in N m (N), Y
     (r, k) the torque regressor, W (r, k) that behind F. Raises `InputError` for a gain, a weight, a cutoff or an alarm
     that is not positive, a forgetting, recall or threshold below 0, all finite but the alarm (a weight of NaN is a
-    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, a cutoff above 1/T_c and a recall
-    above 0.5/T_c, T_c the control period.
+    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, constraints that fix parameters at
+    values other than zero, a cutoff above 1/T_c and a recall above 0.5/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
@@ -119,7 +126,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
         in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Nothing is checked here.
+        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
+        than zero; nothing else is checked.
         """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)

@@ -29,7 +29,14 @@ LONGEST = 64
 
 
 class Stack(NamedTuple):
-    """The memory of concurrent learning: the stack of samples, and the torque filters."""
+    """The memory of concurrent learning between ticks: the stack of samples, the newest first, zero where none is kept
+    yet, and the torque filters' memory `filtered`.
+
+    `rows` has the entries of the samples' filtered torque regressors that are not always zero, in N m (N for a
+    prismatic joint) per SI unit of each parameter, one sample after the other; `torques` (samples r,) their filtered
+    torques of r joints in N m (N); `learned` (1,) is 1 where the last period's sample was put on the stack, else 0.
+    Nothing is checked.
+    """
 
     rows: Any
     """W of every sample kept, the newest first, without what is always zero: zero where none is kept yet"""
@@ -41,7 +48,8 @@ class Stack(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a run keeps: 1 where something was learned, else 0, (1,)."""
+        """Part of the memory that a recorded run keeps, `learned` (1,): 1 where the last control period's sample was
+        put on the stack of samples, else 0."""
         return self.learned
 
 
@@ -58,7 +66,8 @@ class ConcurrentLearning(Descent[Stack]):
     one number or (r,), `cutoff` in rad/s; `samples`, from 1 to 64, is how many the stack holds. Raises `InputError` for
     a gain that is not finite, symmetric and positive definite, a weight, cutoff or threshold that is not positive and
     finite (a weight of NaN is a `NonFiniteError`), samples that are no whole number or out of range, and, with a
-    controller, for sizes that do not fit the model and a cutoff above 1/T_c, T_c the control period.
+    controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, and a
+    cutoff above 1/T_c, T_c the control period.
 
     A sample is put on the stack where it tells something new: where its rows differ from those of the sample put there
     last by sum_i R_i d_i'Gamma d_i above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest
@@ -115,7 +124,8 @@ class ConcurrentLearning(Descent[Stack]):
 
         `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
         tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` the control period in s. Nothing is checked here.
+        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
+        values other than zero; nothing else is checked.
         """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)

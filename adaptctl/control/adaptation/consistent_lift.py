@@ -32,7 +32,9 @@ NEAR = 1e-9
 
 
 class LiftMemory(NamedTuple):
-    """The memory of a lifted estimate: the lift (P,), and the torque filters."""
+    """The memory of an adaptation law that moves a lift between ticks: `lift` (P,) are all P parameters of rigid bodies
+    and drives, in SI units, whose fundamental (base) parameters are the estimate; `filtered` is the torque filters'
+    memory, empty where no torques are predicted. Nothing is checked."""
 
     lift: Any
     """(P,) parameters of rigid bodies whose fundamental ones are the estimate"""
@@ -41,7 +43,8 @@ class LiftMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a run keeps: the lift (P,)."""
+        """Part of the memory that a recorded run keeps, the lift (P,): all P parameters of rigid bodies and drives, in
+        SI units, whose fundamental (base) parameters are the estimate."""
         return self.lift
 
 
@@ -117,7 +120,8 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
 
         `initial`, the first estimate (k,) of k fundamental parameters, is not looked at; q (n,) are the positions of
         the spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in
-        rad/s (m/s), `period` the control period in s. Nothing is checked here.
+        rad/s (m/s), `period` the control period in s. With a weight, raises `InputError` for a model whose linear
+        constraints fix parameters at values other than zero; nothing else is checked.
         """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)

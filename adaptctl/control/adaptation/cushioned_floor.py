@@ -24,7 +24,10 @@ from adaptctl.scalars import Column, each
 
 
 class InformationMemory(NamedTuple):
-    """The memory of least squares by their information: P^-1, in units of the first gain, and the torque filters."""
+    """The memory of adaptation by least squares on k parameters that hold their information P^-1 (k, k), P the
+    covariance, between ticks: `information` (k (k + 1)/2,) is the upper triangle, row by row, of S P^-1 S, S =
+    Gamma^1/2 with the first gain Gamma, the identity at the start; `filtered` is the torque filters' memory. Nothing is
+    checked."""
 
     information: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of S P^-1 S, S = Gamma^1/2: the identity at the start"""
@@ -43,8 +46,9 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the filter F =
     cutoff/(d/dt + cutoff). `forgetting` is lambda of at least 0 in 1/s; `weight` is R in 1/(N m s) (m/(N s)), one
     number or (r,), `cutoff` in rad/s, both positive; `called` is the law's name in messages. Raises `InputError` for
-    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model and a cutoff
-    above 1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
+    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model, constraints
+    that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control period; a weight of NaN is
+    a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 - lambda error' (P^-1 -
@@ -68,7 +72,8 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
         in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Nothing is checked here.
+        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
+        than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)

@@ -20,8 +20,10 @@ from adaptctl.scalars import Column, Scalar, column
 
 @dataclass(frozen=True, eq=False)
 class Descent(AdaptationLaw[Memory]):
-    """Base class of laws by gradient descent along Y's with a constant gain Gamma: its diagonal (k,) or whole (k,
-    k)."""
+    """Base class of adaptation laws for k parameters by descent along a gradient (k,) with a constant `gain` Gamma: its
+    diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J, held as a read-only array.
+    Raises `InputError` at construction for a gain that is not finite, positive and, as a matrix, symmetric and positive
+    definite."""
 
     gain: Array
 
@@ -30,24 +32,29 @@ class Descent(AdaptationLaw[Memory]):
         object.__setattr__(self, "gain", checked_gain(self.gain))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where the gain is for another number of parameters than the model's."""
+        """Raise `InputError` where the adaptation gain is for another number of parameters than the model's k.
+        `initial`, the first estimate (k,), and `period`, the control period in s, are not looked at."""
         require_size(self.gain, model, "adaptation gain")
 
     @property
     def by_parameter(self) -> bool:
-        """True if Gamma is diagonal, so that each parameter's error is measured by itself."""
+        """True if the adaptation gain is diagonal, so that the law's Lyapunov function measures each parameter's error
+        by itself, and clipping one parameter to a bound need not move any other."""
         return self.gain.ndim == 1
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """The parameters' term error' Gamma^-1 error / 2, in J, of the Lyapunov function, for estimates (k,) and true
-        parameters (k,)."""
+        """The parameters' term error' Gamma^-1 error / 2, in J, of the adaptation law's Lyapunov function, Gamma the
+        adaptation gain and error the `estimate` (k,) of the model's k parameters less their `true` values (k,), both in
+        SI units; over scalars of any kind: floats, arrays of samples, nodes of an expression graph. Raises `ValueError`
+        for columns of different lengths."""
         error, gain = estimate - true, self._columns
         if isinstance(gain, list):
             return 0.5 * (error @ solve_symmetric([list(row) for row in gain], error))
         return 0.5 * (error @ Column(e / g for e, g in zip(error, gain, strict=True)))
 
     def applied(self, gradient: Column) -> Column:
-        """The product (k,) of Gamma and a gradient (k,)."""
+        """The product Gamma x (k,) of the adaptation gain Gamma and a `gradient` x (k,), in the unit of each parameter
+        where x is in J per unit of it. Raises `ValueError` for a gradient of another length."""
         gain = self._columns
         return Column(row @ gradient for row in gain) if isinstance(gain, list) else gain * gradient
 
@@ -61,7 +68,9 @@ class Descent(AdaptationLaw[Memory]):
 
 
 def checked_gain(gain: ArrayLike) -> Array:
-    """A read-only adaptation gain (k,) or (k, k). Raises `InputError` unless symmetric and positive definite."""
+    """A read-only float64 copy of an adaptation `gain` of k parameters, (k,) the diagonal or (k, k), in units of the
+    parameters squared per J. Raises `InputError` for other shapes, what is not finite, a diagonal that is not positive,
+    and a matrix that is not symmetric and positive definite, to round-off."""
     array = numbers(gain, "adaptation gain")
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
@@ -74,7 +83,8 @@ def checked_gain(gain: ArrayLike) -> Array:
 
 
 def require_size(values: Array, model: ReducedModel, what: str) -> None:
-    """Raise `InputError` unless there is one row for each parameter of the model."""
+    """Raise `InputError` unless `values`, an array (k, ...), has one row for each of the model's k parameters. `what`
+    names it in the message."""
     k, given = len(model.columns), len(values)
     if given == k:
         return

@@ -77,11 +77,12 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     the next, whatever control law uses it.
 
     A subclass is a frozen dataclass of configuration; a field of type float that is given no number raises `InputError`
-    at construction. Its method `law` is an equation over scalars of any kind (floats, arrays of samples, symbols of a
-    trace), traced into the control law's own native code. The attributes that the class names in `tunable` are
-    arguments of that code, all its other numbers are compiled in. What changes over time, besides the estimate, is the
-    memory, a NamedTuple of columns; recorded runs hold the memory's property `recorded`, if it has one. `needs_double`
-    is true for a law whose memory is a matrix that single precision spoils, false unless a subclass says so.
+    at construction. Its method `law` is an equation over scalars of any kind (floats, arrays of samples, nodes of an
+    expression graph), compiled into the control law's own native code. The attributes that the class names in `tunable`
+    are arguments of that code, all its other numbers are compiled in. What changes over time, besides the estimate, is
+    the memory, a NamedTuple of columns; recorded runs hold the memory's property `recorded`, if it has one.
+    `needs_double` is true for a law whose memory is a matrix that single precision spoils, false unless a subclass says
+    so.
     """
 
     needs_double: ClassVar[bool] = False
@@ -101,12 +102,13 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
         """The adaptation law's memory before the first tick, for a first estimate `initial` (k,) of the model's k
         parameters, in SI units, positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
-        velocities v (r,) of the r primary joints in rad/s (m/s), and a control `period` in s."""
+        velocities v (r,) of the r primary joints in rad/s (m/s), and a control `period` in s. A law raises `InputError`
+        for a model that it cannot start on, and checks nothing else here."""
 
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period, over
-        scalars of any kind: floats, arrays of samples, symbols of a trace.
+        scalars of any kind: floats, arrays of samples, nodes of an expression graph.
 
         `estimate` (k,) and `memory` are those before the period; `period`, a `Period`, holds the torque held over it
         and the positions, velocities and sliding variables measured. A law checks nothing here.
@@ -121,8 +123,8 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
         """The parameters' term, in J, of the adaptation law's Lyapunov function at an estimate (k,) of the model's k
         parameters whose true values are `true` (k,), both in SI units; over scalars of any kind: floats, arrays of
-        samples, symbols of a trace. None, as here unless a law overrides it, for a law whose term depends on more than
-        the estimate."""
+        samples, nodes of an expression graph. None, as here unless a law overrides it, for a law whose term depends on
+        more than the estimate. Nothing is checked."""
         return None
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:

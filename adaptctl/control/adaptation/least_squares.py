@@ -21,10 +21,15 @@ from adaptctl.scalars import Column, Scalar, column, sqrt
 
 @dataclass(frozen=True, eq=False)
 class ForgettingLeastSquares(AdaptationLaw[Memory]):
-    """Base class of least squares that forget, from a first covariance P = Gamma = diag(`gain`) (k,).
+    """Base class of adaptation laws for k parameters by least squares that forget, from torques that pass through a
+    filter.
 
-    `weight` is R in 1/(N m s), one number or one a joint (r,), `cutoff` the torque filter's in rad/s and `forgetting`
-    the rate at which the past is forgotten in 1/s.
+    `gain` (k,), positive, is the diagonal of Gamma, the covariance at the start, in units of the parameters squared per
+    J; `weight` that of the torques' errors in 1/(N m s) (m/(N s) for a prismatic joint), one number, by default 1, or
+    one for each of r joints (r,); `cutoff` that of the torque filter, 20 rad/s by default; `forgetting` the rate at
+    which the past is forgotten, 1/s by default; `called` the law's name in messages. Raises `InputError` at
+    construction for a gain, weight or cutoff that is not positive and finite or of another shape, and a forgetting that
+    is not finite or below 0; a weight of NaN is a `NonFiniteError`.
     """
 
     called: ClassVar[str]
@@ -48,7 +53,12 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
             raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless gain, weight and cutoff fit the parameters, the joints and the period (s)."""
+        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
+        for each of its r joints, and the torque filter's cutoff (rad/s) times the period (s) is at most 1.
+
+        `initial`, the first estimate (k,), is not looked at; `period` is the control period in s, which the controller
+        checks to be positive.
+        """
         require_size(self.gain, model, f"{self.called}: gain")
         self._require_weights(model.mechanism.dof)
         require_cutoff(self.cutoff, period)
@@ -63,36 +73,41 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
 
 def first_triangle(k: int) -> Array:
-    """The identity (k, k), as the upper triangle of a symmetric matrix, row by row (k (k + 1)/2,)."""
+    """The upper triangle (k (k + 1)/2,), row by row, of the identity (k, k)."""
     return np.eye(k)[np.triu_indices(k)]
 
 
 def from_triangle(entries: Array, k: int) -> Array:
-    """The symmetric matrix (k, k) with an upper triangle (k (k + 1)/2,), row by row."""
+    """The symmetric matrix (k, k), as an array, whose upper triangle (k (k + 1)/2,), row by row, is `entries`. Raises
+    `ValueError` for another number of them, but for a single one, which is taken for all."""
     upper = np.zeros((k, k))
     upper[np.triu_indices(k)] = entries
     return upper + np.triu(upper, 1).T
 
 
 def upper_rows(entries: Column, k: int) -> list[list[Scalar]]:
-    """Rows of a symmetric matrix's upper triangle, each from its diagonal entry on."""
+    """The k rows of a symmetric matrix's upper triangle, given by its `entries` (k (k + 1)/2,), row by row: lists of k,
+    k - 1, ..., 1 scalars, each from the diagonal entry on. Nothing is checked."""
     return [list(entries.of[a:b]) for a, b in pairwise(_starts(k))]
 
 
 def full_rows(upper: list[list[Scalar]]) -> list[list[Scalar]]:
-    """The rows (k, k) of a symmetric matrix, from those of its upper triangle."""
+    """The k rows of k scalars each of a symmetric matrix, from those of its upper triangle, `upper`: lists of k, k - 1,
+    ..., 1 scalars, each from the diagonal entry on. Raises `IndexError` for rows that are too short."""
     k = len(upper)
     return [[upper[min(i, j)][max(i, j) - min(i, j)] for j in range(k)] for i in range(k)]
 
 
 def symmetric_product(entries: Column, vector: Column) -> Column:
-    """The product (k,) of a symmetric matrix, given by its upper triangle, and a vector (k,)."""
+    """The product (k,) of a symmetric matrix (k, k), given by the `entries` (k (k + 1)/2,) of its upper triangle, row
+    by row, and a `vector` (k,), over scalars of any kind. Raises `IndexError` for too few entries."""
     rows = full_rows(upper_rows(entries, len(vector)))
     return Column(Column(row) @ vector for row in rows)
 
 
 def symmetric_trace(entries: Column, k: int) -> Scalar:
-    """The trace of a symmetric matrix, given by its upper triangle."""
+    """The trace of a symmetric matrix (k, k), given by the `entries` (k (k + 1)/2,) of its upper triangle, row by row.
+    Raises `IndexError` for too few entries."""
     diagonal = [entries[start] for start in _starts(k)[:-1]]
     return sum(diagonal[1:], diagonal[0])
 

@@ -104,7 +104,7 @@ class Natural(AdaptationLaw[NoMemory]):
         units.
 
         D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias (4, 4), - 1 of numbers. Where either is no rigid
-        bodies' it is not a number on arrays, and floats raise `ValueError`.
+        bodies' it is not a number on arrays, and floats raise `ValueError` or `ZeroDivisionError`.
         """
         rates, bodies = each_rate(self.rate, model), 10 * len(model.mechanism.description.bodies)
         total: Scalar = 0.0
@@ -126,7 +126,8 @@ class Natural(AdaptationLaw[NoMemory]):
 
 
 def checked_rate(rate: ArrayLike) -> Array:
-    """A read-only copy of a rate, one number or (n,), in 1/J. Raises `InputError` unless positive."""
+    """A read-only float64 copy of the `rate` of natural adaptation, one number or (m,), in 1/J. Raises `InputError` for
+    other shapes and what is not positive and finite."""
     array = numbers(rate, "natural adaptation: rate").copy()
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")
@@ -134,7 +135,8 @@ def checked_rate(rate: ArrayLike) -> Array:
 
 
 def require_rates(rate: ArrayLike, model: ReducedModel) -> None:
-    """Raise `InputError` without a rate for each link with a body and each drive's parameter."""
+    """Raise `InputError` unless the `rate` of natural adaptation, in 1/J, is one number, or an array of one for each of
+    the model's links with a body and then for each drive's parameter. The numbers themselves are not looked at."""
     bodies, count = _bodies_and_rates(model)
     if np.shape(rate) not in ((), (count,)):
         raise InputError(
@@ -144,7 +146,9 @@ def require_rates(rate: ArrayLike, model: ReducedModel) -> None:
 
 
 def require_consistent(model: ReducedModel, parameters: Array, law: str, what: str) -> None:
-    """Raise `InputError` unless parameters (P,) are those of rigid bodies, and of drives that are positive."""
+    """Raise `InputError` unless `parameters` (P,), all P of a model's mechanism, in SI units, are physically
+    consistent: those of rigid bodies, whose pseudo-inertias (4, 4) are positive definite, and of drives, which are
+    positive. `law` and `what` name the adaptation law and the parameters in the message."""
     mechanism = model.mechanism
     links = [mechanism.links[i] for i in mechanism.description.bodies]
     for i, link in enumerate(links):
@@ -160,7 +164,9 @@ def require_consistent(model: ReducedModel, parameters: Array, law: str, what: s
 
 
 def each_rate(rate: Any, model: ReducedModel) -> Column:
-    """The rate (P,) of each parameter, from one rate for each link and each drive's parameter."""
+    """The rate (P,), in 1/J, of each of a model's P parameters in natural adaptation: from `rate`, one number, or one
+    for each link with a body, which its ten inertial parameters share, and then for each drive's parameter. Raises
+    `ValueError` for another number of rates."""
     bodies, count = _bodies_and_rates(model)
     rates = each(rate, count).of
     return Column((*(rate for rate in rates[:bodies] for _ in range(10)), *rates[bodies:]))
@@ -173,8 +179,14 @@ def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
 
 
 def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
-    """The parameters (P,) after one step of natural adaptation: each link's ten along its geodesic, each drive's along
-    that of a positive number."""
+    """The parameters (P,), in SI units, after one step of natural adaptation from `parameters` (P,): the ten inertial
+    parameters of each of `bodies` links along the geodesic of their pseudo-inertia, each drive's, which come after
+    them, along that of a positive number.
+
+    `slope` (P,), in the parameters' inverse units, is each one's rate in 1/J times the integral over the period of the
+    gradient Y's, in J per unit, with the torque regressor Y and the sliding variable s. Nothing is checked: parameters
+    that no rigid bodies have raise `ValueError` or `ZeroDivisionError` in floats, and give NaN in arrays.
+    """
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -188,8 +200,10 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
-    """The natural gradient (P,) of a slope (P,): the ten inertial parameters of P_i L_i P_i for every link. A step
-    begins along it, its sign turned."""
+    """The natural gradient (P,), in the parameters' SI units, of a `slope` (P,) in the inverse units, at `parameters`
+    (P,): for each of `bodies` links the ten inertial parameters of P_i L_i P_i, with its pseudo-inertia P_i (4, 4) and
+    the slope's symmetric matrix L_i (4, 4), and for each drive's parameter x, which come after them, x^2 times its
+    slope. A step of natural adaptation begins along it, its sign turned. Nothing is checked."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -200,10 +214,14 @@ def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
-    """A link's ten inertial parameters after one step along the geodesic: those of G Q Q G' for its pseudo-inertia
-    G G', as what is added to G G'.
+    """A link's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2)
+    after one step of natural adaptation from `ten`, along the geodesic of its pseudo-inertia; `slope` (10,), in the
+    inverse units, is the rate times the integral of the gradient over the period.
 
-    So a small step is rounded as a small number is, and many small steps do not wear an estimate away.
+    With the pseudo-inertia G G', G lower triangular, the step goes to G Q Q G', Q positive definite. What is added to G
+    G' is computed by itself, so that small steps are rounded as small numbers are, and many of them do not wear an
+    estimate away. A `ten` that no rigid body has raises `ValueError` or `ZeroDivisionError` in floats, and gives NaN in
+    arrays.
     """
     root = cholesky(pseudo(ten))
     X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
@@ -227,27 +245,35 @@ def _decay_less_one(X: Matrix) -> Matrix:
 
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
-    """The pseudo-inertia (4, 4) of a link's ten inertial parameters."""
+    """The pseudo-inertia (4, 4), as rows of scalars, of a link's `ten` inertial parameters (m, mc_x, mc_y, mc_z, I_xx,
+    I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2): the integral of x x' over its mass, x = (position in m, 1). Raises
+    `ValueError` for another number of them."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     half = 0.5 * (xx + yy + zz)
     return [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]
 
 
 def the_ten(P: Matrix) -> list[Any]:
-    """The ten inertial parameters of a pseudo-inertia."""
+    """The ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2) of a
+    pseudo-inertia `P` (4, 4), given by rows, of which the upper triangle is read. Raises `ValueError` for another
+    shape."""
     (xx, xy, xz, x), (_, yy, yz, y), (_, _, zz, z), (_, _, _, m) = P
     return [m, x, y, z, yy + zz, -xy, xx + zz, -xz, -yz, xx + yy]
 
 
 def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
-    """The matrix L (4, 4) of a slope (10,), with tr(L P) = slope' (the ten inertial parameters of P)."""
+    """The symmetric matrix L (4, 4), as rows of scalars, of a `slope` (10,) per unit of each of a link's ten inertial
+    parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), such that tr(L P) is the inner product of the
+    slope and the ten of P for every pseudo-inertia P (4, 4). Raises `ValueError` for another number of entries."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = (0.5 * g for g in slope)
     row = (2.0 * (yy + zz), -xy, -xz, x), (2.0 * (xx + zz), -yz, y), (2.0 * (xx + yy), z), (2.0 * m,)
     return [[row[min(i, j)][max(i, j) - min(i, j)] for j in range(4)] for i in range(4)]
 
 
 def cholesky(P: Matrix) -> Matrix:
-    """The lower triangular Cholesky factor G (4, 4) with G G' = P."""
+    """The lower triangular Cholesky factor G (n, n), as rows of scalars of any kind, of a symmetric positive definite
+    matrix `P` (n, n), given by rows: G G' = P. A matrix that is not positive definite raises `ValueError` or
+    `ZeroDivisionError` in floats, and gives NaN or infinity in arrays."""
     G: Matrix = [[0.0] * len(P) for _ in P]
     for j in range(len(P)):
         for i in range(j, len(P)):
@@ -257,26 +283,30 @@ def cholesky(P: Matrix) -> Matrix:
 
 
 def matrix_product(A: Matrix, B: Matrix) -> Matrix:
-    """The product A B."""
+    """The product A B (l, n) of matrices A (l, m) and B (m, n), as rows of scalars of any kind. Raises `ValueError`
+    where their shapes do not fit."""
     return [
         [sum((a * b for a, b in zip(row, column, strict=True)), 0.0) for column in zip(*B, strict=True)] for row in A
     ]
 
 
 def transposed(A: Matrix) -> Matrix:
-    """The transpose A'."""
+    """The transpose (n, m) of a matrix A (m, n), as rows of scalars of any kind. Raises `ValueError` for rows of
+    different lengths."""
     return [list(column) for column in zip(*A, strict=True)]
 
 
 def pseudos(tens: Array) -> Array:
-    """Pseudo-inertias (..., 4, 4) of inertial parameters (..., 10)."""
+    """The pseudo-inertias (..., 4, 4) of bodies with the inertial parameters `tens` (..., 10): m, mc_x, mc_y, mc_z,
+    I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2). Raises `ValueError` for another number of them."""
     rows = pseudo(list(np.moveaxis(tens, -1, 0)))
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def divergence(true: Matrix, estimate: Matrix) -> Scalar:
-    """The log-det divergence D(true, estimate) = log(det estimate / det true) + tr(estimate^-1 true) - 4 of
-    pseudo-inertias; not a number unless both are positive definite."""
+    """The log-det divergence, without a unit, log(det estimate / det true) + tr(estimate^-1 true) - 4 of two
+    pseudo-inertias (4, 4), given by rows of scalars of any kind: 0 where they are equal, else positive. Where one is
+    not positive definite, arrays give NaN, and floats raise `ValueError` or `ZeroDivisionError`."""
     shares = (solve_symmetric([list(row) for row in estimate], Column(column)) for column in transposed(true))
     trace: Scalar = sum((share[i] for i, share in enumerate(shares)), 0.0)
     return trace - 4.0 + 2.0 * (_log_root(estimate) - _log_root(true))

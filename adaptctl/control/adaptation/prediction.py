@@ -18,7 +18,9 @@ from adaptctl.scalars import Column, column, spread
 
 
 class Filtered(NamedTuple):
-    """The memory of the torque filters: those of the regressor's entries and of the torques."""
+    """The memory of the torque filters between ticks: `regressor` has what the filters hold of the entries of the
+    torque regressor that are not always zero, joint by joint, in N m (N for a prismatic joint) per SI unit of each
+    parameter, `torque` (r,) the filtered torques of r joints in N m (N). Nothing is checked."""
 
     regressor: Any
     """rows of F[lambda H + N], as far as it is known before the next sample, without what is always zero"""
@@ -27,8 +29,13 @@ class Filtered(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """A prediction of filtered torques: the linear equation W beta = torque for the true parameters, as far as nothing
-    disturbs."""
+    """A prediction of filtered torques: the linear equation W beta = torque, which the true parameters beta (k,), in SI
+    units, fulfil as far as nothing disturbs.
+
+    `rows` are the r rows (k,) of W, the filtered torque regressor of r joints, in N m (N for a prismatic joint) per
+    unit of each of k parameters, `torque` (r,) the filtered torques in N m (N), `after` the filters' memory after the
+    period. Nothing is checked.
+    """
 
     rows: list[Column]
     """W (r, k)"""
@@ -39,21 +46,28 @@ class Prediction(NamedTuple):
 
 @dataclass(frozen=True)
 class TorqueFilter:
-    """The filter F = lambda/(d/dt + lambda) of the equations of motion, tau = Y(p, v, a) beta, by parts, without
-    accelerations (Slotine and Li 1989).
+    """The filter F = lambda/(d/dt + lambda) of the equations of motion, tau = Y(p, v, a) beta, which gives the filtered
+    torque regressor W = F[Y] without accelerations a (Slotine and Li 1989). `cutoff` is lambda in rad/s, `period` the
+    control period T_c in s. Nothing is checked at construction.
 
-    With tau = d/dt (H beta) - N beta, H the momenta's regressor, F[Y] = W = lambda H - F[lambda H + N] when
-    F[H] starts at H: positions and velocities are enough. The torque is held over each period, for which its
-    filter is exact; lambda H + N goes in by the trapezium between samples, exact to T_c^2. `cutoff` is lambda
-    in rad/s, `period` T_c in s.
+    tau (r,) is the torque of r joints, Y (r, k) the torque regressor at positions p and velocities v, beta (k,) are the
+    parameters. With tau = d/dt (H beta) - N beta, H (r, k) the momenta's regressor and N (r, k) that of the other
+    forces, W = lambda H - F[lambda H + N] when F[H] starts at H: positions and velocities are enough. The torque is
+    held over each period, for which its filter is exact; lambda H + N goes in by the trapezium between samples, exact
+    to T_c^2.
     """
 
     cutoff: float
     period: float
 
     def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
-        """The memory before the first tick, at configurations q (..., n) and velocities v (..., r), arrays or columns:
-        W is zero there."""
+        """The torque filters' memory before the first tick, for a model of k parameters: the filtered regressor W (r,
+        k) and the filtered torques (r,) of r joints are zero there.
+
+        q (..., n) are positions of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the
+        velocities of the r primary ones in rad/s (m/s), arrays or columns. Raises `InputError` for a mechanism whose
+        linear constraints fix parameters at values other than zero, which have no column in the regressor.
+        """
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         kept: list[Any] = []
         for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
@@ -64,8 +78,14 @@ class TorqueFilter:
         return Filtered(first_rows, np.zeros(model.mechanism.dof))
 
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
-        """The linear equation for the parameters now, from configuration and velocities now and the torque of the
-        period just passed."""
+        """The linear equation W beta = torque, a `Prediction`, for the model's k parameters beta at the end of a
+        control period: W (r, k) is the filtered torque regressor of r joints, from positions and velocities at the
+        period's end, and torque (r,) the filtered torque, N m (N for a prismatic joint), from that held over the
+        period.
+
+        `period` has these data, `memory` is the filters' before it. Raises `InputError` for a mechanism whose linear
+        constraints fix parameters at values other than zero.
+        """
         momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns)
         k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
         rows: list[Column] = []
@@ -96,9 +116,10 @@ class TorqueFilter:
 
 
 def decayed(x: Any) -> tuple[Any, Any]:
-    """exp(-x) and (1 - exp(-x))/x, its mean from 0 to x, for 0 < x <= 1, over scalars of any kind, to round-off.
+    """Two scalars, exp(-x) and (1 - exp(-x))/x, its mean from 0 to x, for a scalar x without a unit, 0 < x <= 1, of any
+    kind, to a double's round-off; beyond that range they are less exact.
 
-    By the Pade approximant of order (5, 5) at x/4, and by doubling x twice.
+    They come from the Pade approximant of order (5, 5) at x/4, doubling x twice.
     """
     y = 0.25 * x
     square = y * y
@@ -113,8 +134,9 @@ def decayed(x: Any) -> tuple[Any, Any]:
 
 @lru_cache(maxsize=64)
 def momentum_columns(model: ReducedModel) -> list[list[int]]:
-    """For each joint, the indices of the model's parameters that its momentum ever depends on: those of the links that
-    it moves."""
+    """Lists, one for each of a mechanism's r joints, of the indices, from 0, of those of the model's k parameters that
+    the joint's filtered torque ever depends on: those of the links that it moves, and its own drive's. Raises
+    `InputError` for a mechanism whose linear constraints fix parameters at values other than zero."""
     equations, r = model.mechanism.equations, model.mechanism.dof
 
     def terms(q: Column, v: Column) -> list[Column]:
@@ -126,12 +148,13 @@ def momentum_columns(model: ReducedModel) -> list[list[int]]:
 
 
 def require_positive(cutoff: float) -> None:
-    """Raise `InputError` for a cutoff that is not positive and finite."""
+    """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, is a positive finite number."""
     positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
 
 
 def require_cutoff(cutoff: float, period: float) -> None:
-    """Raise `InputError` for a filter that the control period (s) cannot carry."""
+    """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, is positive and finite, and times the
+    control `period` in s at most 1, without a unit."""
     require_positive(cutoff)
     if cutoff * period > 1.0:
         raise InputError(

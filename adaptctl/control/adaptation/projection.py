@@ -84,7 +84,7 @@ class Projection(AdaptationLaw[Memory]):
 
         `initial` is the first estimate (k,) of k parameters, in SI units, q (n,) are the positions of the spanning
         tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` is the control period in s. Nothing is checked here.
+        `period` is the control period in s. Raises what the wrapped law's `start` does.
         """
         return self.of.start(model, initial, q, v, period)
 

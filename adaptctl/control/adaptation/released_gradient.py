@@ -19,7 +19,8 @@ from adaptctl.scalars import Column, Scalar, maximum
 
 
 class Normaliser(NamedTuple):
-    """The memory of a normalised gradient: its normaliser n."""
+    """The memory of normalised gradient adaptation between ticks: `n` (1,), the normaliser, at least 1 and without a
+    unit, by which steps of the estimate are divided. Nothing is checked."""
 
     n: Any
     """(1,) at least 1"""

@@ -15,7 +15,13 @@ _SHORT, _HALVINGS = 26, 8
 
 
 class Digits:
-    """Fixed-point numbers of many samples (an array of ints) or of all (an int): values times 2^200."""
+    """A real number with 200 binary, that is 60 decimal, digits after the point, or one for each sample, as a scalar on
+    which equations of motion run: `scaled`, an int or an array (samples,) of Python ints (dtype object), is the value
+    times 2^200. Nothing is checked at construction.
+
+    `+`, `-`, `*` and `/` take a `Digits` or a float, rounding down; other operands raise `TypeError`, division by zero
+    `ZeroDivisionError`. A product with the float 0.0 is that float. Of NumPy's functions `np.cos` and `np.sin` apply.
+    """
 
     __slots__ = ("scaled",)
 
@@ -65,17 +71,20 @@ class Digits:
 
 
 def digits(x: Fraction | float) -> Digits | float:
-    """A rational number as a scalar: a float where it is 0, 1 or -1, for products with these cost nothing."""
+    """A rational number `x` as an exact scalar: a `Digits`, a fixed-point number of 60 decimal digits; a float where it
+    is 0, 1 or -1, since products with these cost nothing. Raises `ValueError` for NaN, `OverflowError` for infinity."""
     return float(x) if x in (0, 1, -1) else Digits(scaled(x))
 
 
 def samples_of(values: Any) -> Digits:
-    """Exact fixed-point numbers of floats (samples,)."""
+    """One `Digits`, of fixed-point numbers of 60 decimal digits, for floats `values` (samples,), which it holds to
+    2^-200. Raises `ValueError` for NaN, `OverflowError` for infinity."""
     return Digits(np.array([scaled(float(x)) for x in values], dtype=object))
 
 
 def scaled(x: Fraction | float) -> int:
-    """A rational number times 2^200."""
+    """The whole number that stands for a number `x` in fixed point: x times 2^200, rounded down. Raises `ValueError`
+    for NaN, `OverflowError` for infinity."""
     n, d = x.as_integer_ratio()
     return (n << BITS) // d
 
@@ -95,12 +104,14 @@ def _exponential(x: Digits) -> tuple[Digits, Digits]:
 
 
 def cosine(x: Digits) -> Digits:
-    """Cosine of an angle (rad)."""
+    """The cosine of an angle of at most a few radians, to about 55 decimal digits; both are `Digits`, fixed-point
+    numbers of 60, for one number or for all samples."""
     return _exponential(x)[0]
 
 
 def sine(x: Digits) -> Digits:
-    """Sine of an angle (rad)."""
+    """The sine of an angle of at most a few radians, to about 55 decimal digits; both are `Digits`, fixed-point numbers
+    of 60, for one number or for all samples."""
     return _exponential(x)[1]
 
 
@@ -108,12 +119,15 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {np.cos: cosine, np.sin: sine}
 
 
 def floats(scaled: Any) -> Any:
-    """Scaled ints (an array of objects) as floats."""
+    """The float64 array, of the same shape, of fixed-point numbers, an array `scaled` of Python ints (dtype object)
+    that are values times 2^200. Raises `OverflowError` for values beyond a double."""
     return (scaled / ONE).astype(np.float64)
 
 
 def stacked_digits(entries: list[Any], samples: int) -> Any:
-    """Scalars, floats among them, as columns (samples, n) of scaled ints."""
+    """The array (samples, n) of Python ints (dtype object), values times 2^200, of n scalars `entries`, a column each:
+    `Digits`, of one number or of `samples`, or floats. Raises `ValueError` for a `Digits` of another number of
+    samples."""
     out = np.empty((samples, len(entries)), dtype=object)
     for i, entry in enumerate(entries):
         out[:, i] = entry.scaled if isinstance(entry, Digits) else scaled(entry)

@@ -30,11 +30,18 @@ SPARE = 5
 
 @dataclass(frozen=True, eq=False)
 class ExactEnergies:
-    """The energies of a mechanism on exact geometry, in exact arithmetic.
+    """The energies of a mechanism at random states, computed without round-off on its geometry as exact numbers, so
+    that ranks are proved by them.
 
-    Without closed loops they are residues modulo a prime. A rank modulo a prime is never above the rank over the
-    rational numbers, and at random states below it only by a chance of about one in 2^31 for each factor of a
-    minor (Schwartz 1980, Zippel 1979). With closed loops they are numbers of sixty digits.
+    `precision` has the differences of angles, lengths and numbers that count as none, round-off by default; `seed`, 0
+    by default, draws the states. For closed loops, `strict` is true where relations that hold only to a file's
+    round-off do not count as holding, false by default. `by_frames` is true for a geometry described from frame to
+    frame, as in the file, and false, the default, for one from joint axis to joint axis. Nothing is checked at
+    construction.
+
+    Without closed loops, energies are residues modulo the prime 2^31 - 1. A rank modulo a prime is never above that
+    over the rational numbers, and at random states below it only by a chance of about one in 2^31 for each factor of a
+    minor (Schwartz 1980, Zippel 1979). With closed loops they are numbers of 60 decimal digits.
     """
 
     mechanism: Mechanism
@@ -47,12 +54,15 @@ class ExactEnergies:
 
     @property
     def method(self) -> str:
-        """Name of the arithmetic that the energies are computed in."""
+        """The name of the arithmetic that the energies are computed in: "60 digits" for closed loops, "a prime field"
+        for other mechanisms."""
         return DIGITS if self.closed else FIELD
 
     @cached_property
     def rank(self) -> int:
-        """The number of independent parameters."""
+        """The rank on exact geometry: the number of independent ones of the mechanism's inertial parameters (all but
+        friction), as far as energies depend on them. May raise `ArithmeticError` where loops do not close on the exact
+        geometry, as where `precision` is coarse."""
         description = self.mechanism.description
         plain = description.loops is None and len(description.bodies) == len(description.links)
         if plain and self.mechanism.unconstrained is self.mechanism:
@@ -61,11 +71,12 @@ class ExactEnergies:
         return pivots.rank(self._differences, self._nothing) if self.closed else elimination.rank(self._differences)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
-        """Indices (k,), rising, of the parameters that stay when those that the others make up for are removed in an
-        order (P,).
+        """Indices (k,), from 0 and rising, of the k of P inertial parameters that stay when the others are removed in
+        an `order` (P,) of indices, the first removed first, on exact geometry.
 
-        A parameter can be removed when the others that are left make up for it, so those that stay are the columns
-        that are independent of the columns after them in the order.
+        A parameter is removed when those that are left make up for it, so that those that stay are the columns of
+        energies that are independent of the columns after them in the order. May raise `ArithmeticError` where loops do
+        not close on the exact geometry.
         """
         backward = list(order)[::-1]
         if self.closed:
@@ -73,11 +84,13 @@ class ExactEnergies:
         return tuple(sorted(elimination.independent_columns(self._differences, backward)))
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
-        """True if an order of removal leaves these parameters (k,), with the geometry described from axis to axis or
-        from frame to frame.
+        """True if an `order` (P,) of removal, indices of P inertial parameters, the first removed first, leaves just
+        the parameters `kept` (k,), rising indices, with the geometry described from axis to axis or from frame to
+        frame.
 
-        From axis to axis nothing is lost that the rank depends on, but skew axes spoil zeros of the file's offsets, on
-        which it depends what is kept; from frame to frame it is the other way round.
+        From axis to axis, nothing is lost that the rank depends on, but zeros of the file's offsets, on which it
+        depends what is kept, may be lost to skew axes; from frame to frame it is the other way round. May raise
+        `ArithmeticError` where loops do not close on the exact geometry.
         """
         return any(kept == way.kept(order) for way in (replace(self, by_frames=True), self))
 
@@ -87,12 +100,14 @@ class ExactEnergies:
 
     @property
     def closed(self) -> bool:
-        """True if the mechanism has closed loops."""
+        """True if the mechanism has loop closures; couplings, by which joints follow others, do not count."""
         return self.mechanism.description.closed
 
     @cached_property
     def geometry(self) -> ExactGeometry:
-        """The geometry of the tree's links in exact numbers."""
+        """The geometry of the mechanism's tree, an `ExactGeometry`: joint axes, frames and gravity as exact scalars,
+        residues modulo a prime, or numbers of 60 digits for closed loops, with lengths in m, or for closed loops in the
+        power of ten of a metre at or below the mechanism's characteristic length."""
         length = characteristic_length(self.mechanism)
         unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
         reading = Reading(digits if self.closed else modular, length, unit, self.precision)
@@ -106,7 +121,8 @@ class ExactEnergies:
 
     @cached_property
     def frames(self) -> CanonicalFrames:
-        """The joints' placements from axis to axis, in floats."""
+        """The joints' placements from axis to axis, as `CanonicalFrames`, in floats: angles in rad and lengths in m
+        that do not depend on where the file puts its frames."""
         return canonical_frames(self.mechanism.description, characteristic_length(self.mechanism), self.precision)
 
     @cached_property

@@ -25,7 +25,14 @@ QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 @dataclass(frozen=True)
 class Reading:
-    """Rule by which floats become exact scalars."""
+    """A rule by which angles and lengths in floats become exact scalars, those of the simplest rational numbers near
+    them.
+
+    `number` makes an exact scalar of a `Fraction`: a residue modulo a prime, or a number of 60 digits. `size` is the
+    mechanism's characteristic length in m, `unit` the exact scalars' unit of lengths in m (1 by default), `precision`
+    the differences that are taken as none (round-off by default). `equal` has lengths in m, rising, none by default,
+    each of which stands for all that exceed it by at most the precision. Nothing is checked at construction.
+    """
 
     number: Number
     size: float
@@ -37,14 +44,18 @@ class Reading:
     """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
 
     def length(self, x: float) -> Any:
-        """The exact scalar of a length (m), in the unit."""
+        """The exact scalar, in the reading's `unit`, of a length `x` in m, which may be negative: of the simplest
+        rational number near it, 0 where x is below the precision. Raises `ValueError` for NaN, `OverflowError` for
+        infinity."""
         place = bisect_right(self.equal, abs(x)) - 1
         if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:
             x = math.copysign(self.equal[place], x)
         return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
 
     def turned(self, angle: float) -> tuple[Any, Any]:
-        """The exact cosine and sine of an angle (rad)."""
+        """The cosine and the sine of an `angle` in rad as exact scalars whose squares sum to exactly 1; floats 0 and
+        +-1 at multiples of a right angle, or nearer to one than the precision. Raises `ValueError` for NaN,
+        `OverflowError` for infinity."""
         found = turn(angle, self.precision)
         if not found.half_tangent:
             return QUARTERS[found.quarters]
@@ -52,21 +63,26 @@ class Reading:
         return self.number(c), self.number(s)
 
     def rotation(self, turns: Turns) -> Mat:
-        """The rotation that is the product of turns about coordinate axes."""
+        """The rotation matrix (3, 3), in exact scalars, that is the product of turns about coordinate axes, in their
+        order: each of `turns` is an axis (0, 1, 2 for x, y, z) and an angle in rad. Raises `ValueError` without any
+        turn."""
         first, *rest = (turned(axis, *self.turned(angle)) for axis, angle in turns)
         return reduce(product, rest, first)
 
 
 @dataclass(frozen=True)
 class ExactFrame:
-    """A frame in another one, in exact scalars."""
+    """A frame placed in another one, in exact scalars (residues modulo a prime, or numbers of 60 digits): `rotation`
+    (3, 3) turns its coordinates into the other's, `origin` (3) is its origin there, in the unit of the reading that
+    made it. Nothing is checked."""
 
     rotation: Mat
     origin: Vec
 
     @classmethod
     def of(cls, placement: FramePlacement, reading: Reading) -> ExactFrame:
-        """The rational frame that a placement in floats stands for."""
+        """The frame in exact scalars that a `placement` in floats (angles in rad, lengths in m) stands for, by a
+        `reading`, the rule that makes floats exact. Raises `ValueError` for NaN, `OverflowError` for infinity."""
         radius, height = reading.length(placement.radius), reading.length(placement.height)
         c, s = reading.turned(placement.bearing)
         return cls(reading.rotation(placement.turns), Vec(radius * c, radius * s, height))
@@ -74,7 +90,15 @@ class ExactFrame:
 
 @dataclass(frozen=True)
 class ExactGeometry:
-    """The links of a tree in exact numbers, and the placement of frames that are fixed to them."""
+    """The geometry of a mechanism's tree in exact scalars (residues modulo a prime, or numbers of 60 digits).
+
+    `links` are the N links' geometry as the equations of motion take it, lengths in the unit of `reading`, the rule
+    that made floats exact; `shifts` (N,) is what joints' coordinates are here more than in the file, rad for revolute
+    joints, 0 for others. `gravity` (3) is in m/s^2 in the ground's axes, or, by axes, of length 1 in these turned until
+    z is up; zero where there is none. `fixed`, a function of a link's index (-1 for the ground) and a pose in that
+    link's frame, gives the exact frame that is fixed there. Made by `by_axes` or `by_frames`; nothing is checked at
+    construction.
+    """
 
     links: tuple[Segment, ...]
     shifts: tuple[float, ...]
@@ -86,8 +110,10 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """The exact geometry described from axis to axis: axes that are parallel, meet or are at right angles are so
-        exactly."""
+        """The exact geometry of a described mechanism by its joint axes: axes that are parallel, meet or are at right
+        angles, up to the precision of the `reading`, are so exactly, wherever the file puts its frames. `frames` are
+        the joints' placements from axis to axis, `reading` the rule that makes floats exact. Raises `ValueError` for
+        frames of another number of joints."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -112,8 +138,9 @@ class ExactGeometry:
 
     @classmethod
     def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """The exact geometry described from frame to frame as the file does: entries that are zero there are so
-        exactly."""
+        """The exact geometry of a described mechanism frame by frame, as its file describes it: entries of its lengths
+        and rotations that are zero, up to the precision of the `reading`, the rule that makes floats exact, are so
+        exactly. Joints' coordinates are the file's."""
 
         def fixed(_: int, pose: Pose) -> ExactFrame:
             return _as_written(pose, reading)

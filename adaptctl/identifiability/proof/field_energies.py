@@ -15,7 +15,12 @@ from adaptctl.scalars import ZERO
 
 
 def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """The matrix H (samples, P) of energies at random states, less those at another one, as residues."""
+    """The matrix H (`samples`, P) of energies at random states less those at one other, per unit of each of a described
+    mechanism's P inertial parameters (all but friction), as residues modulo the prime 2^31 - 1.
+
+    `geometry` is the mechanism's, exact and in residues; `seed` draws the states, joint angles and rates among the
+    residues. It is for trees, also with joints that follow others; closed loops are not looked at.
+    """
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples + 1, rng)
     rates = random_rates(description, samples + 1, rng)
@@ -26,10 +31,13 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
 
 
 def energy_changes(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """Energy changes (N, samples, 11) as bodies, ten in their links' frames, are set free to move with their joints,
-    which stood still at zero before; the eleventh is the joint's rotor, zero where it has none.
+    """Energy changes (N, `samples`, 11) at random states, as residues modulo the prime 2^31 - 1, when a unit of each
+    inertial parameter of a body on one of N links, which stood still on it at joint position zero, is set free to move
+    with the link's joint: ten parameters in the link's frame, and the inertia of the joint's rotor, whose change is 0
+    where there is none.
 
-    A joint of a tree does not feel a body exactly when nothing changes in any state.
+    `geometry` is that of the described tree, exact and in residues; `seed` draws the states. A joint of a tree does not
+    feel a body exactly when nothing changes in any state.
     """
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples, rng)

@@ -19,14 +19,15 @@ from adaptctl.scalars import Mat, Vec, cross, dot, product
 
 
 class FloatFrame(NamedTuple):
-    """A frame in another one, in floats."""
+    """A frame placed in another one, in floats: `rotation` (3, 3) turns its coordinates into the other's, `origin` (3)
+    is its origin there in m. `a @ b` is the frame that stands at b in a. Nothing is checked."""
 
     rotation: Mat
     origin: Vec
 
     @classmethod
     def of(cls, pose: Pose) -> FloatFrame:
-        """The frame of a pose, in floats."""
+        """The frame of a `pose`, a rotation matrix and a translation in m, in floats."""
         return cls(Mat.of(pose.rotation.tolist()), Vec(*pose.translation.tolist()))
 
     def __matmul__(self, inner: FloatFrame) -> FloatFrame:
@@ -35,16 +36,16 @@ class FloatFrame(NamedTuple):
 
     @property
     def inverse(self) -> FloatFrame:
-        """The inverse: the other frame in this one."""
+        """The inverse of the frame: the other frame, in which this one is placed, as it stands in this one; its origin
+        in m."""
         back = self.rotation.T
         return FloatFrame(back, -(back @ self.origin))
 
 
 class FramePlacement(NamedTuple):
-    """A frame in another one: its rotation as turns, its origin (radius cos(bearing), radius sin(bearing), height).
-
-    Angles in rad, lengths in m.
-    """
+    """A frame placed in another one, by angles in rad and lengths in m: `turns` are the turns about coordinate axes
+    whose product is its rotation, pairs of an axis (0, 1, 2 for x, y, z) and an angle, and its origin is (radius
+    cos(bearing), radius sin(bearing), height). Nothing is checked."""
 
     turns: Turns
     bearing: float
@@ -53,7 +54,9 @@ class FramePlacement(NamedTuple):
 
     @classmethod
     def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
-        """The placement of a frame in a mechanism of a length (m); what is less than the precision is zero."""
+        """The placement of a `frame` that is given in floats, in a mechanism of characteristic `length` in m: angles
+        that are within the `precision` of right ones are made so, and the bearing of an origin that is on the z axis,
+        up to the precision, is 0."""
         radius = _across(frame.origin)
         angle = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
         return cls(turns_of(frame.rotation, precision), angle, radius, _height(frame.origin))
@@ -61,10 +64,10 @@ class FramePlacement(NamedTuple):
 
 @dataclass(frozen=True)
 class CanonicalJoint:
-    """A joint by its frame in that of the joint before (world's, z up, on the ground) and its link's frame in its own.
-
-    Its coordinate is the file's and `shift`.
-    """
+    """A joint of a tree described from axis to axis: `joint` is the placement of its frame, with z along its axis, in
+    that of the joint before it (for a joint on the ground, in the world turned until z is up), and `link` that of its
+    link's frame in its own. Its coordinate is the file's plus `shift`, in rad for a revolute joint, 0 for a prismatic
+    one. Nothing is checked."""
 
     joint: FramePlacement
     link: FramePlacement
@@ -73,7 +76,10 @@ class CanonicalJoint:
 
 @dataclass(frozen=True)
 class CanonicalFrames:
-    """Placements of all joints, and frames on links relative to which other things are placed."""
+    """The placements of all N joints of a tree from axis to axis, which do not depend on where the file puts frames:
+    `joints` (N,) in the links' order, and `on_links` (N + 1,), each joint's frame in that of its link, the last being
+    the ground's in the world. `length` is the mechanism's characteristic length in m, `precision` what was taken as
+    round-off. Made by `canonical_frames`; nothing is checked."""
 
     joints: tuple[CanonicalJoint, ...]
     on_links: tuple[FloatFrame, ...]
@@ -82,12 +88,17 @@ class CanonicalFrames:
     precision: Precision
 
     def placement(self, link: int, pose: Pose) -> FramePlacement:
-        """The placement of a frame that is fixed to a link, or to the ground (-1)."""
+        """The placement of a frame that stands at a `pose` in the frame of a link, whose index from 0 is `link` (-1 for
+        the ground), relative to the frame of that link's joint: angles in rad, lengths in m. Raises `IndexError` for an
+        index beyond the links."""
         return FramePlacement.of(self.on_links[link].inverse @ FloatFrame.of(pose), self.length, self.precision)
 
 
 def canonical_frames(description: Description, length: float, precision: Precision) -> CanonicalFrames:
-    """Canonical placements of the joints of a mechanism's tree, links in depth-first order, `length` in m."""
+    """The placements of all joints of a described mechanism's tree from axis to axis, as `CanonicalFrames`: each
+    joint's frame has z along its axis, and x along the common normal of that axis and the first that its link carries
+    (Denavit and Hartenberg 1955). `length` is the mechanism's characteristic length in m, `precision` the differences
+    that are taken as round-off. Nothing is checked."""
     links = description.links
     children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
     for i, link in enumerate(links):

@@ -19,22 +19,23 @@ from adaptctl.scalars import Column
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A joint's place as an angle's cosine and sine, and as a length.
-
-    Over the prime field these are independent of each other, as polynomials in an angle, its sine and its cosine are.
-    """
+    """A joint's place at `samples` random states over the prime field (integers modulo 2^31 - 1): the `cosine` and the
+    `sine` of its angle, for revolute joints, and its `length`, for prismatic ones, each a `Modular` scalar. The two are
+    drawn independently of each other, though a joint uses only one."""
 
     cosine: Any
     sine: Any
     length: Any
 
     def placed(self, link: Segment) -> Placement:
-        """The placement of a link whose joint stands there."""
+        """The placement, in its parent link, of a link of geometry `link` whose joint stands at this coordinate: by its
+        cosine and sine where the joint turns, else by its length."""
         return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
 
     def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
-        """The place of a joint that follows this one, whose cosine and sine are of a `parts`-th of its angle; the
-        follower's angle is `angle` (rad) where this one's is zero."""
+        """The coordinate of a joint that follows this one by a `coupling`, follower = ratio leader + offset. The cosine
+        and the sine of this one are those of a `parts`-th of its angle, such that ratio times parts is a whole number;
+        `angle`, in rad, is the follower's where this one's is zero."""
         ratio = simplest_rational(coupling.ratio)
         c, s = _power((self.cosine, self.sine), int(ratio * parts))
         ahead = _numbers(angle)
@@ -43,14 +44,17 @@ class Coordinate:
         return Coordinate(cosine, sine, self.length * ratio + offset)
 
     def whole(self, parts: int) -> Coordinate:
-        """The coordinate of the whole angle instead of a part of it."""
+        """The coordinate with cosine and sine of `parts` times the angle, `parts` a whole number: that of the whole
+        angle where this one has a `parts`-th of it. The length stays."""
         return Coordinate(*_power((self.cosine, self.sine), parts), self.length)
 
 
 def random_places(
     description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
-    """Placements of every link at random coordinates of the joints; those that follow others follow."""
+    """The placements in their parents, one for each of a described tree's links, at `samples` random joint coordinates,
+    drawn with NumPy's `rng` over the prime field (integers modulo 2^31 - 1). `geometry` is the tree's, exact and in
+    residues. Joints that follow others by couplings stand where they lead them."""
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
     links, shifts = geometry.links, geometry.shifts
@@ -73,7 +77,9 @@ def random_places(
 
 
 def random_rates(description: Description, samples: int, rng: np.random.Generator) -> Column:
-    """Random velocities of every joint; those that follow others follow."""
+    """The velocities of a described tree's N joints at `samples` random states, a column (N,) of residues modulo the
+    prime 2^31 - 1, drawn with NumPy's `rng`. Joints that follow others by couplings have their ratio times the
+    leader's."""
     rates = [random_residues(samples, rng) for _ in description.links]
     index = {name: i for i, name in enumerate(description.joint_names)}
     for c in () if description.loops is None else description.loops.couplings:

@@ -19,7 +19,9 @@ from adaptctl.scalars import Column
 
 
 def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
-    """The equations on exact geometry, its joints shifted as it has them. Raises `InputError` for a tree."""
+    """The equations of motion of a mechanism with closed loops on its exact `geometry`, as `LoopEquations`, whose
+    joints' coordinates are shifted from the file's as the geometry's are. Raises `InputError` for a tree, `LoopError`
+    where loops do not fit together."""
     description = mechanism.description
     if mechanism.continuation is None or description.loops is None:
         raise InputError(f"{mechanism.name}: there are no loops to close")
@@ -32,8 +34,15 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
 
 
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
-    """Energies (samples, P) at configurations q (samples, n) that nearly close the loops, joint velocities v
-    (samples, r); whole numbers of 2^-200."""
+    """The energies (samples, P) per unit of each of P inertial and friction parameters (0 for friction) of a mechanism
+    with closed loops at `samples` states, as Python ints (dtype object), the energies times 2^200, in the units of the
+    exact `geometry`.
+
+    `equations` are those on that geometry (`exact_loops`); q (samples, n) are configurations of the tree's n joints,
+    rad (m for a prismatic joint), in the file's coordinates, that close the loops to about a double's round-off, and
+    are closed to 60 digits here; v (samples, r) are the velocities of the r primary joints. May raise `ArithmeticError`
+    where loops lock or do not close on that geometry.
+    """
     joints = zip(q.T, geometry.shifts, geometry.links, strict=True)
     guess = Column(_coordinate(x, shift, link.turns, geometry.reading.unit) for x, shift, link in joints)
     closed = equations.closed(Column(guess[i] for i in equations.closing.primary), guess)

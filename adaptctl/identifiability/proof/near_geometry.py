@@ -12,8 +12,11 @@ from adaptctl.identifiability.right_angles import near_right_angles
 
 
 def near_coincidences(description: Description, frames: CanonicalFrames) -> tuple[str, ...]:
-    """Near coincidences, in words: angles within 1e-3 rad of right ones, offsets within 1e-4 of the mechanism's length
-    of zero, and in closed loops also lengths that are so nearly equal."""
+    """Near coincidences of a described mechanism's geometry, as texts, which change the rank where they are meant to be
+    exact: angles between successive axes within 1e-3 rad of a multiple of 90 degrees, offsets between them within 1e-4
+    of the characteristic length of zero, and, with closed loops, lengths that are so nearly equal. What is within
+    round-off, 1e-11, counts as exact. `frames` are the joints' placements from axis to axis. Empty where there are
+    none."""
     angles = [str(angle) for angle in near_right_angles(description, AS_GIVEN.angle)]
     return (*angles, *_near_offsets(description, frames), *_near_equals(description, frames))
 
@@ -33,7 +36,9 @@ def _near_equals(description: Description, frames: CanonicalFrames) -> Iterator[
 
 
 def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tuple[float, str]]:
-    """Lengths (m), rising, and whose they are, that may be equal in closed loops; none where loops are open."""
+    """Pairs, by rising length, of each length in m that may have to equal another one in closed loops, and the name of
+    the joint or loop closure that it belongs to: the radii and heights, in size, of all joints' `frames` and of the
+    closures'. Empty for a description without loop closures."""
     loops = description.loops
     if loops is None or not loops.closures:
         return []
@@ -46,7 +51,8 @@ def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tupl
 
 
 def as_equal(lengths: Iterable[float], least: float) -> tuple[float, ...]:
-    """The first of each group of rising lengths that are nearer to it than the least."""
+    """The first length of each group of `lengths`, in m, rising, whose others exceed it by at most `least` (m): rising
+    too."""
     firsts: list[float] = []
     for length in lengths:
         if not firsts or length - firsts[-1] > least:

@@ -17,7 +17,10 @@ LEAST_COLUMN = 1e-3
 
 
 def pivots(matrix: Any) -> tuple[float, ...]:
-    """The sizes of the pivots, with complete pivoting, of scaled ints (m, n); beyond the rank they are round-off."""
+    """The sizes, as floats, of the pivots of a `matrix` (m, n) in fixed point (Python ints, values times 2^200) by
+    Gaussian elimination with complete pivoting, in the order in which they are found: those beyond the matrix's rank
+    are round-off or zero, and the first that is below 1e-40 of the largest entry is the last. Empty for an empty
+    matrix. Raises `OverflowError` for entries beyond a double."""
     left, found = matrix, list[float]()
     while left.size:
         sizes = np.abs(floats(left))
@@ -30,13 +33,17 @@ def pivots(matrix: Any) -> tuple[float, ...]:
 
 
 def rank(matrix: Any, nothing: float) -> int:
-    """The rank of scaled ints (m, n)."""
+    """The rank of a `matrix` (m, n) in fixed point (Python ints, values times 2^200): the number of its pivots above
+    `nothing`, without a unit, times the first. Raises `OverflowError` for entries beyond a double."""
     sizes = pivots(matrix)
     return sum(size > nothing * sizes[0] for size in sizes)
 
 
 def independent_columns(matrix: Any, order: Sequence[int], nothing: float) -> tuple[int, ...]:
-    """The columns of scaled ints (m, n) that are independent of those before them in an order."""
+    """The indices, from 0, of those columns of a `matrix` (m, n) in fixed point (Python ints, values times 2^200) that
+    are independent of the columns before them in the `order` of indices given: of which an entry remains that is above
+    `nothing`, without a unit, times the column's largest, or times 1e-3 of the matrix's largest where that is more.
+    Raises `OverflowError` for entries beyond a double."""
     left, found = matrix, list[int]()
     sizes = np.abs(floats(matrix)).max(axis=0, initial=0.0)
     least = nothing * np.maximum(sizes, LEAST_COLUMN * sizes.max(initial=0.0))

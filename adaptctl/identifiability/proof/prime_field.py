@@ -16,9 +16,13 @@ Residues = NDArray[np.int64]
 
 
 class Modular:
-    """Residues of many samples (an array) or of all (an int). Floats and fractions that it meets become residues.
+    """An integer modulo the prime 2^31 - 1, or one for each sample, as a scalar on which equations of motion run
+    without round-off: `residues` is an int or an int64 array (samples,) in 0..2^31 - 2. Nothing is checked at
+    construction.
 
-    Products with an exact 0 or 1 are not computed, and sums with an exact 0 are not either.
+    `+`, `-`, `*` and `/` take a `Modular`, a float or a `Fraction`, which become residues; others raise `TypeError`. A
+    product with an exact 0 is the float 0.0, and operations with an exact 0 or 1 cost nothing. Division raises
+    `ValueError` by a zero residue, `ZeroDivisionError` by the number 0.
     """
 
     __slots__ = ("residues",)
@@ -71,31 +75,37 @@ class Modular:
 
 @lru_cache(maxsize=4096)
 def residue(x: float | Fraction) -> int:
-    """The residue of a rational number; every float is one. Raises `ValueError` where the prime divides its
-    denominator."""
+    """The residue, in 0..2^31 - 2, of a rational number modulo the prime 2^31 - 1: its numerator over its denominator
+    in that field; every finite float is such a number, exactly. Raises `ValueError` where the prime divides its
+    denominator and for NaN, `OverflowError` for infinity."""
     exact = Fraction(x)
     return exact.numerator * pow(exact.denominator, -1, PRIME) % PRIME
 
 
 def modular(x: Fraction) -> Modular | float:
-    """A rational number as a scalar: a float where it is 0, 1 or -1, for products with these cost nothing."""
+    """A rational number as a scalar: a `Modular`, its residue modulo the prime 2^31 - 1; a float where it is 0, 1 or
+    -1, since products with these cost nothing. Raises `ValueError` where the prime divides its denominator."""
     return float(x) if x in (0, 1, -1) else Modular(residue(x))
 
 
 def inverse(residues: Any) -> Any:
-    """Inverses 1/x of residues that are not zero."""
+    """The inverses 1/x of `residues` modulo the prime 2^31 - 1, an int or an int64 array (m,), in 0..2^31 - 2 again.
+    Raises `ValueError` for a residue of zero."""
     if isinstance(residues, int):
         return pow(residues, -1, PRIME)
     return np.array([pow(x, -1, PRIME) for x in residues.tolist()], dtype=np.int64)
 
 
 def random_residues(samples: int, generator: np.random.Generator) -> Modular:
-    """Random residues, one a sample, all alike probable but zero."""
+    """A `Modular` of random residues modulo the prime 2^31 - 1, one for each of `samples`, drawn with NumPy's
+    `generator`: all but zero alike probable."""
     return Modular(generator.integers(1, PRIME, samples))
 
 
 def stacked_residues(entries: list[Any], samples: int) -> Residues:
-    """Residues (samples, n) of scalars, floats among them, a column each."""
+    """The int64 array (samples, n) of residues modulo the prime 2^31 - 1 of n scalars `entries`, a column each:
+    `Modular`, of one number or of `samples`, or floats. Raises `ValueError` for a `Modular` of another number of
+    samples."""
     out = np.empty((samples, len(entries)), dtype=np.int64)
     for i, entry in enumerate(entries):
         out[:, i] = entry.residues if isinstance(entry, Modular) else residue(entry)

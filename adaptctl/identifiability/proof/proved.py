@@ -17,10 +17,13 @@ LISTED = 3
 
 
 def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> ExactEnergies | None:
-    """Energies on exact geometry; None where they were not asked for.
+    """The energies of a mechanism on exact geometry, an `ExactEnergies`, whose rank is proved. None if `prove` is
+    False, and if it is None and the mechanism has closed loops, which take long, but nothing in its geometry is nearly
+    special.
 
-    Raises `RankError` where angles or lengths are near to special ones and the rank is another one if these are meant,
-    unless `near` is "as_is".
+    `seed` draws the states. Raises `RankError` where angles or lengths are nearly, but not exactly, special, and the
+    rank is another one if these are meant, unless `near` is "as_is" ("refuse" is the other choice) or `prove` False;
+    `InputError` for another `near`.
     """
     if near not in get_args(Near):
         raise InputError(f"near: expected one of {', '.join(get_args(Near))}, got {near!r}")

@@ -11,7 +11,9 @@ _UNITS = 10**15
 
 
 class Precision(NamedTuple):
-    """Precision of floats: differences below these are taken as meant to be none."""
+    """Precision of floats: the differences below which they are taken as meant to be none. `angle`, in rad, is how far
+    from a multiple of a right angle an angle counts as one; lengths below `length` times the mechanism's length count
+    as zero; numbers of size about one that differ by less than `number` count as the same. Nothing is checked."""
 
     angle: float
     """rad: angles nearer to a right one, or to zero, are meant to be it."""
@@ -28,24 +30,28 @@ AS_MEANT = Precision(1e-3, 1e-4, 1e-5)
 
 
 class Turn(NamedTuple):
-    """An angle: quarter turns and the tangent of half of what is left, which is at most 45 degrees."""
+    """An angle as exact numbers: `quarters`, 0 to 3 quarter turns, and `half_tangent`, the tangent of half of what is
+    left, which is at most 45 degrees either way, as a fraction. Nothing is checked."""
 
     quarters: int
     half_tangent: Fraction
 
     @property
     def cosine_and_sine(self) -> tuple[Fraction, Fraction]:
-        """Cosine and sine, rational, on the unit circle exactly."""
+        """The cosine and the sine of the angle, as fractions whose squares sum to exactly 1."""
         square = self.half_tangent**2
         c, s = (1 - square) / (1 + square), 2 * self.half_tangent / (1 + square)
         return ((c, s), (-s, c), (-c, -s), (s, -c))[self.quarters]
 
 
 def simplest_rational(x: float, size: float = 1.0, precision: Precision = AS_GIVEN) -> Fraction:
-    """The fraction of least denominator near x, of a size about x: 1/3 for 0.333333333333, 0 for 1e-13.
+    """The fraction of least denominator near a float `x`: 1/3 for 0.333333333333, 0 for 1e-13.
 
-    Floats that were computed in two ways from the same decimals so become the same number again. By continued
-    fractions (Knuth 1998, The Art of Computer Programming 2, section 4.5.3, exercise 39).
+    `size`, positive and in the unit of x, is the size that numbers like it have (1 by default): within
+    `precision.length` of it x counts as zero, and fractions within `precision.number` of it count as near; round-off by
+    default. So floats that were computed in two ways from the same decimals become the same number again. By continued
+    fractions (Knuth 1998, The Art of Computer Programming 2, section 4.5.3, exercise 39). Raises `ValueError` for NaN,
+    `OverflowError` for infinity.
     """
     return Fraction(0) if abs(x) <= precision.length * size else _near(x, size, precision.number)
 
@@ -59,7 +65,9 @@ def _near(x: float, size: float, distance: float) -> Fraction:
 
 
 def turn(angle: float, precision: Precision = AS_GIVEN) -> Turn:
-    """The exact turn that an angle (rad) in floats stands for."""
+    """The exact turn, a `Turn`, that an `angle` in rad stands for: quarter turns alone where it is within
+    `precision.angle` of them (1e-11 rad by default), else also the simplest rational half tangent of the rest. Raises
+    `ValueError` for NaN, `OverflowError` for infinity."""
     quarters = round(angle / (math.pi / 2))
     rest = angle - quarters * (math.pi / 2)
     small = abs(rest) <= precision.angle

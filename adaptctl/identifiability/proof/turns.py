@@ -14,11 +14,14 @@ QUARTER = math.pi / 2
 
 
 def turns_of(rotation: Mat, precision: Precision) -> Turns:
-    """The turns whose product is a rotation (floats).
+    """The two or three turns about coordinate axes, pairs of an axis (0, 1, 2 for x, y, z) and an angle in rad, whose
+    product, in this order, is a `rotation` matrix R (3, 3) of floats. Entries of R, and differences of angles from
+    right ones, that are below the `precision`'s angle in rad count as zero. Nothing is checked.
 
-    A zero off the diagonal, in row r and column c, is one exactly where R = R_r(a) R_c(g); one on the diagonal where
-    R = R_r(a) R_j(90 degrees) R_r(g), j the axis after r. A rotation has one zero, or four and more, of which two such
-    turns keep all. Without zeros, R = Rz Rx Rz.
+    The turns are chosen so that zeros of R come back as exact ones. A zero off the diagonal, in row i and column j,
+    does where R = R_i(a) R_j(g), turns about axes i and j; one on the diagonal where R = R_i(a) R_j(90 degrees) R_i(g),
+    j the axis after i. A rotation has one zero, or four and more, of which two such turns keep all. Without zeros, R =
+    R_z R_x R_z.
     """
     R = [list(row) for row in rotation]
     size, row, column = min((abs(R[i][j]), i, j) for i in range(3) for j in range(3))
@@ -36,14 +39,15 @@ def turns_of(rotation: Mat, precision: Precision) -> Turns:
 
 
 def bearing(angle: float, precision: Precision) -> float:
-    """An angle (rad), made a multiple of a right one where it nearly is."""
+    """The `angle`, in rad, made the nearest multiple of a right angle where it is within the `precision`'s angle of it,
+    else as given. Raises `ValueError` for NaN, `OverflowError` for infinity."""
     quarters = round(angle / QUARTER)
     return quarters * QUARTER if abs(angle - quarters * QUARTER) <= precision.angle else angle
 
 
 def turned(axis: int, c: Any, s: Any) -> Mat:
-    """The rotation matrix (3, 3), child to parent coordinates, of a turn about a coordinate axis, from its cosine and
-    sine."""
+    """The rotation matrix (3, 3), which takes turned coordinates to those before the turn, of a turn about a coordinate
+    `axis` (0, 1, 2 for x, y, z), from the cosine `c` and the sine `s` of its angle, scalars of any kind."""
     if axis == 0:
         return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
     if axis == 1:

@@ -13,7 +13,9 @@ from adaptctl.identifiability.sampling import characteristic_length
 
 
 def twist_matrices(twists: Array) -> Array:
-    """4x4 matrices (..., 4, 4) of twists (..., 6): angular velocity, then the velocity of the origin."""
+    """The matrices (..., 4, 4) of `twists` (..., 6), each an angular velocity (3,), rad/s, and the velocity (3,) of the
+    frame's origin: the cross-product matrix of the first in the upper left, the second in the last column, zeros below.
+    A frame at T (4, 4) that moves with the twist of matrix X has the rate T X."""
     out = np.zeros((*twists.shape[:-1], 4, 4))
     x, y, z = np.moveaxis(twists[..., :3], -1, 0)
     out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = x, y, z
@@ -23,16 +25,22 @@ def twist_matrices(twists: Array) -> Array:
 
 
 def twist_entries(matrices: Array) -> Array:
-    """The twists (..., 6) of 4x4 matrices (..., 4, 4)."""
+    """The twists (..., 6), each an angular velocity (3,), rad/s, and the velocity (3,) of the frame's origin, of their
+    matrices (..., 4, 4): the inverse of `twist_matrices`."""
     turn = [matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0]]
     return np.stack([*turn, *np.moveaxis(matrices[..., :3, 3], -1, 0)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class JointFrames:
-    """The frames of the N joints of a tree, with lengths in units of `length` L (m).
+    """The frames of the N joints of a tree, each moving with its link so that its own joint's twist is constant in it;
+    lengths are in units of `length` L in m.
 
-    Every joint has a frame that moves with its link, in which its own twist is constant.
+    `parents` (N,) are the parent links' indices, -1 for the ground; `near` (N, 4, 4) the poses of the joints' frames,
+    at joint position zero, in the frames of the parents' joints, or in the world; `far` (N, 4, 4) the poses of the
+    links' frames in their joints'; `twists` (N, 6) are the joints' twists, angular then linear, per unit of their
+    positions (rad, or L for a prismatic joint); `gravity` (3,) is its direction, zero where there is none. Made by
+    `of`; nothing is checked at construction.
     """
 
     length: float
@@ -48,12 +56,14 @@ class JointFrames:
 
     @property
     def rotor_scales(self) -> Array:
-        """Scales (N,) of rotor inertias that go with lengths over L: L^2 where a joint turns, 1 where it slides."""
+        """The scales (N,) of the rotor inertias of N joints that go with lengths in units of L: L^2, in m^2, where a
+        joint turns, 1 where it slides. Rotor inertias over these are in kg."""
         return np.where(self.twists[:, :3].any(axis=1), self.length**2, 1.0)
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> JointFrames:
-        """The joint frames of a mechanism's tree."""
+        """The joint frames of a mechanism's tree, with lengths over its characteristic length (the largest offset from
+        a joint to the next or to its link's frame, 1 m where there is none). Loops are not looked at."""
         links, length = mechanism.links, characteristic_length(mechanism)
         on_parent = _matrices([(k.near.rotation, k.near.translation) for k in links], length)
         far = _matrices([(k.far.rotation, k.far.translation) for k in links], length)

@@ -20,7 +20,13 @@ from adaptctl.identifiability.tree.unobservable_inertia import InertialTransfers
 
 @dataclass(frozen=True, eq=False)
 class TreeNullSpace:
-    """The null space of a tree's energies, found joint by joint in time linear in the number of links."""
+    """The null space of a tree's energies, found joint by joint in time that grows with the number of links: the
+    directions of the `mechanism`'s P inertial parameters (all but friction) that change no energy.
+
+    `transfers` are the inertial transfers at its joints, changes of a link's and its parent's parameters that together
+    change no energy; `seed` draws the states whose energies make the scales. Made by `of`; nothing is checked at
+    construction.
+    """
 
     mechanism: Mechanism
     transfers: InertialTransfers
@@ -29,22 +35,27 @@ class TreeNullSpace:
 
     @classmethod
     def of(cls, mechanism: Mechanism, seed: int = 0) -> TreeNullSpace:
-        """The null space of a tree, from its geometry and the direction of gravity; nothing is sampled."""
+        """The null space of a tree's energies, from its geometry and the direction of gravity. No states are sampled
+        but for the scales, drawn by `seed`, 0 by default. The mechanism must be a tree whose parameters are not
+        constrained; this is not checked."""
         return cls(mechanism, inertial_transfers(mechanism), seed)
 
     @cached_property
     def rank(self) -> int:
-        """The number of independent parameters k."""
+        """The rank k: the number of independent directions of the tree's P inertial parameters (all but friction) that
+        change energies and torques."""
         return self.mechanism.energetic - self.transfers.nullity
 
     @cached_property
     def scales(self) -> Array:
-        """Scales (P,) that make parameters comparable."""
+        """The scales (P,), positive, in SI units per J, that make the tree's P inertial parameters D comparable: D /
+        scales are all in J. They come from energies at 46 random states."""
         return energy_scales(self.mechanism, self.seed)
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) among the scaled parameters D / scales."""
+        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the tree's P inertial parameters
+        D over `scales` (P,), D / scales in J, that change no energy."""
         found = self._by_links(range(self.mechanism.energetic), TOLERANCE)
         vectors = np.zeros((self.mechanism.energetic, len(found.removed)))
         vectors[list(found.removed), range(len(found.removed))] = 1.0
@@ -52,11 +63,13 @@ class TreeNullSpace:
         return np.linalg.qr(vectors)[0]
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """The regrouping that removes parameters in an order (P,), made from the leaves to the root.
+        """The regrouping that removes P-k of the tree's P scaled parameters in an order, k the rank, and adds them to
+        the k kept ones, made link by link from the leaves to the root.
 
-        At each link any independence counts that is more than round-off. Where the tolerance, which is for all null
-        vectors together, says otherwise, they are looked at together, which takes longer.
-        Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
+        `order` (P,) has all indices from 0, the first removed first. At each link any independence counts that is more
+        than round-off. Where `tolerance`, the length without a unit that must be left of a null vectors' row beside
+        those removed before, would remove others, the regrouping is made from all null vectors at once, which takes
+        longer. Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
         require_tolerance(tolerance, self.mechanism.energetic)
         with suppress(np.linalg.LinAlgError):  # Of what is hardly independent, round-off may leave nothing.

@@ -17,18 +17,24 @@ _TENS = np.stack([from_pseudo_inertia(unit) for unit in np.eye(16).reshape(16, 4
 
 
 def functionals(matrices: Array) -> Array:
-    """Rows (..., 10) that take the ten of a pseudo-inertia J to <M, J> = tr(M' J), of matrices M (..., 4, 4)."""
+    """The rows f (..., 10) by which tr(M' J) = f times the ten inertial parameters of a pseudo-inertia J (4, 4), for
+    `matrices` M (..., 4, 4); the ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz. They are in the units
+    of M's entries. Raises `ValueError` for matrices of another shape."""
     return matrices.reshape(*matrices.shape[:-2], 16) @ UNIT_PSEUDO_INERTIAS.reshape(10, 16).T
 
 
 def frame_changes(frames: Array) -> Array:
-    """Matrices (..., 10, 10) that take the ten in frames at G (..., 4, 4) to the ten in the frame where G is given."""
+    """The matrices (..., 10, 10) that take a body's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+    I_xz, I_yz, I_zz) in a frame to the ten in the frame in which that one stands at the pose G (4, 4), of `frames`
+    (..., 4, 4). Lengths are in the poses' unit."""
     G = frames[..., None, :, :]
     return _tens(G @ UNIT_PSEUDO_INERTIAS @ G.mT)
 
 
 def frame_change_rates(twists: Array) -> Array:
-    """Rates (..., 10, 10) of `frame_changes` as frames begin to move with twists S (..., 4, 4): J -> S J + J S'."""
+    """The rates (..., 10, 10) at which a body's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
+    I_yz, I_zz), as seen from a frame that stands still, change as the body begins to move with `twists`, given by their
+    matrices S (..., 4, 4): the pseudo-inertia J (4, 4) changes at S J + J S'."""
     moved = twists[..., None, :, :] @ UNIT_PSEUDO_INERTIAS
     return _tens(moved + moved.mT)
 

@@ -37,9 +37,14 @@ class _LinkSelection(NamedTuple):
 
 
 def tree_regrouping(transfers: InertialTransfers, order: Sequence[int], tolerance: float) -> Regrouping:
-    """The regrouping that removes parameters in an order (P,), the same as by all null vectors at once.
+    """The regrouping that removes a tree's dependent inertial parameters in an `order` (P,), all indices from 0, the
+    first removed first, and adds them to the kept ones, the same as by all null vectors at once.
 
-    At each link, from the leaves, the link's own parameters and those passed from its children are bodies d. The
+    `transfers` are the tree's inertial transfers; `tolerance`, a length without a unit, is the least part of a column
+    that counts as independent at a link. Nothing is checked; `numpy.linalg.LinAlgError` may be raised where the
+    tolerance is near round-off.
+
+    At each link, from the leaves, the link's own parameters and those passed from its children are bodies d (11,). The
     joint's observable functionals F see only F d, so as many parameters are kept as F d has independent columns, the
     last in the order first. Each dependent one has F d = (F d_kept) c, and its remainder d - d_kept c, which is
     unobservable at the joint, is passed to the parent. Only few remainders are independent: the last ones in the order

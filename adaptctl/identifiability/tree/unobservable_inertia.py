@@ -44,7 +44,13 @@ BODY = 11
 
 
 class LinkParameters(NamedTuple):
-    """The parameters that belong to a link and its joint, or have been passed to it, as bodies."""
+    """The n inertial parameters that belong to a link and its joint, or have been passed to it from its children, as
+    bodies.
+
+    `indices` (n,) are their places, from 0, among the mechanism's P inertial parameters; `bodies` (11, n) has a column
+    for each at 1: the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's frame, with lengths
+    over the tree's characteristic length, then the joint's rotor inertia. Nothing is checked.
+    """
 
     indices: NDArray[np.int64]
     """Indices (n,) among the P parameters."""
@@ -54,10 +60,16 @@ class LinkParameters(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InertialTransfers:
-    """Inertial transfers: the observable functionals and unobservable bodies at every joint of a tree.
+    """The inertial transfers of a tree of N joints: the bodies that a link can give to its parent link without any
+    energy changing, since they are unobservable at the joint between them, and the functionals by which the others are
+    observed.
 
-    Bodies are tens in the joint's frame, with lengths in units of the frames' length, and as an eleventh number the
-    inertia of the joint's rotor.
+    A body (11,) is ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's
+    frame, and the inertia of the joint's rotor, with lengths over that of `frames`, the joints' frames. `own` (N,) are
+    the links' own parameters; `to_parent` (N, 10, 10) takes ten to the parent joint's frame, at joint position zero.
+    For each joint, `observable` (m, 11) are orthonormal functionals of bodies that energies depend on, m of 1 to 11,
+    and `unobservable` (11 - m, 11) orthonormal bodies that change none, that of a missing rotor among them. Made by
+    `inertial_transfers`; nothing is checked at construction.
     """
 
     frames: JointFrames
@@ -72,22 +84,26 @@ class InertialTransfers:
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """Parents (N,) of the links, -1 for the ground."""
+        """The indices (N,) of the parents of the tree's N links, from 0, parents before their children; -1 for the
+        ground."""
         return self.frames.parents
 
     def passed_to_parent(self, i: int, bodies: Array) -> Array:
-        """Bodies (11, n) that are unobservable at joint i, as bodies (11, n) on the parent link."""
+        """The bodies (11, n) on the parent link that n `bodies` (11, n), unobservable at joint `i` (from 0), whose
+        motion does not change their energy, become when they are given to it. A body is ten inertial parameters in its
+        joint's frame, lengths over the tree's characteristic length, and a rotor inertia, which is 0 in the result.
+        Raises `IndexError` for a joint beyond the last."""
         out = np.zeros_like(bodies)
         out[:10] = self.to_parent[i] @ bodies[:10]
         return out
 
     @property
     def nullity(self) -> int:
-        """The number of independent combinations of parameters that change no energy.
+        """The nullity: the number of independent combinations of the tree's inertial parameters that change no energy.
 
-        They are the unobservable combinations, at each joint, of the link's own bodies and those that were passed to
-        it. A link with mass can compensate what is passed to it; a massless one has no parameters to do so, and its
-        children's unobservable combinations must be passed on to its parent.
+        They are, at each joint, the unobservable combinations of the link's own parameters and of those passed to it. A
+        link with mass can make up for what is passed to it; a massless one has no parameters for that, and passes its
+        children's unobservable combinations on to its parent.
         """
         count = 0
         passed: list[list[Array]] = [[] for _ in self.parents]
@@ -104,14 +120,18 @@ class InertialTransfers:
         return count
 
     def massless(self, i: int) -> bool:
-        """True if a link does not own all ten inertial parameters."""
+        """True if link `i`, counted from 0, has no ten inertial parameters of its own, being described as massless.
+        Raises `IndexError` for a link beyond the last."""
         return len(self.own[i].indices) < 10
 
 
 def inertial_transfers(mechanism: Mechanism) -> InertialTransfers:
-    """Observable functionals and unobservable bodies of every joint, from geometry and gravity's direction alone.
+    """The inertial transfers of a mechanism's tree, from its geometry and gravity's direction alone: at every joint the
+    bodies that are unobservable, which a link can give to its parent without any energy changing, and the functionals
+    that are observed.
 
-    Nothing is sampled; the mechanism must be a tree.
+    No states are sampled. The mechanism must be a tree whose parameters are not constrained and whose drives turn with
+    one joint each; this is not checked.
     """
     frames = JointFrames.of(mechanism)
     rates = frame_change_rates(twist_matrices(frames.twists))
