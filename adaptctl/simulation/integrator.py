@@ -16,18 +16,18 @@ Rates: TypeAlias = Callable[[Column, Column], Column]
 
 
 def own(q: Column, v: Column) -> Column:
-    """The rates q' (n,) of the configuration of a tree of n joints, rad/s (m/s): its velocities v (n,), whatever the
-    configuration q (n,) in rad (m); the default `rates` of an `Integrator`."""
+    """The rates q' (n,), rad/s (m/s), of the positions of a tree's n joints: its velocities v (n,), the same column,
+    whatever the positions q (n,), rad (m). It is the default `rates` of an integrator's step. Nothing is checked."""
     return v
 
 
 class Integrator(Protocol):
-    """Protocol of a one-step method for second-order equations q' = rates(q, v), v' = acceleration(q, v), of a
-    configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s).
+    """Protocol of a one-step integration method for second-order equations of motion q' = rates(q, v), v' =
+    acceleration(q, v), of a configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s).
 
-    `stages` is the number of accelerations that it evaluates a step; `implicit` is True if these have the friction of
-    the step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has all n joints of
-    the tree, more than the r primary ones.
+    `stages` is the number of accelerations that it evaluates in a step; `implicit` is True if these have the friction
+    of the step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has all n joints
+    of the tree, more than the r primary (independent) ones.
     """
 
     stages: ClassVar[int]

@@ -33,12 +33,12 @@ class MuJoCoPlant(Plant):
     control period of `control_period` (s).
 
     Besides `model`, which must be given, its arguments are those of `Plant`: `mechanism`, the arm's r joints as this
-    package models them, `control_period`, and `torque_limits`, N m (N), one number or one a joint, None for the limits
-    of the joints' motors; `effects` must be empty, `substeps` and `integrator` are not used. `MuJoCoPlant.of` makes the
-    mechanism of the model. `body` names the arm's root body, None for the one root body that moves. The torques act at
-    the joints (`qfrc_applied`), clipped to the limits; the model's own actuators get no control. Each period is
+    package models them, `control_period`, and `torque_limits`, N m (N), one number or one a joint, None for the
+    mechanism's effort limits; `effects` must be empty, `substeps` and `integrator` are not used. `MuJoCoPlant.of` makes
+    the mechanism of the model. `body` names the arm's root body, None for the one root body that moves. The torques act
+    at the joints (`qfrc_applied`), clipped to the limits; the model's own actuators get no control. Each period is
     integrated by MuJoCo in equal steps that are no longer than the model's own time step. The model is copied, never
-    changed. `PlantState.drives` holds the state of the whole scene, so that `step` is a function of what it is given.
+    changed. `PlantState.drives` holds the state of the whole scene, from which `step` goes on.
 
     Actuators of the arm that are no torques, such as position servos, would hold it against the controller: they raise
     `InputError` unless `servos_off` is True (False by default), which switches them off. Raises `InputError` also
@@ -87,7 +87,8 @@ class MuJoCoPlant(Plant):
     ) -> PlantState:
         """The state at time zero of one arm at positions `p`, rad (m), and velocities `v`, rad/s (m/s), (r,) each; all
         else in the scene is as the model has it at its start. `parameters` (P,), SI units, are the arm's P true
-        inertial ones, None for the mechanism's own; `noise` is not used, for there are no sensors.
+        inertial ones, None for those of the last call that gave any, at first the mechanism's own; `noise` is not used,
+        for there are no sensors.
 
         Raises `InputError` on a wrong shape and for parameters of no rigid bodies, `NonFiniteError` on NaN or infinity.
         """

@@ -78,7 +78,8 @@ class Plant(Tunable):
 
     @property
     def dof(self) -> int:
-        """Number r of primary (independent) joints; of a tree these are all."""
+        """Number r of the mechanism's primary (independent) joints; of a tree, which has no loops, these are all
+        joints."""
         return self.mechanism.dof
 
     @cached_property
@@ -88,7 +89,8 @@ class Plant(Tunable):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names (m,), as "torque_limited", of the m actuator effects that mark periods where they change a torque."""
+        """Names (m,), such as "torque_limited", of the m actuator effects that mark the control periods in which they
+        change a torque, in the order in which torques pass them; empty where there are none."""
         return self._effects.marks
 
     @cached_property
@@ -99,8 +101,9 @@ class Plant(Tunable):
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next, by name: configuration "q" (n joints),
-        velocities "v" (r primary ones), "drives" (actuators' memory, 2r of elastic motors), "sensors" (memory)."""
+        """Lengths of the columns that pass from one control period to the next, by name: "q", positions of the tree's n
+        joints; "v", velocities of the r primary (independent) ones; "drives", the memory of the actuator effects and,
+        with elastic joints, the motors' r positions and r velocities; "sensors", the memory of the sensor effects."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
@@ -108,11 +111,13 @@ class Plant(Tunable):
 
     def parameters(self, own: Array, time: float) -> Array:
         """The P true inertial parameters (..., P) at `time` (s): `own` (..., P), those of the arms alone, with the
-        effects' loads added; SI units. Raises `InputError` for too few parameters for a payload's link."""
+        loads of effects, such as payloads, added; `own` itself where there are no loads; SI units. While a payload is
+        held, raises `InputError` for parameters that are no numbers or too few to include its link's."""
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
-        """The time (s) until which the true inertial parameters stay as at `time` (s); infinity if for ever."""
+        """The time (s) until which the true inertial parameters stay as at `time` (s), since no load, such as a
+        payload, changes; infinity if they stay for ever."""
         return min((load.until(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
@@ -193,7 +198,8 @@ class Plant(Tunable):
         return float(energy)
 
     def compile(self) -> None:
-        """Compile a control period, the energy and the sensors to native code now, not at their first use."""
+        """Compile a control period, the energy and the sensors to native code now, not at their first use; with more
+        than LARGEST_COMPILED (100) links the first two are set up to run in Python instead."""
         _ = self._advance, self._energy, self._sense
 
     def positions(self, q: Array) -> Array:
@@ -201,8 +207,9 @@ class Plant(Tunable):
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of the configurations q (..., n), rad (m), at which loops are away from singularities and
-        positions p within the bounds that the description sets for its loops; all true for a tree."""
+        """Mask (...), True for configurations q (..., n), rad (m), of the tree's n joints at which the mechanism's
+        loops are away from singularities and the primary (independent) joints within the bounds that its description
+        sets for loops; all True for a tree. Nothing is checked."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -210,17 +217,24 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """Equation of a period over scalars of any kind, SI units, from named columns to a `PeriodOutcome`: positions q
-        (n,), velocities v and torque (r,), inertial parameters (P,), noise (2r,), memories `drives` and `sensors`."""
+        """The equation of one control period, a `ControlPeriod`: a function over scalars of any kind from named
+        columns, in SI units, to a `PeriodOutcome`, which has them after the period.
+
+        The columns are "q" (n,), positions of the tree's n joints, rad (m); "v" (r,), velocities of the r primary
+        (independent) ones; "torque" (r,), N m (N); "parameters" (P,), the inertial ones; "noise" (2r,), the sensors',
+        empty without them; "drives" and "sensors", the effects' memories, of the lengths in `Plant.sizes`. It raises
+        `KeyError` where one is missing.
+        """
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, J, with springs and motors, over scalars of any kind: at q (n,), rad (m), of
-        all n joints of the tree and v (r,), rad/s (m/s), of the r primary ones. `parameters` (P,) are the P true
-        inertial ones, SI units; `drives` ends in elastic joints' motor positions and velocities (2r,), else unused."""
+        """Kinetic plus potential energy, J, that of elastic joints' springs and motors included, over scalars of any
+        kind: at positions q (n,), rad (m), of all n joints of the tree and velocities v (r,), rad/s (m/s), of the r
+        primary (independent) ones. `parameters` (P,) are the P true inertial ones, SI units; `drives` ends in the
+        motors' r positions and r velocities where joints are elastic, and is not used otherwise. Nothing is checked."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -321,7 +335,7 @@ class Plant(Tunable):
 
     @property
     def is_elastic(self) -> bool:
-        """True if springs stand between the motors and the links."""
+        """True if the plant has elastic joints, with springs between the motors and the links; False for rigid ones."""
         return self._effects.elastic is not None
 
     @cached_property
@@ -384,8 +398,8 @@ def _energy_of(structure: Structure) -> Callable[..., tuple[Array]]:
 
 
 def require_ten_a_link(mechanism: Mechanism) -> None:
-    """Raise `InputError` for a mechanism with relations among its inertial parameters, so that they are fewer than ten
-    a link: a payload would not keep to them."""
+    """Raise `InputError` for a mechanism whose inertial parameters are bound by linear relations, so that they are
+    fewer than ten for each link and those of its drives: the parameters with a payload would not keep to them."""
     if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
         raise InputError(
             f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "

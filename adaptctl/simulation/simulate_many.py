@@ -58,8 +58,8 @@ class Rollouts:
     where none was, and `diverged_joint`, the index from 0 of the first joint whose error was, else -1.
 
     `lyapunov_rise` (M,), J, is the largest rise from one control period to the next of Slotine and Li's Lyapunov
-    function V = s'M s/2 + e' Gamma^-1 e/2, 0 where it never rose. s = v - v_d + Lambda (p - p_d) is the sliding
-    variable, p_d and v_d the reference, Lambda the bandwidth, M the mass matrix, e the estimate minus the true
+    function V = s'H s/2 + e' Gamma^-1 e/2, 0 where it never rose. s = v - v_d + Lambda (p - p_d) is the sliding
+    variable, p_d and v_d the reference, Lambda the bandwidth, H the mass matrix, e the estimate minus the true
     parameters, Gamma the adaptation gain; an adaptation law may have a second term of its own. It is NaN where V is not
     known: in single precision, for other controllers, and with loads or elastic joints.
 
@@ -115,9 +115,9 @@ class Rollouts:
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of the M runs whose `largest_error` is finite: those that did not diverge, and runs whose
-        error stayed finite but passed the bound `beyond` (rad or m) given to `simulate_many`. `diverged_at` (M,), s,
-        tells these apart: it is NaN for a run that did not diverge."""
+        """Mask (M,) of bools, True for each of M runs whose `largest_error` is finite: those that did not diverge, and
+        runs whose error stayed finite but passed the bound `beyond` (rad or m) given to `simulate_many`. `diverged_at`
+        (M,), s, tells these apart: it is NaN for a run that did not diverge."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 

@@ -140,8 +140,8 @@ class PlantEffects:
 
 
 def differs(asked: Column, given: Column) -> Scalar:
-    """Mark of a torque that was changed: 1 where any joint got another torque than was asked, else 0; over scalars of
-    any kind."""
+    """Mark of a torque that was changed: 1 where any of r joints was `given` another torque than `asked`, (r,) each in
+    N m (N), else 0, over scalars of any kind. Raises `ValueError` for columns of unlike lengths."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):
         largest = maximum(largest, absolute(x - y))
@@ -166,7 +166,8 @@ def _rank(effect: Any) -> int:
 
 
 def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The effects, given in any order. Raises `InputError` for one alone that is not in a list."""
+    """The effects, from a list or another iterable in any order, as a tuple in that order; what they are is not
+    checked. Raises `InputError` for what is not iterable, such as one effect alone."""
     if not isinstance(effects, Iterable):
         raise InputError(f"effects: expected several, such as [ControlDelay(2)], got {effects!r}")
     return tuple(effects)
