@@ -83,9 +83,9 @@ class ClosedLoop:
     @cached_property
     def state(self) -> dict[str, int]:
         """Lengths of the columns that pass from one control period to the next, by name: "q", the n joints of the
-        plant's tree, "v", its r primary joints, "drives" and "sensors", memories of the plant, "measured_p" and
-        "measured_v", r each, or 0 where nothing is measured, and "memory_0" and so on, the arrays of the controller's
-        memory."""
+        plant's tree, "v", its r primary joints, "drives" and "sensors", the memories of the plant's effects,
+        "measured_p" and "measured_v", r each, or 0 where nothing is measured, and "memory_0", "memory_1", ..., the
+        arrays of the controller's memory."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
@@ -111,13 +111,13 @@ class ClosedLoop:
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
         """The columns after one control period, as a list in the order of the property `state`, and the `Sample`
-        recorded of it (positions, torques, energy in J and so on, in columns), over scalars of any kind (floats, arrays
-        of samples, dual numbers, nodes of an expression graph).
+        recorded of it, which has the period's positions, velocities, torques and energy (J), over scalars of any kind
+        (floats, arrays of samples, dual numbers, nodes of an expression graph).
 
         `columns` are, in SI units, those before it: "q", "v", "drives", "sensors", "measured_p", "measured_v" and
-        "memory_0" and so on (lengths in the property `state`); "parameters" and "gains" (in `held`); "reference_p",
-        "reference_v" and "reference_a" (in `reference`); "noise". Without "gains" the controller's own are taken.
-        Raises `KeyError` where another is missing.
+        "memory_0", "memory_1", ... (lengths in the property `state`); "parameters" and "gains" (in `held`);
+        "reference_p", "reference_v" and "reference_a" (in `reference`); "noise". Without "gains" the controller's own
+        are taken. Raises `KeyError` where another is missing; lengths are not checked.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]

@@ -17,15 +17,16 @@ LARGEST = float(np.finfo(np.float64).max)
 
 
 class ErrorSums(NamedTuple):
-    """Sums of the tracking errors of a run of r joints over its control periods so far, until it diverges: columns over
-    scalars of any kind, or arrays (M, n) for M runs. A run diverges where an error is NaN or beyond the bound `beyond`.
-    Nothing is checked.
+    """Sums of the tracking errors (positions less the reference's) of a run of r joints over its control periods so
+    far: columns over scalars of any kind, or arrays (M, n) for M runs. They stay once the run has diverged, an error
+    being NaN or larger than its bound `beyond`, rad (m), (r,). Nothing is checked.
 
     `squares` (r,), rad^2 (m^2), are sums of the errors' squares, and `final_squares` (r,) those of the periods at the
     run's end over which its final error is taken; `largest` (r,), rad (m), are the errors' largest magnitudes.
-    `outside` (1,) is the number of periods up to and including the last one with an error beyond the bound `within`, 0
-    where there was none; `diverged` (1,) that up to and including the first one with an error beyond `beyond`, 0 where
-    there was none; `joint` (1,) the number, from 1, of the first joint whose error that was, else 0.
+    `outside` (1,) is the number of periods up to and including the last one with an error larger than its bound
+    `within`, rad (m), (r,), 0 where there was none; `diverged` (1,) that up to and including the one in which the run
+    diverged, 0 where it did not; `joint` (1,) the number, from 1, of the first joint whose error made it diverge, else
+    0.
     """
 
     squares: Any

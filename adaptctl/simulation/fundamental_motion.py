@@ -30,8 +30,8 @@ class FundamentalMotion(NamedTuple):
     sums: tuple[tuple[tuple[int, float], ...], ...]
 
     def parameters(self, true: Column) -> Column:
-        """The column (P',) of the parameters of `equations`, regrouped from the mechanism's `true` parameters (P,), SI
-        units, scalars of any kind. Raises `IndexError` for a column that is too short."""
+        """The column (P',) of the P' parameters of `equations`, regrouped from the mechanism's P `true` parameters
+        (P,), SI units, over scalars of any kind. Raises `IndexError` for a column that is too short."""
 
         def total(terms: tuple[tuple[int, float], ...]) -> Scalar:
             (i, weight), *rest = terms
@@ -41,10 +41,12 @@ class FundamentalMotion(NamedTuple):
 
 
 def fundamental_motion(mechanism: Mechanism) -> FundamentalMotion | None:
-    """A mechanism's equations of motion in its fundamental (base) parameters, which take fewer operations than those in
-    all its parameters. None is returned for a mechanism of more than LONGEST (12) links, for a subclass of `Mechanism`,
-    as one with constraints on its parameters is, and where the basis cannot be found with certainty; nothing is
-    raised."""
+    """A mechanism's equations of motion in its fundamental (base) parameters, as a `FundamentalMotion`: these are the
+    combinations of inertial parameters that the motion depends on, and take fewer operations than all parameters.
+
+    None is returned for a mechanism of more than LONGEST (12) links, for a subclass of `Mechanism`, as one with
+    constraints on its parameters is, and where no such basis can be certified. Nothing is raised.
+    """
     if type(mechanism) is not Mechanism or len(mechanism.links) > LONGEST:
         return None
     turned = Mechanism(with_joint_frames(mechanism.description))

@@ -65,8 +65,8 @@ class GainsOfMany:
 
     def require(self) -> None:
         """Raise what the controller's class raises for its numbers, such as `InputError` and `GainError`, unless each
-        arm's set of gains would make a controller. Gains with unlike numbers of rows are not checked: whoever counts
-        the arms refuses them."""
+        arm's set of gains would make a controller. Gains with unlike numbers of rows are not checked here:
+        `simulate_many` refuses them."""
         if not self.given:
             return
         count = max((axes[0] for axes in self.arms.values() if axes), default=1)

@@ -42,7 +42,8 @@ class Integrator(Protocol):
         seconds after the q and v given, as new columns.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
-        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through.
+        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through; columns
+        of unlike lengths raise `ValueError`.
         """
         ...
 
@@ -63,7 +64,8 @@ class RungeKutta4:
         seconds after the q and v given, with an error in this step of order dt^5.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
-        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through.
+        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through; columns
+        of unlike lengths raise `ValueError`.
         """
         half = 0.5 * dt
         u1, a1 = rates(q, v), acceleration(q, v)
@@ -98,7 +100,7 @@ class SemiImplicitEuler:
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), at (q, the new
         velocities): by default those velocities themselves, as for a tree, where all joints are primary. No number is
-        checked: NaN goes through.
+        checked: NaN goes through; columns of unlike lengths raise `ValueError`.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
@@ -129,7 +131,7 @@ class LinearlyImplicitEuler:
 
         `acceleration` gives (v_1 - v)/dt (r,), rad/s^2 (m/s^2), at (q, v), friction of the step's end included; `rates`
         gives q' (n,), rad/s (m/s), at (q, (v + v_1)/2): by default that velocity itself, as for a tree, where all
-        joints are primary. No number is checked: NaN goes through.
+        joints are primary. No number is checked: NaN goes through; columns of unlike lengths raise `ValueError`.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, 0.5 * (v + after)), after

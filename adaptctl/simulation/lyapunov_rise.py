@@ -115,11 +115,11 @@ def risen(
     """The `LyapunovRise`, Slotine and Li's Lyapunov function V and its largest rise so far, in J, after a control
     period of a closed `loop`, over scalars of any kind.
 
-    `sample` is the period's record, `point` the reference in it, columns (r,) in rad (m) and s; `runs` is a condition
-    that is true until the run diverges, from when on the rise stays. `columns` has by name what `first_rise` gave or
-    the period before left, "lyapunov", "lyapunov_rise", "truth" and "metric", and "gains", if any, (g,), the arm's own
-    tunable numbers. Where V is not known, the columns are empty and are returned as they are. Raises `KeyError` where
-    one is missing.
+    `sample` is the period's record, `point` the reference in it, columns (r,) of positions, rad (m), velocities and
+    accelerations, the same per s and s^2, of r joints; `runs` is a condition that is true until the run diverges, from
+    when on the rise stays. `columns` has by name what `first_rise` gave or the period before left, "lyapunov",
+    "lyapunov_rise", "truth" and "metric", and "gains", if any, (g,), the arm's own tunable numbers. Where V is not
+    known, the first two are empty and are returned as they are. Raises `KeyError` where a column is missing.
     """
     before = LyapunovRise(*(columns[name] for name in LyapunovRise._fields))
     if not len(before.lyapunov):

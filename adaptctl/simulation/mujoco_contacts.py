@@ -25,7 +25,7 @@ Pair = tuple[str, str]
 def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
     """Counts of the pairs of bodies in contact, by their names, over positions (n, r), rad (m), of the r joints of a
     MuJoCo `plant`'s arm: for each pair with a body of the arm in it, the number of positions at which the two penetrate
-    each other. All else stands as the scene draws it; a body without a name is called "body" and its index. Raises
+    each other. All else is in the model's initial state; a body without a name is called "body" and its index. Raises
     `ValueError` for positions of another number of joints."""
     import mujoco
 
@@ -67,8 +67,9 @@ def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
 
 def clear_of_contacts(plant: MuJoCoPlant, drawn: Sinusoids) -> Sinusoids:
     """A reference, sums of sinusoids, on which the arm of a MuJoCo `plant` touches neither itself nor the scene at any
-    of 201 times over the first 20 s: `drawn` itself or, where it touches, one drawn in towards the posture of the
-    scene, its centre nearer to that and its amplitudes smaller, by 0.8 in each of up to 19 trials.
+    of 201 times over the first 20 s: `drawn` itself or, where it touches, one drawn in towards the arm's posture in the
+    model's initial state, its centre nearer to that and its amplitudes smaller, by a factor of 0.8 in each of up to 19
+    trials.
 
     Raises `InputError` where the last trial touches something still.
     """

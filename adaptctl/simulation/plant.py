@@ -84,7 +84,8 @@ class Plant(Tunable):
 
     @cached_property
     def loads(self) -> tuple[LoadEffect, ...]:
-        """The effects that change the inertial parameters in mid-motion, such as `PayloadHeld`, in the order given."""
+        """The effects that change the inertial parameters in mid-motion, such as `PayloadHeld`, in the order given;
+        empty where there are none."""
         return self._effects.loads
 
     @property
@@ -203,7 +204,8 @@ class Plant(Tunable):
         _ = self._advance, self._energy, self._sense
 
     def positions(self, q: Array) -> Array:
-        """Positions (..., r), rad (m), of the r primary joints among those of all n joints of the tree, q (..., n)."""
+        """Positions (..., r), rad (m), of the r primary joints among those of all n joints of the tree, q (..., n); q
+        itself, not a copy, where there are no loops. Nothing is checked."""
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
@@ -245,7 +247,8 @@ class Plant(Tunable):
         return elastic
 
     def primary(self, q: Column) -> Column:
-        """Positions p (r,), rad (m), of the r primary joints among those of all n joints of the tree, q (n,)."""
+        """The column (r,) of positions, rad (m), of the r primary joints among those of all n joints of the tree, q
+        (n,), over scalars of any kind; q itself where there are no loops. Nothing is checked."""
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property

@@ -19,10 +19,10 @@ from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 @dataclass(frozen=True)
 class SampledForm:
-    """Form in which a compiled step gets its reference points as samples from outside: positions, velocities and
-    accelerations of `size` numbers each, rad (m) and s, one point for all arms or, where `each` is True, one for each
-    arm. `held`, `shared` and `driven` name the step's columns; forms that are equal share native code. Nothing is
-    checked."""
+    """Form in which a compiled step gets its reference points as samples from outside: positions, rad (m), velocities
+    and accelerations, the same per s and s^2, of `size` joints each, one point for all arms or, where `each` is True,
+    one for each arm. `held`, `shared` and `driven` name the step's columns; forms that are equal share native code.
+    Nothing is checked."""
 
     size: int
     each: bool
@@ -45,9 +45,9 @@ class SampledForm:
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
-        """The reference point of a control period, as it came: positions, velocities and accelerations (`size`,), rad
-        (m) and s, the columns "reference_p", "reference_v" and "reference_a". Raises `KeyError` where one is
-        missing."""
+        """The reference point of a control period, as it came: positions (`size`,), rad (m), velocities and
+        accelerations, the same per s and s^2, the columns "reference_p", "reference_v" and "reference_a". Raises
+        `KeyError` where one is missing."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
@@ -112,9 +112,9 @@ ReferenceForm: TypeAlias = SampledForm | SinusoidForm
 @dataclass(frozen=True, eq=False)
 class ReferencesOfMany:
     """References of many arms, `references`, one for all or one for each, and the `form` in which a compiled step gets
-    their points: as samples from outside, or as sinusoids by their numbers. Each point has `size` positions, velocities
-    and accelerations, rad (m) and s. `arms` is the number of arms (M,), or () where one reference was given for any
-    number. `ReferencesOfMany.of` checks them; the class itself checks nothing."""
+    their points: as samples from outside, or as sinusoids by their numbers. Each point has positions, rad (m),
+    velocities and accelerations, the same per s and s^2, of `size` joints. `arms` is the number of arms (M,), or ()
+    where one reference was given for any number. `ReferencesOfMany.of` checks them; the class itself checks nothing."""
 
     references: Sequence[Reference]
     form: ReferenceForm
@@ -124,10 +124,10 @@ class ReferencesOfMany:
 
     @classmethod
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:
-        """The references of many arms, from `given`, one for all or a sequence with one for each, whose points have
-        `size` positions, velocities and accelerations each. One for all, or the same object for each, is sampled;
-        `Sinusoids` that are alike in their number of terms are kept by their numbers; all others are sampled. Raises
-        `InputError` for what is not callable, and for an empty sequence."""
+        """The references of many arms, from `given`, one for all or a sequence with one for each, whose points are of
+        `size` joints. One for all, or the same object for each, is sampled; `Sinusoids` that are alike in their number
+        of terms are kept by their numbers; all others are sampled. Raises `InputError` for what is not callable, and
+        for an empty sequence."""
         if callable(given):
             return cls([given], SampledForm(size, each=False), size, ())
         references = list(given) if isinstance(given, Sequence) else []

@@ -42,9 +42,9 @@ def sampled(reference: Reference, times: Array, size: int, out: Array | None = N
 
 
 class Preview:
-    """Preview of a `reference` of r = `dof` joints, a row of numbers for each `control_period` (s): positions,
-    velocities and accelerations now, then positions at each of the h times `look_ahead` (h,), s, from now; rad (m) and
-    s.
+    """Preview of a `reference` of r = `dof` joints, a row of numbers for each `control_period` (s): positions, rad (m),
+    velocities and accelerations, the same per s and s^2, now, then positions at each of the h times `look_ahead` (h,),
+    s, from now.
 
     Rows are computed for `block` periods at once, BLOCK (128) unless given, so that a control step costs no evaluation
     of its own; only the blocks asked for last are kept. Raises at construction and in its methods `InputError` where
@@ -60,10 +60,10 @@ class Preview:
         self._keep([0])
 
     def row(self, step: int) -> Array:
-        """The row (3r + h r,) of the control period of index `step`, from 0: positions, velocities and accelerations
-        (r,) of the r joints, then their positions at each of the h times of `look_ahead`; rad (m) and s. Raises
-        `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN or
-        infinity."""
+        """The row (3r + h r,) of the control period of index `step`, from 0: positions, rad (m), velocities and
+        accelerations, the same per s and s^2, (r,) each for r joints, then their positions at each of the h times of
+        `look_ahead`. Raises `InputError` where the reference's points have another shape, `NonFiniteError` where they
+        have NaN or infinity."""
         block, place = divmod(step, self._size)
         if block not in self._blocks:
             self._keep([block])
@@ -71,10 +71,10 @@ class Preview:
         return row
 
     def rows(self, steps: NDArray[np.int64]) -> Array:
-        """The rows (k, 3r + h r) of the control periods of indices `steps` (k,), from 0: in each, positions, velocities
-        and accelerations (r,) of the r joints, then their positions at each of the h times of `look_ahead`; rad (m) and
-        s. Raises `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN or
-        infinity."""
+        """The rows (k, 3r + h r) of the control periods of indices `steps` (k,), from 0: in each, positions, rad (m),
+        velocities and accelerations, the same per s and s^2, (r,) each for r joints, then their positions at each of
+        the h times of `look_ahead`. Raises `InputError` where the reference's points have another shape,
+        `NonFiniteError` where they have NaN or infinity."""
         needed, which = np.unique(steps // self._size, return_inverse=True)
         self._keep(needed.tolist())
         rows: Array = np.stack(list(self._blocks.values()))[which, steps % self._size]
