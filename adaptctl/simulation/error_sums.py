@@ -18,8 +18,9 @@ LARGEST = float(np.finfo(np.float64).max)
 
 class ErrorSums(NamedTuple):
     """Sums of the tracking errors (positions less the reference's) of a run of r joints over its control periods so
-    far: columns over scalars of any kind, or arrays (M, n) for M runs. They stay once the run has diverged, an error
-    being NaN or larger than its bound `beyond`, rad (m), (r,). Nothing is checked.
+    far: columns over scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, n) for M runs. They
+    stay once the run has diverged, an error being NaN or larger than its bound `beyond`, rad (m), (r,). Nothing is
+    checked.
 
     `squares` (r,), rad^2 (m^2), are sums of the errors' squares, and `final_squares` (r,) those of the periods at the
     run's end over which its final error is taken; `largest` (r,), rad (m), are the errors' largest magnitudes.
@@ -59,7 +60,8 @@ def judged_by(joints: int) -> dict[str, int]:
 
 
 def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> ErrorSums:
-    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over scalars of any kind.
+    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over scalars of any kind
+    (floats, arrays, or symbols to be compiled).
 
     `clock` is the period's index, from 0, and `error` (r,) are its tracking errors, positions of r joints less the
     reference's, rad (m). `columns` has, by name, the sums before the period, and what errors are judged by: the bounds

@@ -27,7 +27,7 @@ class Integrator(Protocol):
 
     `stages` is the number of accelerations that it evaluates in a step; `implicit` is True if these have the friction
     of the step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has all n joints
-    of the tree, more than the r primary (independent) ones.
+    of the spanning tree, more than the r primary (independent) ones.
     """
 
     stages: ClassVar[int]
@@ -38,8 +38,8 @@ class Integrator(Protocol):
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
-        seconds after the q and v given, as new columns.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary (independent) ones,
+        rad/s (m/s), `dt` seconds after the q and v given, as new columns.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
         default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through; columns
@@ -60,8 +60,8 @@ class RungeKutta4:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
-        seconds after the q and v given, with an error in this step of order dt^5.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary (independent) ones,
+        rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^5.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
         default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through; columns
@@ -95,8 +95,8 @@ class SemiImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
-        seconds after the q and v given, with an error in this step of order dt^2.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary (independent) ones,
+        rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^2.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), at (q, the new
         velocities): by default those velocities themselves, as for a tree, where all joints are primary. No number is
@@ -126,8 +126,8 @@ class LinearlyImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m), and velocities v_1 (r,) of the r primary ones, rad/s (m/s),
-        `dt` seconds after the q and v given, with an error in this step of order dt^2.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v_1 (r,) of the r primary (independent) ones,
+        rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^2.
 
         `acceleration` gives (v_1 - v)/dt (r,), rad/s^2 (m/s^2), at (q, v), friction of the step's end included; `rates`
         gives q' (n,), rad/s (m/s), at (q, (v + v_1)/2): by default that velocity itself, as for a tree, where all

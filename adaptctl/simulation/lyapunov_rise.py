@@ -27,7 +27,8 @@ To solve with Gamma in each control period takes four times as long as the rest 
 
 class LyapunovRise(NamedTuple):
     """The Lyapunov function V of Slotine and Li's law at the latest control period, and its largest rise so far:
-    columns over scalars of any kind, or arrays (M, 1) for M arms. Nothing is checked.
+    columns over scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, 1) for M arms. Nothing
+    is checked.
 
     `lyapunov` (1,), J, is V = s'H s/2 plus the adaptation law's distance between estimated and true parameters; s is
     the sliding variable, rad/s (m/s), H the mass matrix. `lyapunov_rise` (1,), J, is its largest rise from one period
@@ -113,7 +114,7 @@ def risen(
     loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
 ) -> LyapunovRise:
     """The `LyapunovRise`, Slotine and Li's Lyapunov function V and its largest rise so far, in J, after a control
-    period of a closed `loop`, over scalars of any kind.
+    period of a closed `loop`, over scalars of any kind (floats, arrays, or symbols to be compiled).
 
     `sample` is the period's record, `point` the reference in it, columns (r,) of positions, rad (m), velocities and
     accelerations, the same per s and s^2, of r joints; `runs` is a condition that is true until the run diverges, from

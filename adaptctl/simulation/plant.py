@@ -38,7 +38,8 @@ MOST_SUBSTEPS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Plant(Tunable):
-    """A plant: a mechanism of r primary joints driven by torques, N m (N), each held over one control period.
+    """A plant: a mechanism of r primary (independent) joints driven by torques, N m (N), each held over one control
+    period.
 
     `control_period` (s) is integrated in `substeps` equal steps of the `integrator`; `torque_limits`, N m (N), one
     number or one a joint (r,), bound the torques' magnitudes, infinity meaning no bound, None the mechanism's effort
@@ -102,9 +103,10 @@ class Plant(Tunable):
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next, by name: "q", positions of the tree's n
-        joints; "v", velocities of the r primary (independent) ones; "drives", the memory of the actuator effects and,
-        with elastic joints, the motors' r positions and r velocities; "sensors", the memory of the sensor effects."""
+        """Lengths of the columns that pass from one control period to the next, by name: "q", positions of the spanning
+        tree's n joints; "v", velocities of the r primary (independent) ones; "drives", the memory of the actuator
+        effects and, with elastic joints, the motors' r positions and r velocities; "sensors", the memory of the sensor
+        effects."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
@@ -204,14 +206,14 @@ class Plant(Tunable):
         _ = self._advance, self._energy, self._sense
 
     def positions(self, q: Array) -> Array:
-        """Positions (..., r), rad (m), of the r primary joints among those of all n joints of the tree, q (..., n); q
-        itself, not a copy, where there are no loops. Nothing is checked."""
+        """Positions (..., r), rad (m), of the r primary (independent) joints among those of all n joints of the
+        spanning tree, q (..., n); q itself, not a copy, where there are no loops. Nothing is checked."""
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...), True for configurations q (..., n), rad (m), of the tree's n joints at which the mechanism's
-        loops are away from singularities and the primary (independent) joints within the bounds that its description
-        sets for loops; all True for a tree. Nothing is checked."""
+        """Mask (...), True for configurations q (..., n), rad (m), of the spanning tree's n joints at which the
+        mechanism's loops are away from singularities and the primary (independent) joints within the bounds that its
+        description sets for loops; all True for a tree. Nothing is checked."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -219,13 +221,14 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """The equation of one control period, a `ControlPeriod`: a function over scalars of any kind from named
-        columns, in SI units, to a `PeriodOutcome`, which has them after the period.
+        """The equation of one control period, a `ControlPeriod`: a function over scalars of any kind (floats, arrays,
+        or symbols to be compiled) from named columns, in SI units, to a `PeriodOutcome`, which has them after the
+        period.
 
-        The columns are "q" (n,), positions of the tree's n joints, rad (m); "v" (r,), velocities of the r primary
-        (independent) ones; "torque" (r,), N m (N); "parameters" (P,), the inertial ones; "noise" (2r,), the sensors',
-        empty without them; "drives" and "sensors", the effects' memories, of the lengths in `Plant.sizes`. It raises
-        `KeyError` where one is missing.
+        The columns are "q" (n,), positions of the spanning tree's n joints, rad (m); "v" (r,), velocities of the r
+        primary (independent) ones; "torque" (r,), N m (N); "parameters" (P,), the inertial ones; "noise" (2r,), the
+        sensors', empty without them; "drives" and "sensors", the effects' memories, of the lengths in `Plant.sizes`. It
+        raises `KeyError` where one is missing.
         """
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
@@ -233,10 +236,11 @@ class Plant(Tunable):
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, J, that of elastic joints' springs and motors included, over scalars of any
-        kind: at positions q (n,), rad (m), of all n joints of the tree and velocities v (r,), rad/s (m/s), of the r
-        primary (independent) ones. `parameters` (P,) are the P true inertial ones, SI units; `drives` ends in the
-        motors' r positions and r velocities where joints are elastic, and is not used otherwise. Nothing is checked."""
+        """Kinetic plus potential energy, J, that of elastic joints' springs and motors included, at positions q (n,),
+        rad (m), of all n joints of the spanning tree and velocities v (r,), rad/s (m/s), of the r primary (independent)
+        ones, over scalars of any kind (floats, arrays, or symbols to be compiled). `parameters` (P,) are the P true
+        inertial ones, SI units; `drives` ends in the motors' r positions and r velocities where joints are elastic, and
+        is not used otherwise. Nothing is checked."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -247,8 +251,9 @@ class Plant(Tunable):
         return elastic
 
     def primary(self, q: Column) -> Column:
-        """The column (r,) of positions, rad (m), of the r primary joints among those of all n joints of the tree, q
-        (n,), over scalars of any kind; q itself where there are no loops. Nothing is checked."""
+        """The column (r,) of positions, rad (m), of the r primary (independent) joints among those of all n joints of
+        the spanning tree, q (n,), over scalars of any kind (floats, arrays, or symbols to be compiled); q itself where
+        there are no loops. Nothing is checked."""
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property

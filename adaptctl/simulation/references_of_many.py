@@ -83,7 +83,7 @@ class SinusoidForm:
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
         """The reference point of an arm's sums of sinusoids, at the time in `columns`, or `ahead` (s) of it, 0 unless
         given: columns (`size`,) of positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2),
-        over scalars of any kind.
+        over scalars of any kind (floats, arrays, or symbols to be compiled).
 
         `columns` has by name "time" (1,), s, and the sinusoids' numbers "center", "amplitude", "frequency", "phase" and
         "start_time", of the lengths in `SinusoidForm.held`. Raises `KeyError` where one is missing.

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 @needed("mechanism_system")
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
     """A continuous-time python-control system of a mechanism, called `name`, its forward dynamics: 2r states, which are
-    the outputs, positions p, rad (m), and velocities v, rad/s (m/s), of the r primary joints, and r inputs, torque, N m
-    (N).
+    the outputs, positions p, rad (m), and velocities v, rad/s (m/s), of the r primary (independent) joints, and r
+    inputs, torque, N m (N).
 
     Signals are ``torque[0]``, ..., ``p[0]``, ..., ``v[0]``, ..., in the order of the primary joints. With loops, p is
     followed from the reference configuration at every evaluation, which raises `SingularityError` where it cannot be,
@@ -56,9 +56,9 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 @needed("plant_system")
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
     """A discrete-time python-control system of a plant, called `name`, one step a control period, as `rollout` drives
-    it: for r primary joints 2r states, which are the outputs, positions ``p[0]``, ..., rad (m), then velocities
-    ``v[0]``, ..., rad/s (m/s), and r inputs, ``torque[0]``, ..., N m (N), held over the period; torque limits and
-    friction are included.
+    it: for r primary (independent) joints 2r states, which are the outputs, positions ``p[0]``, ..., rad (m), then
+    velocities ``v[0]``, ..., rad/s (m/s), and r inputs, ``torque[0]``, ..., N m (N), held over the period; torque
+    limits and friction are included.
 
     Raises `InputError` for a plant with effects other than in the joints, which friction is, as its state is more than
     p and v, and `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` for NaN or infinity

@@ -27,7 +27,8 @@ class Motors(NamedTuple):
 
 class Springs(NamedTuple):
     """The torque f (r,) of the springs and dampers of r elastic joints over an integration step of `dt` (s), linear in
-    the links' joint velocities at its end; columns (r,) over scalars of any kind. Nothing is checked.
+    the links' joint velocities at its end; columns (r,) over scalars of any kind (floats, arrays, or symbols to be
+    compiled). Nothing is checked.
 
     The motors have positions theta and velocities w, the links' joints p and v; the index 1 is for the end of the step.
     With u = w - v the stretch of the springs at the end is taken to be (theta - p) + dt (u + u_1)/2. The motors'
@@ -83,7 +84,7 @@ class Transmission:
     `stiffness`, N m/rad (N/m), and `damping`, N m s/rad (N s/m), are (r,), as is `inertia`, kg m^2 (kg): that of the
     motors, behind their gears, besides the rotors modelled. `rotors` (r,) has for each joint the index of its rotor's
     inertia among the mechanism's P inertial parameters, None where it has none; `primary` (r,) the indices of the
-    primary (independent) joints among the tree's n.
+    primary (independent) joints among the spanning tree's n.
     """
 
     stiffness: Array
@@ -117,29 +118,29 @@ class Transmission:
 
     def motors(self, parameters: Column) -> Column:
         """Inertias (r,) of the motors of r joints behind their gears, kg m^2 (kg of a prismatic joint), from the
-        mechanism's P inertial `parameters` (P,), SI units, which have the rotors', over scalars of any kind. Raises
-        `IndexError` for too few of them."""
+        mechanism's P inertial `parameters` (P,), SI units, which have the rotors', over scalars of any kind (floats,
+        arrays, or symbols to be compiled). Raises `IndexError` for too few of them."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
     def links(self, parameters: Column) -> Column:
         """Inertial parameters (P,) of the links alone, SI units: the mechanism's P `parameters` (P,) with the rotors'
-        inertias replaced by zero, over scalars of any kind."""
+        inertias replaced by zero, over scalars of any kind (floats, arrays, or symbols to be compiled)."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
-        """The torques, a `Springs`, of the r joints' springs over an integration step of `dt` (s), over scalars of any
-        kind: at positions q (n,), rad (m), of the tree's n joints, velocities v (r,), rad/s (m/s), and the `motors`'
-        positions and velocities, these driven by a `torque` (r,), N m (N). Raises `ValueError` or `IndexError` for
-        columns that are too short."""
+        """The torques, a `Springs`, of the r joints' springs over an integration step of `dt` (s), at positions q (n,),
+        rad (m), of the spanning tree's n joints, velocities v (r,), rad/s (m/s), and the `motors`' positions and
+        velocities, these driven by a `torque` (r,), N m (N); over scalars of any kind (floats, arrays, or symbols to be
+        compiled). Raises `ValueError` or `IndexError` for columns that are too short."""
         half = (0.5 * dt) * column(self.stiffness)
         held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
-        """Kinetic energy of the motors plus elastic energy of the springs, J, over scalars of any kind, at positions q
-        (n,), rad (m), of the tree's n joints and the `motors`' positions, velocities and inertias (r,). Raises
-        `ValueError` or `IndexError` for columns that are too short."""
+        """Kinetic energy of the motors plus elastic energy of the springs, J, over scalars of any kind (floats, arrays,
+        or symbols to be compiled), at positions q (n,), rad (m), of the spanning tree's n joints and the `motors`'
+        positions, velocities and inertias (r,). Raises `ValueError` or `IndexError` for columns that are too short."""
         stretch = self._stretch(q, motors)
         total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
         return total
@@ -149,8 +150,8 @@ class Transmission:
 
     def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
         """The fastest oscillation of the springs, rad/s, and the fastest decay by the dampers, 1/s, two floats, over
-        positions p (samples, r), rad (m), of the `mechanism`'s r primary joints. Raises `InputError` where the mass
-        matrix without rotors is singular."""
+        positions p (samples, r), rad (m), of the `mechanism`'s r primary (independent) joints. Raises `InputError`
+        where the mass matrix without rotors is singular."""
         own = column(mechanism.inertial_parameters)
         links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
         mass = links.mass_matrix(p)
