@@ -23,7 +23,19 @@ _NOTHING = (Column(()), Column(()))
 
 
 class Sample(NamedTuple):
-    """The record of a control period: the state at its beginning, and the torques commanded and applied on it."""
+    """The record of one control period of a closed loop: the state at its beginning, and the torques commanded and
+    applied on it. Its parts are columns over scalars of any kind (floats, arrays, or symbols to be compiled), or
+    arrays, with leading axes for more periods or arms. Nothing is checked.
+
+    `q` (n,), rad (m), are positions of the n joints of the plant's spanning tree; `v` (r,), rad/s (m/s), velocities of
+    its r primary (independent) joints; `measured_p` and `measured_v` (r,), in the same units, what the sensors measured
+    of these, (0,) without sensors; `energy` (1,), J, is kinetic plus potential. `torque` (r,), N m (N), was commanded,
+    and `applied` (r,) reached the joints; `clipped` (1,) is 1 where the command was beyond the plant's torque limits,
+    else 0. `estimate` (k,) has the controller's k parameter estimates, SI units, after the period's evaluation of its
+    law, k = 0 where it has none. `marks` (m,), named in `ClosedLoop.marks`, are 1 where an actuator effect or a guard
+    of the controller acted, else 0. `learning` (l,) has the l numbers that the adaptation law records of its memory, l
+    = 0 where it records none.
+    """
 
     q: Any
     """(n,) the tree's joints"""
@@ -51,12 +63,12 @@ class Sample(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
     """A closed loop of a `plant` and a `controller` as one step, a control period: at its beginning the controller
-    ticks on the plant's measured positions and velocities, and the plant holds its torque until the end.
+    computes a torque from the plant's measured positions and velocities, and the plant holds it until the end.
 
-    These columns pass from one period to the next, in this order: q, positions of the n joints of the plant's tree; v,
-    velocities of its r primary joints; the memories of the plant's drives and sensors; where there are sensors, the
-    last measurement; and the controller's memory. Loops that differ in tunable gains alone are equal, and share native
-    code. Raises `InputError` where plant and controller differ in their number r of joints.
+    These columns pass from one period to the next, in this order: q, positions of the n joints of the plant's spanning
+    tree; v, velocities of its r primary (independent) joints; the memories of the plant's drives and sensors; where
+    there are sensors, the last measurement; and the controller's memory. Loops that differ in tunable gains alone are
+    equal, and share native code. Raises `InputError` where plant and controller differ in their number r of joints.
     """
 
     plant: Plant
@@ -71,9 +83,9 @@ class ClosedLoop:
     @cached_property
     def state(self) -> dict[str, int]:
         """Lengths of the columns that pass from one control period to the next, by name: "q", the n joints of the
-        plant's tree, "v", its r primary joints, "drives" and "sensors", memories of the plant, "measured_p" and
-        "measured_v", r each, or 0 where nothing is measured, and "memory_0" and so on, the arrays of the controller's
-        memory."""
+        plant's spanning tree, "v", its r primary (independent) joints, "drives" and "sensors", the memories of the
+        plant's effects, "measured_p" and "measured_v", r each, or 0 where nothing is measured, and "memory_0",
+        "memory_1", ..., the arrays of the controller's memory."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
@@ -99,13 +111,13 @@ class ClosedLoop:
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
         """The columns after one control period, as a list in the order of the property `state`, and the `Sample`
-        recorded of it (positions, torques, energy in J and so on, in columns), over scalars of any kind (floats, arrays
-        of samples, dual numbers, nodes of an expression graph).
+        recorded of it, which has the period's positions, velocities, torques and energy (J), over scalars of any kind
+        (floats, arrays of samples, dual numbers, nodes of an expression graph).
 
         `columns` are, in SI units, those before it: "q", "v", "drives", "sensors", "measured_p", "measured_v" and
-        "memory_0" and so on (lengths in the property `state`); "parameters" and "gains" (in `held`); "reference_p",
-        "reference_v" and "reference_a" (in `reference`); "noise". Without "gains" the controller's own are taken.
-        Raises `KeyError` where another is missing.
+        "memory_0", "memory_1", ... (lengths in the property `state`); "parameters" and "gains" (in `held`);
+        "reference_p", "reference_v" and "reference_a" (in `reference`); "noise". Without "gains" the controller's own
+        are taken. Raises `KeyError` where another is missing; lengths are not checked.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
@@ -201,6 +213,8 @@ class ClosedLoop:
 
 
 def guards(memory: Any) -> tuple[Any, ...]:
-    """The marks of a controller's guards: a NamedTuple, empty without guards."""
+    """The marks in a controller's `memory`: where the controller is `Guarded`, a named tuple of columns or arrays (1,)
+    each, such as `torque_limited`, that are 1 where that guard acted in the last control period, else 0; an empty tuple
+    for a controller without guards. Raises nothing."""
     marks = getattr(memory, "marks", ())
     return marks if isinstance(marks, tuple) else ()

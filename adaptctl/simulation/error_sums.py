@@ -17,8 +17,18 @@ LARGEST = float(np.finfo(np.float64).max)
 
 
 class ErrorSums(NamedTuple):
-    """Sums of tracking errors over the control periods so far, until a run diverges; as columns, or as arrays (M,
-    n)."""
+    """Sums of the tracking errors (positions less the reference's) of a run of r joints over its control periods so
+    far: columns over scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, n) for M runs. They
+    stay once the run has diverged, an error being NaN or larger than its bound `beyond`, rad (m), (r,). Nothing is
+    checked.
+
+    `squares` (r,), rad^2 (m^2), are sums of the errors' squares, and `final_squares` (r,) those of the periods at the
+    run's end over which its final error is taken; `largest` (r,), rad (m), are the errors' largest magnitudes.
+    `outside` (1,) is the number of periods up to and including the last one with an error larger than its bound
+    `within`, rad (m), (r,), 0 where there was none; `diverged` (1,) that up to and including the one in which the run
+    diverged, 0 where it did not; `joint` (1,) the number, from 1, of the first joint whose error made it diverge, else
+    0.
+    """
 
     squares: Any
     """(r,) of the errors' squares"""
@@ -27,26 +37,38 @@ class ErrorSums(NamedTuple):
     largest: Any
     """(r,) the errors' largest magnitudes"""
     outside: Any
-    """(1,) the number of control periods when an error was last beyond `within`, that one included"""
+    """(1,) the number of control periods up to the last one with an error beyond `within`, that one included; 0 while
+    none was"""
     diverged: Any
-    """(1,) the number of control periods before an error was first beyond `beyond`, less one; 0 while none was"""
+    """(1,) the number of control periods up to the first one with an error beyond `beyond`, that one included; 0 while
+    none was"""
     joint: Any
     """(1,) the number of the first joint that was, from 1; 0 while none was"""
 
 
 def sum_sizes(joints: int) -> dict[str, int]:
-    """Lengths of the sums' columns, by name."""
+    """Lengths, by name, of the columns that hold a run's `ErrorSums`, which are sums of tracking errors of r `joints`:
+    r for "squares", "final_squares" and "largest", 1 for "outside", "diverged" and "joint". Nothing is checked."""
     return ErrorSums(joints, joints, joints, 1, 1, 1)._asdict()
 
 
 def judged_by(joints: int) -> dict[str, int]:
-    """Lengths, by name, of the columns that errors are judged by: bounds, and the control period from which they are
-    final."""
+    """Lengths, by name, of the columns that tracking errors of r `joints` are judged by: r for the bounds "within" and
+    "beyond", rad (m), of the errors' magnitudes; 1 for "final", the index from 0 of the control period from which on
+    errors count as final. Nothing is checked."""
     return {"within": joints, "beyond": joints, "final": 1}
 
 
 def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> ErrorSums:
-    """The sums after a control period, whose number is on the clock, with these tracking errors (r,)."""
+    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over scalars of any kind
+    (floats, arrays, or symbols to be compiled).
+
+    `clock` is the period's index, from 0, and `error` (r,) are its tracking errors, positions of r joints less the
+    reference's, rad (m). `columns` has, by name, the sums before the period, and what errors are judged by: the bounds
+    "within" and "beyond" (r,), rad (m), and "final" (1,), the index of the first period whose errors are final. An
+    error that is NaN or larger than `beyond` makes the run diverge: from this period on all sums stay. Raises
+    `KeyError` where a column is missing, `IndexError` or `ValueError` for bounds that are too short.
+    """
     before = ErrorSums(*(columns[name] for name in ErrorSums._fields))
     sizes = Column(map(absolute, error))
     joint = before.joint[0]
@@ -71,7 +93,14 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
 
 
 class ErrorSummary(NamedTuple):
-    """Summaries of the tracking errors of M runs of r joints, rad or m, and of when they returned or diverged, s."""
+    """Summaries of the tracking errors, positions less the reference's, of M runs of r joints. Nothing is checked.
+
+    (M, r), rad (m): `rms_error`, root mean square; `largest_error`, largest magnitude; `final_rms_error`, root mean
+    square over the last SETTLED (2) s; NaN where they are not known. (M,): `return_time`, s, after which every error
+    stayed within the bounds asked for, NaN where the last one did not or the run diverged; `diverged_at`, s, at which
+    an error was first not finite or beyond the bound for divergence, NaN where none was; `diverged_joint`, the index
+    from 0 of the first joint whose error that was, else -1.
+    """
 
     rms_error: Array
     largest_error: Array
@@ -82,10 +111,14 @@ class ErrorSummary(NamedTuple):
 
 
 def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> ErrorSummary:
-    """Summaries of sums (M, n) after `count` control periods of `period` s, of which those from `final` on are final.
+    """The `ErrorSummary` of M runs of r joints, from their `sums`, arrays (M, r) or (M, 1), after `count` control
+    periods of `period` (s): root mean squares and largest magnitudes of tracking errors, rad (m), and times of return
+    and divergence, s.
 
-    Where no bound was asked for, the errors of runs that diverged are NaN; so are final ones of runs too short to have
-    a beginning besides.
+    Errors count as final from the period of index `final` on. `beyond` (r,), rad (m), are the bounds by which runs
+    diverged: where all are infinite, `rms_error` and `largest_error` of runs that diverged are NaN; else they are of
+    the time before. The final error is NaN where a run diverged before its end began, or is shorter than 2 s. Nothing
+    is checked.
     """
     joint = sums.joint[:, 0].astype(np.int64) - 1
     lost = joint >= 0

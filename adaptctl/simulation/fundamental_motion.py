@@ -18,15 +18,21 @@ LONGEST = 12
 
 
 class FundamentalMotion(NamedTuple):
-    """The equations of the same motion in fewer operations: on `equations` of links with frames at their joints, of
-    whose parameters all but some are zero; `sums` has, for each of these P', the terms of the true parameters that it
-    is made of, their places and weights."""
+    """A mechanism's equations of motion in fewer operations: in the fundamental (base) parameters onto which its
+    inertial parameters are regrouped, which leaves many of them zero, and with each link's frame at its joint.
+
+    `equations` are these, of P' parameters. `sums` has for each of the P' a tuple of pairs (index, weight): the
+    parameter is the sum of the mechanism's own parameters (P,), SI units, at these indices, times their weights; the
+    tuple is empty where it is zero. Nothing is checked.
+    """
 
     equations: Equations
     sums: tuple[tuple[tuple[int, float], ...], ...]
 
     def parameters(self, true: Column) -> Column:
-        """The parameters (P',) of the equations, regrouped from the true ones (P,)."""
+        """The column (P',) of the P' parameters of `equations`, regrouped from the mechanism's P `true` parameters
+        (P,), SI units, over scalars of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError` for a
+        column that is too short."""
 
         def total(terms: tuple[tuple[int, float], ...]) -> Scalar:
             (i, weight), *rest = terms
@@ -36,8 +42,12 @@ class FundamentalMotion(NamedTuple):
 
 
 def fundamental_motion(mechanism: Mechanism) -> FundamentalMotion | None:
-    """The motion of a mechanism on its fundamental parameters; None for long ones, for constraints on parameters and
-    where there is no certain basis."""
+    """A mechanism's equations of motion in its fundamental (base) parameters, as a `FundamentalMotion`: these are the
+    combinations of inertial parameters that the motion depends on, and take fewer operations than all parameters.
+
+    None is returned for a mechanism of more than LONGEST (12) links, for a subclass of `Mechanism`, as one with
+    constraints on its parameters is, and where no such basis can be certified. Nothing is raised.
+    """
     if type(mechanism) is not Mechanism or len(mechanism.links) > LONGEST:
         return None
     turned = Mechanism(with_joint_frames(mechanism.description))

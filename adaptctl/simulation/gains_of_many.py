@@ -20,8 +20,10 @@ NONE: Mapping[str, Array] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False)
 class GainsOfMany:
-    """Gains of many arms by name, each as the controller has it or with a leading axis of arms; the others are the
-    controller's."""
+    """Gains (tunable numbers) of the controllers of M arms: `given` maps names in `controller.numbers`, such as
+    "bandwidth", to arrays in the shapes and units that they have there, the same for all arms, or with a leading axis
+    of M; the numbers not given are those of the `controller`. `GainsOfMany.of` checks them; the class itself checks
+    nothing."""
 
     controller: Controller[Any]
     given: Mapping[str, Array]
@@ -33,8 +35,14 @@ class GainsOfMany:
         given: Mapping[str, ArrayLike],
         own: Mapping[str, Array] = NONE,
     ) -> GainsOfMany:
-        """Gains that the controller takes: every set is checked as a new controller's is, but for those that are
-        controllers' `own`. Raises what a new controller raises."""
+        """Gains of many arms: those `given`, by their names in `controller.numbers`, in the shape that they have there
+        or with a leading axis of M arms; or `own`, with that axis, the numbers of M controllers made and checked
+        before, none unless given.
+
+        Every arm's set of those given is checked as that of a new controller is. Raises `InputError` where both are
+        given and for arrays of another shape or of no numbers, `NotFoundError` for a name that is not there, and what
+        the controller's class raises for its numbers, such as `GainError`.
+        """
         if own and given:
             raise InputError("gains: expected none besides those of a sequence of controllers")
         if own:
@@ -50,12 +58,15 @@ class GainsOfMany:
 
     @property
     def arms(self) -> dict[str, tuple[int, ...]]:
-        """The leading axes of each gain, by name."""
+        """The leading axes of each gain given, by its name with the word "gains" before it, as in "gains bandwidth":
+        (M,) where it has a row for each of M arms, () where it is the same for all; empty where no gain is given."""
         sizes = {name: x.ndim - self.controller.numbers[name].ndim for name, x in self.given.items()}
         return {f"gains {name}": self.given[name].shape[:axes] for name, axes in sizes.items()}
 
     def require(self) -> None:
-        """Raise what a new controller would raise with any of the sets, such as `InputError` and `GainError`."""
+        """Raise what the controller's class raises for its numbers, such as `InputError` and `GainError`, unless each
+        arm's set of gains would make a controller. Gains with unlike numbers of rows are not checked here:
+        `simulate_many` refuses them."""
         if not self.given:
             return
         count = max((axes[0] for axes in self.arms.values() if axes), default=1)
@@ -74,7 +85,9 @@ class GainsOfMany:
             self.controller.tuned({name: x.max(axis=0) for name, x in each.items()})
 
     def of_arms(self, arms: slice) -> dict[str, Array]:
-        """Gains (M, ...) of some of the arms, by name; nothing where none was given."""
+        """All tunable numbers of the controllers of M arms, by their names in `controller.numbers`: arrays (M, ...) in
+        the shapes and units of these, of the arms that the slice `arms` (from start to stop) selects; {} where no gain
+        is given. Nothing is checked."""
         if not self.given:
             return {}
         count = arms.stop - arms.start
@@ -82,7 +95,9 @@ class GainsOfMany:
         return own | self._rows(arms, count)
 
     def packed(self, arms: slice) -> Array:
-        """Gains (M, g) of some of the arms, one after the other."""
+        """All g tunable numbers of the controllers of M arms in one array (M, g), in the order of `controller.numbers`,
+        matrices row by row, of the arms that the slice `arms` (from start to stop) selects. Raises `ValueError` where
+        no gain is given."""
         return np.concatenate([x.reshape(len(x), -1) for x in self.of_arms(arms).values()], axis=1)
 
     def _rows(self, arms: slice, count: int) -> dict[str, Array]:
@@ -91,8 +106,10 @@ class GainsOfMany:
 
 
 def alike(given: Controller[Any] | Sequence[Controller[Any]]) -> tuple[Controller[Any], dict[str, Array]]:
-    """One controller for a sequence of them that differ in numbers alone, and by name these numbers (M, ...). Raises
-    `InputError` where they differ in more."""
+    """One controller that stands for all: the first of a sequence of M, and a dict of their tunable numbers, such as
+    gains, by name, arrays (M, ...) in the shapes and units of `Controller.numbers`; of a controller that is given
+    alone, itself and {}. Raises `InputError` for an empty sequence, for what is no controller, and where controllers
+    differ in more than these numbers."""
     if isinstance(given, Controller):
         return given, {}
     controllers = list(given) if isinstance(given, Sequence) else []

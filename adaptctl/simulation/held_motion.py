@@ -25,7 +25,17 @@ STILL = 1e-9
 
 
 class Bodies(NamedTuple):
-    """Equations of motion under a torque, as an integrator needs them."""
+    """Equations of motion under a torque as three functions over columns, scalars of any kind (floats, arrays, or
+    symbols to be compiled), as an integrator takes them. Nothing is checked.
+
+    Their columns are q (n,), rad (m), positions of the spanning tree's n joints, and v (r,), rad/s (m/s), velocities of
+    the r primary (independent) joints; with elastic joints each is followed by the motors' (r,). `rates` gives the rate
+    q' (n,) of q, rad/s (m/s), from q and v. `moved` gives q' and the accelerations v' (r,), rad/s^2 (m/s^2), from q, v,
+    the torque (r,), N m (N), and the inertial parameters (P,), SI units; where it is for the links alone and an
+    implicit integrator, it may be given one more column (r,), N m s/rad (N s/m), the decrease of the torque for every
+    rad/s that v gains in the step. `projected` gives from q a configuration whose loops are closed more exactly, q
+    itself for a tree.
+    """
 
     rates: Callable[[Column, Column], Column]
     """from q and v to the rates of q"""
@@ -44,11 +54,15 @@ def held_motion(
     friction: Sequence[JointEffect] = (),
     transmission: Transmission | None = None,
 ) -> HeldMotion:
-    """The motion of a mechanism over a control period (s) under a held torque, integrated in equal steps; over scalars
-    of any kind.
+    """The motion of a mechanism over one `control_period` (s) under a held torque: a function from columns q (n,), v
+    (r,), torque (r,) and inertial parameters (P,) to q and v at the period's end, over scalars of any kind (floats,
+    arrays, or symbols to be compiled).
 
-    Where an integrator has several stages, they share one body of the forward dynamics. With loops the dependent
-    joints are integrated too, and projected back in every substep.
+    q, rad (m), are positions of all n joints of the spanning tree, v, rad/s (m/s), velocities of the r primary
+    (independent) joints, the torque is in N m (N), the parameters are in SI units. The period is integrated by
+    `integrator` in `substeps` equal steps. `friction` are effects that brake the joints, none unless given;
+    `transmission` has the springs of elastic joints, None for rigid ones: with it the motors' positions (r,) follow the
+    joints' in q, and their velocities (r,) in v. Loops are closed again in every step. Nothing is checked here.
     """
     dt, several = control_period / substeps, integrator.stages > 1
     fewer = fundamental_motion(mechanism) if transmission is None else None
@@ -95,7 +109,11 @@ def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[Join
 
 
 def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodies:
-    """The equations of motion of links and motors together; dt (s) is that of an implicit step, 0 for explicit ones."""
+    """The equations of motion, a `Bodies`, of links and motors together, from `links`, those of the links alone, and
+    the springs between them, `transmission`. Their configuration is the n positions of the spanning tree's joints, rad
+    (m), then the r of the motors; their velocities are those of the r primary (independent) joints, rad/s (m/s), then
+    the motors'. `dt` (s) is the step of an implicit integrator, whose springs' torque is taken at its end, and 0 for an
+    explicit one. Nothing is checked."""
     r = len(transmission.primary)
 
     def parted(both: Column) -> tuple[Column, Column]:
@@ -119,7 +137,8 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
 
 
 def joined(links: Column, motors: Column) -> Column:
-    """One column (2r,) of the links' numbers and the motors'."""
+    """The column (a + b,) of the numbers of `links` (a,), such as positions, followed by those of `motors` (b,), in the
+    units that they have."""
     return Column((*links, *motors))
 
 

@@ -24,7 +24,14 @@ STRETCH = 2000
 
 
 class Herd:
-    """Arms that take a stretch of time together."""
+    """A group of M arms, copies of one closed loop, that native code moves together through a stretch of control
+    periods, so that what it reads and writes fits the processor's caches.
+
+    `loop` is the closed loop, and `stepper` its native step of one control period; `members` is the slice of these arms
+    among all that are simulated, and `references` and `noise` are theirs alone. `parameters` (M, P) are their P true
+    inertial parameters, SI units, without the loads of effects. The attribute `arms` is the `Ensemble` of M copies of
+    the step, all zero until `begin`. Raises `InputError` for no arms.
+    """
 
     def __init__(
         self,
@@ -40,7 +47,14 @@ class Herd:
         self.arms = stepper.ensemble(len(parameters))
 
     def begin(self, p: Array, v: Array, memory: Any, tuned: GainsOfMany) -> None:
-        """Put the arms at positions and velocities (M, r), with a memory, or that of new controllers."""
+        """Put the arms at positions `p`, rad (m), and velocities `v`, rad/s (m/s), (M, r) of M arms of r joints.
+        `memory` is the controllers' first memory, arrays (M, length), or (length,) for all arms alike; None for that of
+        new controllers at what the sensors measure, whose noise is drawn. `tuned` has the gains of all arms simulated,
+        of which those of this group are taken.
+
+        Raises `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError`
+        on NaN or infinity.
+        """
         loop, own = self.loop, tuned.of_arms(self.members)
         state = loop.plant.init(p, v, loop.plant.parameters(self.parameters, 0.0), self.noise.drawn(1)[0])
         begun = loop.controller.init(state.measured_p, state.measured_v, own) if memory is None else memory
@@ -51,7 +65,11 @@ class Herd:
             self.arms.held[name] = values
 
     def judge(self, bounds: Mapping[str, Array], final: int, tuned: GainsOfMany) -> None:
-        """Set what errors are judged by."""
+        """Set the numbers that the arms' tracking errors are judged by: `bounds`, arrays (r,), rad (m), by the names
+        "within" and "beyond" (infinity becomes the largest number of the precision), and `final`, the index from 0 of
+        the control period from which on errors count as final. Set also the true parameters of the Lyapunov function
+        where it is known; `tuned` has the gains of all arms simulated. Raises `InputError` for other names and
+        lengths."""
         for name, bound in bounds.items():
             self.arms.held[name] = np.minimum(bound, float(np.finfo(self.arms.stepper.dtype).max))
         self.arms.held["final"] = float(final)
@@ -62,13 +80,22 @@ class Herd:
                 columns[name] = numbers
 
     def longest(self, *, record: bool) -> int:
-        """Control periods in a native call, by the memory that it needs."""
+        """The number of control periods that one native call takes at most, at least 1 and up to STRETCH (2000): as
+        many as keep what it reads and writes, besides the arms' states, within MEMORY (2^23 bytes). With `record` the
+        samples of all periods count too."""
         shapes, columns = self.arms.stepper.outputs, self.arms.stepper.columns
         numbers = sum(columns[Source.DRIVEN].values()) + (sum(map(math.prod, shapes)) if record else 0)
         return max(1, min(STRETCH, MEMORY // (8 * self.arms.members * numbers) if numbers else STRETCH))
 
     def taken(self, time: Array, *, record: bool, threads: int) -> tuple[Array, ...]:
-        """The control periods at these times."""
+        """The outputs of the native step in the control periods that begin at `time` (T,), s, which the M arms take:
+        with `record` arrays (T, M, ...) of all periods, else (M, ...) of the last one, in the order of the step's
+        outputs.
+
+        The loads of effects are those at the first of these times. `threads` share the arms. Raises `InputError` for a
+        number of threads below 1, and what the references raise, `InputError` and `NonFiniteError`, where they are
+        sampled.
+        """
         if self.loop.plant.loads:
             self.arms.held["parameters"] = self.loop.plant.parameters(self.parameters, time[0])
         signals = {**self.references.signals(time), "noise": self.noise.drawn(len(time))}

@@ -16,18 +16,18 @@ Rates: TypeAlias = Callable[[Column, Column], Column]
 
 
 def own(q: Column, v: Column) -> Column:
-    """The rates q' (n,) of the configuration of a tree of n joints, rad/s (m/s): its velocities v (n,), whatever the
-    configuration q (n,) in rad (m); the default `rates` of an `Integrator`."""
+    """The rates q' (n,), rad/s (m/s), of the positions of a tree's n joints: its velocities v (n,), the same column,
+    whatever the positions q (n,), rad (m). It is the default `rates` of an integrator's step. Nothing is checked."""
     return v
 
 
 class Integrator(Protocol):
-    """Protocol of a one-step method for second-order equations q' = rates(q, v), v' = acceleration(q, v), of a
-    configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s).
+    """Protocol of a one-step integration method for second-order equations of motion q' = rates(q, v), v' =
+    acceleration(q, v), of a configuration q (n,), rad (m), and velocities v (r,), rad/s (m/s).
 
-    `stages` is the number of accelerations that it evaluates a step; `implicit` is True if these have the friction of
-    the step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has all n joints of
-    the tree, more than the r primary ones.
+    `stages` is the number of accelerations that it evaluates in a step; `implicit` is True if these have the friction
+    of the step's end, not of its beginning. `rates` is for mechanisms with loops, whose configuration has all n joints
+    of the spanning tree, more than the r primary (independent) ones.
     """
 
     stages: ClassVar[int]
@@ -38,11 +38,12 @@ class Integrator(Protocol):
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
-        seconds after the q and v given, as new columns.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary (independent) ones,
+        rad/s (m/s), `dt` seconds after the q and v given, as new columns.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
-        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through.
+        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through; columns
+        of unlike lengths raise `ValueError`.
         """
         ...
 
@@ -59,11 +60,12 @@ class RungeKutta4:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
-        seconds after the q and v given, with an error in this step of order dt^5.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary (independent) ones,
+        rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^5.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
-        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through.
+        default v itself, as for a tree, where all joints are primary. No number is checked: NaN goes through; columns
+        of unlike lengths raise `ValueError`.
         """
         half = 0.5 * dt
         u1, a1 = rates(q, v), acceleration(q, v)
@@ -93,12 +95,12 @@ class SemiImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary ones, rad/s (m/s), `dt`
-        seconds after the q and v given, with an error in this step of order dt^2.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v (r,) of the r primary (independent) ones,
+        rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^2.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), at (q, the new
         velocities): by default those velocities themselves, as for a tree, where all joints are primary. No number is
-        checked: NaN goes through.
+        checked: NaN goes through; columns of unlike lengths raise `ValueError`.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
@@ -124,12 +126,12 @@ class LinearlyImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m), and velocities v_1 (r,) of the r primary ones, rad/s (m/s),
-        `dt` seconds after the q and v given, with an error in this step of order dt^2.
+        """Configuration q (n,) of all n joints, rad (m), and velocities v_1 (r,) of the r primary (independent) ones,
+        rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^2.
 
         `acceleration` gives (v_1 - v)/dt (r,), rad/s^2 (m/s^2), at (q, v), friction of the step's end included; `rates`
         gives q' (n,), rad/s (m/s), at (q, (v + v_1)/2): by default that velocity itself, as for a tree, where all
-        joints are primary. No number is checked: NaN goes through.
+        joints are primary. No number is checked: NaN goes through; columns of unlike lengths raise `ValueError`.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, 0.5 * (v + after)), after

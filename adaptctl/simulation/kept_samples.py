@@ -12,10 +12,11 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class KeptSamples:
-    """Rule for the samples that a run keeps: one of `every` so many control periods, the first included, and of these
-    the `most` latest.
+    """Rule for the control periods of a run that are kept as samples: one of `every` so many, 1 unless given, the first
+    included, and of these the `most` latest, all where None.
 
-    Rows are those of a ring, which is as long as the run where all are kept.
+    Samples are kept in the rows of an array, which is filled from row 0; when all `most` rows are filled, the oldest is
+    overwritten. Nothing is checked at construction; `KeptSamples.of` checks.
     """
 
     every: int = 1
@@ -23,8 +24,9 @@ class KeptSamples:
 
     @classmethod
     def of(cls, every: int, last: float | None, period: float) -> KeptSamples:
-        """Rule for the samples of the `last` so many seconds. Raises `InputError` for what is no number of periods and
-        no time."""
+        """Rule for keeping one of `every` so many control periods of `period` (s), in the `last` so many seconds of a
+        run or, where `last` is None, in all of it; at least one sample is kept. Raises `InputError` for an `every` that
+        is no int of at least 1 and a `last` that is no positive finite number. The period is not checked."""
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
             raise InputError(f"every: expected a whole number of control periods, at least 1, got {every!r}")
         if last is None:
@@ -34,26 +36,32 @@ class KeptSamples:
         return cls(every, max(1, round(last / (every * period))))
 
     def room(self, steps: int) -> int:
-        """Number of rows for a run of so many control periods."""
+        """Number of rows that the kept samples of a run of so many `steps`, control periods, take. Nothing is
+        checked."""
         needed = -(-steps // self.every)
         return needed if self.most is None else min(needed, self.most)
 
     def row(self, period: int) -> int | None:
-        """The row of a control period, counted from 0; None where it is not kept."""
+        """The index of the row in which the sample of control period `period`, counted from 0, is kept; None where that
+        is not kept."""
         sample, rest = divmod(period, self.every)
         return None if rest else sample if self.most is None else sample % self.most
 
     def among(self, first: int, count: int) -> slice:
-        """Slice of the samples among `count` control periods from the `first` on."""
+        """Slice of the kept ones among `count` successive control periods, of which the first has the index `first`,
+        counted from 0 in the run."""
         return slice(-first % self.every, count, self.every)
 
     def rows(self, first: int, count: int) -> NDArray[np.int64]:
-        """Row numbers (count,) of these samples; more than `most` at once overwrite each other in order."""
+        """The indices (s,) of the rows of the s samples kept of `count` successive control periods, of which the first
+        has the index `first`, counted from 0. Where s is more than `most`, indices repeat, and the later sample is the
+        one to keep."""
         samples = np.arange(-(-first // self.every), -(-(first + count) // self.every))
         return samples if self.most is None else samples % self.most
 
     def order(self, count: int) -> slice | NDArray[np.int64]:
-        """Row numbers (n,) of a run of `count` control periods, in order of time."""
+        """The rows that hold samples after `count` control periods of a run, the oldest first: a slice, or an array
+        (s,) of s row indices where older samples have been overwritten."""
         samples = -(-count // self.every)
         if self.most is None or samples <= self.most:
             return slice(0, samples)

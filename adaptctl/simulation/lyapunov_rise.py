@@ -26,8 +26,14 @@ To solve with Gamma in each control period takes four times as long as the rest 
 
 
 class LyapunovRise(NamedTuple):
-    """V at the latest tick and its largest rise so far, until a run diverges; as columns, or as arrays (M, n), empty
-    where V is not known."""
+    """The Lyapunov function V of Slotine and Li's law at the latest control period, and its largest rise so far:
+    columns over scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, 1) for M arms. Nothing
+    is checked.
+
+    `lyapunov` (1,), J, is V = s'H s/2 plus the adaptation law's distance between estimated and true parameters; s is
+    the sliding variable, rad/s (m/s), H the mass matrix. `lyapunov_rise` (1,), J, is its largest rise from one period
+    to the next until the run diverged, 0 where it never rose. Both are empty, (0,), where V is not known.
+    """
 
     lyapunov: Any
     """(1,) J, V itself"""
@@ -36,13 +42,17 @@ class LyapunovRise(NamedTuple):
 
 
 def rise_sizes(law: SlotineLi | None) -> dict[str, int]:
-    """Lengths of the columns of a Lyapunov function's rise, by name; `law` is what `watched` found."""
+    """Lengths, by name, of the columns "lyapunov" and "lyapunov_rise", the Lyapunov function V and its largest rise, J:
+    1 each, or 0 where `law`, the controller as the function `watched` returns it, is None, so that V is not known."""
     known = 0 if law is None else 1
     return LyapunovRise(known, known)._asdict()
 
 
 def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
-    """Lengths of the columns that stay, by name: true parameters and, where Gamma is no diagonal, its inverse."""
+    """Lengths, by name, of the constant columns that the Lyapunov function of `law`, a controller as the function
+    `watched` returns it, is computed from: "truth", the true values of its k adapted parameters, and, where the
+    adaptation gain Gamma is a whole matrix (k, k), "metric", the k (k + 1)/2 numbers of the upper triangle of its
+    inverse. Empty where `law` is None, so that the function is not known."""
     if law is None:
         return {}
     k = len(law.model.names)
@@ -51,9 +61,14 @@ def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
 
 @lru_cache(maxsize=8)  # asked for by every herd of arms
 def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
-    """The controller, if its V follows from the joints, the estimate and the true parameters alone: Slotine and Li's,
-    with an adaptation law whose term depends on no more, on rigid joints of the model's own geometry, and on links that
-    carry the same all the time. In single precision its rises would be those of round-off."""
+    """The controller of a closed loop where its Lyapunov function V can be computed in the run from joints, estimate
+    and true parameters alone; None where it cannot. The answers for the 8 loops used last are kept.
+
+    It can for Slotine and Li's law itself, without adaptation or with an adaptation law whose term of V depends on the
+    estimate alone, on a plant of rigid joints, without loads that come and go, whose equations are those of the
+    controller's model, and without linear constraints that fix parameters. In `precision` "single" it never can, for
+    rises would be those of round-off; the other is "double". Nothing is raised.
+    """
     law, plant = loop.controller, loop.plant
     if precision == "single":
         return None
@@ -69,8 +84,16 @@ def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
 def first_rise(
     law: SlotineLi | None, parameters: Array, gains: Mapping[str, Array]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The columns before the first tick, by name, with a V from which nothing rises; and those that stay, of arms whose
-    parameters are (M, P) and whose gains (M, ...) are as given by name, or the law's."""
+    """The columns of a Lyapunov function V's rise before the first control period, and its constant columns, two dicts
+    by name for M arms: "lyapunov", the largest finite number, from which nothing rises, and "lyapunov_rise", 0; then
+    "truth" (M, k), the true values of the k adapted parameters in SI units, and, where the adaptation gain Gamma is a
+    whole matrix, "metric" (M, k (k + 1)/2), the upper triangle of its inverse, row by row, with half its diagonal.
+
+    `law` is the controller as the function `watched` returns it; where it is None, both dicts are empty. `parameters`
+    (M, P) are the P true inertial ones, SI units; `gains` has arms' own tunable numbers, (M, ...), by name, of which
+    "adaptation.gain" (M, k, k) is read, the controller's where missing. Raises `numpy.linalg.LinAlgError` for a gain
+    that is singular.
+    """
     if law is None:
         return {}, {}
     # Not by BLAS, whose second thread takes longer to begin than so few products.
@@ -90,8 +113,15 @@ def _whole_gain(law: SlotineLi) -> Array | None:
 def risen(
     loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
 ) -> LyapunovRise:
-    """The columns of a Lyapunov function's rise after a control period; `runs` is a condition that holds until a run
-    diverges."""
+    """The `LyapunovRise`, Slotine and Li's Lyapunov function V and its largest rise so far, in J, after a control
+    period of a closed `loop`, over scalars of any kind (floats, arrays, or symbols to be compiled).
+
+    `sample` is the period's record, `point` the reference in it, columns (r,) of positions, rad (m), velocities and
+    accelerations, the same per s and s^2, of r joints; `runs` is a condition that is true until the run diverges, from
+    when on the rise stays. `columns` has by name what `first_rise` gave or the period before left, "lyapunov",
+    "lyapunov_rise", "truth" and "metric", and "gains", if any, (g,), the arm's own tunable numbers. Where V is not
+    known, the first two are empty and are returned as they are. Raises `KeyError` where a column is missing.
+    """
     before = LyapunovRise(*(columns[name] for name in LyapunovRise._fields))
     if not len(before.lyapunov):
         return before

@@ -23,8 +23,10 @@ Pair = tuple[str, str]
 
 
 def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
-    """Counts of pairs of bodies, one of them the arm's, that are in one another, over positions (n, r) of the arm; all
-    else stands as the scene draws it."""
+    """Counts of the pairs of bodies in contact, by their names, over positions (n, r), rad (m), of the r joints of a
+    MuJoCo `plant`'s arm: for each pair with a body of the arm in it, the number of positions at which the two penetrate
+    each other. All else is in the model's initial state; a body without a name is called "body" and its index. Raises
+    `ValueError` for positions of another number of joints."""
     import mujoco
 
     model, arm = plant.model, plant.arm
@@ -40,12 +42,16 @@ def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
 
 
 def contacts_along(plant: MuJoCoPlant, reference: Reference) -> Counter[Pair]:
-    """Counts of pairs of bodies that are in one another at TIMES times of HORIZON s, the arm on a reference."""
+    """Counts of the pairs of bodies in contact, by their names, along a `reference` of the r joints of a MuJoCo
+    `plant`'s arm: for each pair with a body of the arm in it, at how many of TIMES (201) times, evenly over the first
+    HORIZON (20) s, the two penetrate each other. Raises `ValueError` for a reference of another number of joints."""
     return contacts_at(plant, reference(np.linspace(0.0, HORIZON, TIMES)).p)
 
 
 def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
-    """Warn (`ReferenceWarning`) where an arm that is on the reference touches itself or the scene."""
+    """Warn (`ReferenceWarning`) where the arm of a MuJoCo `plant`, on the `reference` of its r joints, touches itself
+    or the scene at any of 201 times over the first 20 s: the message names the pair of bodies that touches most often.
+    Raises `ValueError` for a reference of another number of joints."""
     if not (found := contacts_along(plant, reference)):
         return
     (one, other), count = found.most_common(1)[0]
@@ -60,9 +66,12 @@ def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
 
 
 def clear_of_contacts(plant: MuJoCoPlant, drawn: Sinusoids) -> Sinusoids:
-    """A reference on which the arm touches nothing: the one drawn, or one drawn in towards the posture of the scene.
+    """A reference, sums of sinusoids, on which the arm of a MuJoCo `plant` touches neither itself nor the scene at any
+    of 201 times over the first 20 s: `drawn` itself or, where it touches, one drawn in towards the arm's posture in the
+    model's initial state, its centre nearer to that and its amplitudes smaller, by a factor of 0.8 in each of up to 19
+    trials.
 
-    Raises `InputError` where the arm touches something there too.
+    Raises `InputError` where the last trial touches something still.
     """
     if not contacts_along(plant, drawn):
         return drawn

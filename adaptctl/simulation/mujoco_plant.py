@@ -29,15 +29,22 @@ _SILENT = ("actuator_gainprm", "actuator_biasprm")
 
 @dataclass(frozen=True, eq=False)
 class MuJoCoPlant(Plant):
-    """An arm of a MuJoCo model, moved by MuJoCo under torques in N m that are held over each control period.
+    """A plant that is the arm of a MuJoCo model, moved by MuJoCo under torques, N m (N), that are held over each
+    control period of `control_period` (s).
 
-    The torques act at the joints (`qfrc_applied`), clipped to the limits of the joints' motors; the motors themselves
-    get no control. `body` is the arm's root, found where only one root body moves. Each control period is integrated
-    by MuJoCo in equal steps that are no longer than the model's own. The model given is copied, never changed.
-    `PlantState.drives` holds the whole scene, so that `step` is a function of what it is given.
+    Besides `model`, which must be given, its arguments are those of `Plant`: `mechanism`, the arm's r joints as this
+    package models them, `control_period`, and `torque_limits`, N m (N), one number or one a joint, None for the
+    mechanism's effort limits; `effects` must be empty, `substeps` and `integrator` are not used. `MuJoCoPlant.of` makes
+    the mechanism of the model. `body` names the arm's root body, None for the one root body that moves. The torques act
+    at the joints (`qfrc_applied`), clipped to the limits; the model's own actuators get no control. Each period is
+    integrated by MuJoCo in equal steps that are no longer than the model's own time step. The model is copied, never
+    changed. `PlantState.drives` holds the state of the whole scene, from which `step` goes on.
 
-    Actuators of the arm that are no torques would hold it against the law: they are refused with an
-    `InputError`, or, with `servos_off`, switched off.
+    Actuators of the arm that are no torques, such as position servos, would hold it against the controller: they raise
+    `InputError` unless `servos_off` is True (False by default), which switches them off. Raises `InputError` also
+    without a model, for effects, for a mechanism of another number of joints, for a period or limits that are not
+    positive, for ball and free joints and, with `body` None, for not one moving root; `NotFoundError` for an unknown
+    `body`.
     """
 
     model: mujoco.MjModel | None = None
@@ -62,7 +69,15 @@ class MuJoCoPlant(Plant):
     def of(
         cls, robot: str | Path | Mechanism | mujoco.MjModel, control_period: float, body: str | None = None, **more: Any
     ) -> MuJoCoPlant:
-        """The plant of a MuJoCo model, an MJCF scene's file, or a model made of another robot's links."""
+        """The plant of a `robot`'s MuJoCo model, with a `control_period` in s: a model (`mujoco.MjModel`), the path of
+        an MJCF scene (.xml, .mjcf), or another robot, a `Mechanism` or anything that `load` takes, of whose links a
+        model is made. `body` names the arm's root body, None for the one root body that moves; `more` are other
+        arguments of `MuJoCoPlant`, such as `torque_limits`, N m (N), and `servos_off`.
+
+        Raises `MissingExtraError` without MuJoCo, `FileError` for a file that cannot be read, `NotFoundError` for an
+        unknown name or body, `InputError` for what cannot be a MuJoCo model, for ball and free joints and for what the
+        class itself refuses, such as servos.
+        """
         model = as_mujoco(robot)
         own = robot if isinstance(robot, Mechanism) else None
         return cls(own or Mechanism.from_mujoco(model, body), control_period, model=model, body=body, **more)
@@ -70,7 +85,13 @@ class MuJoCoPlant(Plant):
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """The state at time zero, from the arm's positions and velocities (r,); all else is as the scene draws it."""
+        """The state at time zero of one arm at positions `p`, rad (m), and velocities `v`, rad/s (m/s), (r,) each; all
+        else in the scene is as the model has it at its start. `parameters` (P,), SI units, are the arm's P true
+        inertial ones, None for those of the last call that gave any, at first the mechanism's own; `noise` is not used,
+        for there are no sensors.
+
+        Raises `InputError` on a wrong shape and for parameters of no rigid bodies, `NonFiniteError` on NaN or infinity.
+        """
         p, v = (self._vector(x, what).astype(np.float64) for x, what in ((p, "p"), (v, "v")))
         scene = self._scene.having(parameters)
         return self._state(0.0, *scene.begun(p, v), np.zeros(self.dof), False)
@@ -82,9 +103,13 @@ class MuJoCoPlant(Plant):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """The state a control period later, under a torque (r,), clipped to the limits and held.
+        """The state of one arm a control period later, under a torque (r,) of r joints, N m (N), clipped to the limits
+        and held.
 
-        `parameters` (P,) are the true ones, the model's own unless given. Raises as `Plant.step` does.
+        `parameters` (P,), SI units, are the P true inertial ones in this period, None for those of the last call that
+        gave any, at first the mechanism's own; `noise` is not used. Raises `InputError` on a wrong shape and for
+        parameters of no rigid bodies, `NonFiniteError` on NaN or infinity in torque or parameters and where the motion
+        runs away.
         """
         given = self._finite(torque)
         applied = self.limited(given)
@@ -98,7 +123,7 @@ class MuJoCoPlant(Plant):
         return self._state(state.time + self.control_period, p, v, drives, applied, clipped)
 
     def compile(self) -> None:
-        """Compile now what would else be compiled when first used."""
+        """Compile the energy to native code now, not at its first use: all else is computed by MuJoCo."""
         _ = self._energy
 
     def _state(self, time: float, p: Array, v: Array, drives: Array, applied: Array, clipped: bool) -> PlantState:
@@ -106,7 +131,8 @@ class MuJoCoPlant(Plant):
 
     @cached_property
     def arm(self) -> MujocoArm:
-        """The part of the model that is the arm."""
+        """The part of the MuJoCo model that is the arm, a `MujocoArm`: its root body, and its bodies and joints by
+        their indices in the model. What may be wrong with it was raised when the plant was made."""
         from adaptctl.description.readers.mujoco_model import MujocoArm
 
         return MujocoArm.of(self.model, self.body)
@@ -186,7 +212,12 @@ class _Scene:
 
 
 def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
-    """A MuJoCo model: the one given, an MJCF scene's, or one made of another robot's links. Raises as `load` does."""
+    """A MuJoCo model: `robot` itself if it is one, that of an MJCF scene's file (.xml, .mjcf), or one made of the links
+    of a `Mechanism` or of another robot that `load` takes, by name or path.
+
+    Raises `MissingExtraError` without MuJoCo, `FileError` for a file that cannot be read, `NotFoundError` for an
+    unknown name, and `InputError` for a robot that MuJoCo cannot have, such as one with loops.
+    """
     try:
         import mujoco
     except ImportError as error:

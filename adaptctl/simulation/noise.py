@@ -12,8 +12,9 @@ from adaptctl.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Source of sensor noise: standard normal numbers, `size` of them a control period for each of M arms, from one
-    generator for all or one for each."""
+    """Source of sensor noise for M arms: standard normal numbers, `size` of them for each arm in a control period,
+    without a unit. `generators` has one random generator for all arms, or one for each; `members` is M. Nothing is
+    checked."""
 
     generators: Sequence[np.random.Generator]
     members: int
@@ -21,7 +22,10 @@ class Noise:
 
     @classmethod
     def of(cls, seed: int | Sequence[int] | None, members: int, herd: int, size: int) -> list[Noise]:
-        """Noise of arms in herds of at most `herd`, from one seed for all or one for each arm."""
+        """Sources of sensor noise, one for each group of at most `herd` arms, of all `members` arms in their order,
+        with `size` numbers for an arm in a control period. `seed` is one whole number for all arms, None for another
+        noise each time, or a sequence of one for each arm, whose noise then does not depend on the other arms. Raises
+        `ValueError` for a seed below 0 and, where `size` is not 0, for a sequence of another length."""
         counts = [min(herd, members - first) for first in range(0, members, herd)]
         if seed is None or isinstance(seed, int | np.integer):
             root = np.random.SeedSequence(None if seed is None else int(seed))
@@ -31,7 +35,8 @@ class Noise:
         return [cls(each[k * herd : k * herd + n], n, size) for k, n in enumerate(counts)]
 
     def drawn(self, steps: int) -> Array:
-        """The numbers (steps, M, size) of the next control periods."""
+        """Standard normal numbers (steps, M, size), without a unit, of the next `steps` control periods of M arms,
+        `size` for each arm in a period. Each call draws new ones."""
         if self.size == 0:
             return np.zeros((steps, self.members, 0))
         if len(self.generators) == 1:

@@ -16,7 +16,16 @@ from adaptctl.simulation.held_motion import HeldMotion, joined
 
 
 class PeriodOutcome(NamedTuple):
-    """Outcome of a control period in columns: first the four that are passed on to the next."""
+    """The outcome of one control period of a plant, as columns over scalars of any kind (floats, arrays, or symbols to
+    be compiled); the first four are passed on to the next period. Nothing is checked.
+
+    `q` (n,), rad (m), are positions of all n joints of the spanning tree, and `v` (r,), rad/s (m/s), velocities of the
+    r primary (independent) joints, at the period's end. `drives` (d,) is the memory of the actuator effects, followed,
+    with elastic joints, by the motors' positions (r,) and velocities (r,); `sensors` (s,) is that of the sensor
+    effects. `measured_p` and `measured_v` (r,) are what the sensors measure at the end, in rad (m) and rad/s (m/s).
+    `applied` (r,), N m (N), reached the joints; `clipped` (1,) is 1 where the torque commanded was beyond the plant's
+    limits, else 0; `marks` (m,), named in `Plant.marks`, are 1 where that actuator effect changed a torque, else 0.
+    """
 
     q: Column
     """(n,) the tree's joints"""
@@ -40,8 +49,17 @@ class PeriodOutcome(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ControlPeriod:
-    """A control period of `length` s: torques are clipped to `limits` (r,), pass the drives, move the mechanism, and
-    `primary` picks the joints that are measured among the tree's."""
+    """One control period of a plant, a function over scalars of any kind (floats, arrays, or symbols to be compiled)
+    from named columns to a `PeriodOutcome`: torques are clipped to the limits, pass the actuator effects and move the
+    mechanism, whose joints are then measured.
+
+    It is called with a mapping that has "q" (n,), rad (m), "v" (r,), rad/s (m/s), "torque" (r,), N m (N), "parameters"
+    (P,), the inertial ones in SI units, "noise" (2r,), standard normal numbers, empty without sensors, and the memories
+    "drives" and "sensors" of the effects; it raises `KeyError` where one is missing. `motion` moves the joints over the
+    period under a held torque; `effects` are those between controller and joints; `limits` (r,), N m (N), bound the
+    torques' magnitudes; `primary` are the indices, from 0, of the r primary (independent) joints among the spanning
+    tree's n; `length` is the period's, s. Nothing is checked at construction.
+    """
 
     motion: HeldMotion
     effects: PlantEffects
@@ -78,5 +96,6 @@ class ControlPeriod:
         return Column(x.of[:n]), Column(u.of[:r]), joined(Column(x.of[n:]), Column(u.of[r:]))
 
     def limited(self, torque: Column) -> Column:
-        """The torque (r,) N m clipped to the limits."""
+        """The torque (r,) of r joints, N m (N), clipped to plus and minus `limits`, over scalars of any kind (floats,
+        arrays, or symbols to be compiled). Raises `ValueError` for another number of joints."""
         return Column(clip(x, -bound, bound) for x, bound in zip(torque, self.limits, strict=True))

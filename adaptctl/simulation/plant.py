@@ -31,14 +31,14 @@ from adaptctl.simulation.transmission import Motors, Transmission
 
 _DOUBLE = np.dtype(np.float64)
 
-
 MOST_SUBSTEPS = 1_000_000
 """steps of the integrator in one control period"""
 
 
 @dataclass(frozen=True, eq=False)
 class Plant(Tunable):
-    """A plant: a mechanism of r primary joints driven by torques, N m (N), each held over one control period.
+    """A plant: r primary (independent) joints of a mechanism, driven by torques, N m (N), held over each control
+    period.
 
     `control_period` (s) is integrated in `substeps` equal steps of the `integrator`; `torque_limits`, N m (N), one
     number or one a joint (r,), bound the torques' magnitudes, infinity meaning no bound, None the mechanism's effort
@@ -47,9 +47,9 @@ class Plant(Tunable):
 
     The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
     noise, and equal calls give equal bits. Up to LARGEST_COMPILED (100) links run as native code, more in Python.
-    Raises `InputError` for a period that is not positive and finite, limits that are not positive, `substeps` that are
-    no whole number from 1 to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, massless links that carry no
-    mass, and effects whose settings do not fit.
+    Raises `InputError` for a period that is not positive and finite, limits not positive, `substeps` that are no whole
+    number from 1 to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, links that neither have nor carry mass,
+    and effects whose settings do not fit.
     """
 
     mechanism: Mechanism
@@ -78,7 +78,7 @@ class Plant(Tunable):
 
     @property
     def dof(self) -> int:
-        """Number r of primary (independent) joints; of a tree these are all."""
+        """Number r of the mechanism's primary (independent) joints; of a tree, without loops, all its joints."""
         return self.mechanism.dof
 
     @cached_property
@@ -99,8 +99,9 @@ class Plant(Tunable):
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next, by name: configuration "q" (n joints),
-        velocities "v" (r primary ones), "drives" (actuators' memory, 2r of elastic motors), "sensors" (memory)."""
+        """Lengths of the columns that pass from one control period to the next, by name: "q", the n joints of the
+        spanning tree; "v", the r primary (independent) ones; "drives", the memory of the actuator effects and, with
+        elastic joints, 2r numbers of the motors; "sensors", the memory of the sensor effects."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
@@ -123,13 +124,11 @@ class Plant(Tunable):
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
         """The state of one arm or many at time zero from positions p, rad (m), and velocities v, rad/s (m/s), (..., r).
-
-        The r joints have been held by the torque that gravity asks for on the P true inertial `parameters` (..., P),
-        SI units, None for the mechanism's own with the effects' loads; it stretches elastic joints' springs, whose
-        motors move as the links do. `noise` (..., 2r) is the first measurement's, standard normal, None for zero.
-        Raises `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError`
-        on NaN or infinity; `parameters` are read with actuator effects or elastic joints alone, `noise` with sensors.
-        """
+        The r joints have been held by the torque that gravity asks for on the P true inertial `parameters` (..., P), SI
+        units, None for the mechanism's own with the effects' loads; it stretches elastic joints' springs, whose motors
+        move as the links do. `noise` (..., 2r) is the first measurement's, standard normal, None for zero. Raises
+        `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN
+        or infinity; `parameters` are read with actuator effects or elastic joints alone, `noise` with sensors."""
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
         p, v = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
@@ -156,12 +155,10 @@ class Plant(Tunable):
         noise: ArrayLike | None = None,
     ) -> PlantState:
         """State of one arm a control period later, the torque (r,) of r joints, N m (N), being clipped and held.
-
         `parameters` (P,), SI units, are the P true inertial ones in this period, None for the mechanism's own with the
         effects' loads at the state's time. `noise` (2r,) is the sensors', standard normal, None for zero. Raises
         `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity in positions, velocities, torque or
-        parameters, or when the motion itself runs away; the noise is not checked for it.
-        """
+        parameters, or when the motion itself runs away; the noise is not checked for it."""
         true = self._true(state.time) if parameters is None else parameters
         moving = state.q, state.v, self._finite(torque), true
         if self._chained:
@@ -197,12 +194,12 @@ class Plant(Tunable):
         _ = self._advance, self._energy, self._sense
 
     def positions(self, q: Array) -> Array:
-        """Positions (..., r), rad (m), of the r primary joints among those of all n joints of the tree, q (..., n)."""
+        """Positions (..., r), rad (m), of the r primary (independent) joints among all n of the tree, q (..., n)."""
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of the configurations q (..., n), rad (m), at which loops are away from singularities and
-        positions p within the bounds that the description sets for its loops; all true for a tree."""
+        """Mask (...) of configurations q (..., n), rad (m), of the spanning tree's n joints where loops are away from
+        singularities, and primary joints within the bounds that the description sets for loops; all True for a tree."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -210,17 +207,20 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """Equation of a period over scalars of any kind, SI units, from named columns to a `PeriodOutcome`: positions q
-        (n,), velocities v and torque (r,), inertial parameters (P,), noise (2r,), memories `drives` and `sensors`."""
+        """The equation of a control period, a `ControlPeriod`: a function over scalars of any kind (floats, arrays,
+        symbols) from columns in SI units to a `PeriodOutcome`. They are "q" (n,), the spanning tree's n joints, "v" and
+        "torque" (r,), of the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), empty without
+        sensors, and memories "drives" and "sensors" of effects. It raises `KeyError` where one is missing."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, J, with springs and motors, over scalars of any kind: at q (n,), rad (m), of
-        all n joints of the tree and v (r,), rad/s (m/s), of the r primary ones. `parameters` (P,) are the P true
-        inertial ones, SI units; `drives` ends in elastic joints' motor positions and velocities (2r,), else unused."""
+        """Kinetic plus potential energy, J, with springs and motors, at q (n,), rad (m), of the spanning tree's n
+        joints and v (r,), rad/s (m/s), of the r primary (independent) ones; over scalars of any kind (floats, arrays,
+        symbols). `parameters` (P,) are the P true inertial ones, SI units; `drives` ends in elastic joints' motor
+        positions and velocities (2r,), and is not used for rigid joints. Nothing is checked."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -231,7 +231,7 @@ class Plant(Tunable):
         return elastic
 
     def primary(self, q: Column) -> Column:
-        """Positions p (r,), rad (m), of the r primary joints among those of all n joints of the tree, q (n,)."""
+        """Positions (r,), rad (m), of the r primary (independent) joints among all n of the tree, the column q (n,)."""
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property
@@ -321,7 +321,7 @@ class Plant(Tunable):
 
     @property
     def is_elastic(self) -> bool:
-        """True if springs stand between the motors and the links."""
+        """True if the plant has elastic joints, with springs between the motors and the links; False for rigid ones."""
         return self._effects.elastic is not None
 
     @cached_property
@@ -384,8 +384,8 @@ def _energy_of(structure: Structure) -> Callable[..., tuple[Array]]:
 
 
 def require_ten_a_link(mechanism: Mechanism) -> None:
-    """Raise `InputError` for a mechanism with relations among its inertial parameters, so that they are fewer than ten
-    a link: a payload would not keep to them."""
+    """Raise `InputError` for a mechanism whose inertial parameters are bound by linear relations, so that they are
+    fewer than ten for each link and those of its drives: the parameters with a payload would not keep to them."""
     if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
         raise InputError(
             f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "

@@ -8,12 +8,12 @@ from adaptctl.arrays import Array
 
 
 class PlantState(NamedTuple):
-    """State of an arm of r primary joints at one `time` (s), what was measured of it, and the memory of its drives and
-    sensors; for many arms, arrays have leading axes. Nothing is checked.
+    """State of an arm of r primary (independent) joints at one `time` (s), what was measured of it, and the memory of
+    its drives and sensors; for many arms, arrays have leading axes. Nothing is checked.
 
-    Positions `p` (r,) of the primary joints and `q` (n,) of all n joints of the tree (p itself without loops), rad (m);
-    velocities `v` (r,), rad/s (m/s); `measured_p` and `measured_v` (r,), in the same units: the true ones if there are
-    no sensors, the motors' where encoders sit on these.
+    Positions `p` (r,) of the primary joints and `q` (n,) of all n joints of the spanning tree (p itself without loops),
+    rad (m); velocities `v` (r,), rad/s (m/s); `measured_p` and `measured_v` (r,), in the same units: the true ones if
+    there are no sensors, the motors' where encoders sit on these.
 
     Of the last control period: `applied` (r,), N m (N), the torques that reached the joints, at time zero those that
     held them if there are actuator effects or springs, else 0; `clipped`, True if the torque commanded was beyond the

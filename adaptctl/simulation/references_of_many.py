@@ -19,62 +19,83 @@ from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 @dataclass(frozen=True)
 class SampledForm:
-    """Form of sampled references: points of `size` numbers a part that come from outside, one for all arms or each its
-    own."""
+    """Form in which a compiled step gets its reference points as samples from outside: positions, rad (m), velocities
+    and accelerations, the same per s and s^2, of `size` joints each, one point for all arms or, where `each` is True,
+    one for each arm. `held`, `shared` and `driven` name the step's columns; forms that are equal share native code.
+    Nothing is checked."""
 
     size: int
     each: bool
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the columns that an arm keeps: an empty mapping."""
+        """Lengths, by name, of the columns that each arm keeps through a run: {}, for samples are not kept."""
         return {}
 
     @property
     def shared(self) -> dict[str, int]:
-        """Lengths of the point's parts by name, if it is one for all."""
+        """Lengths, by name, of the columns that are new in each control period and the same for all arms:
+        "reference_p", "reference_v" and "reference_a", `size` each, where one reference is for all arms; else {}."""
         return {} if self.each else dict.fromkeys(REFERENCE, self.size)
 
     @property
     def driven(self) -> dict[str, int]:
-        """Lengths of the point's parts by name, if each arm has its own."""
+        """Lengths, by name, of the columns that are new in each control period for each arm: "reference_p",
+        "reference_v" and "reference_a", `size` each, where each arm has its own reference; else {}."""
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
-        """The reference point as it came."""
+        """The reference point of a control period, as it came: positions (`size`,), rad (m), velocities and
+        accelerations, the same per s and s^2, the columns "reference_p", "reference_v" and "reference_a". Raises
+        `KeyError` where one is missing."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
 @dataclass(frozen=True)
 class SinusoidForm:
-    """Form of sinusoidal references: each arm's own numbers, `terms` of them for each of `size` joints."""
+    """Form in which a compiled step computes its reference points itself, from the numbers of each arm's own
+    `Sinusoids`, sums of `terms` sinusoids for each of `size` joints. `held`, `shared` and `driven` name the step's
+    columns; forms that are equal share native code. Nothing is checked."""
 
     size: int
     terms: int
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the numbers that make an arm's sinusoids."""
+        """Lengths, by name, of the columns that each arm keeps through a run, the numbers of its sinusoids for r =
+        `size` joints and h = `terms` terms: r for "center" (rad or m), h r for "amplitude" (rad or m), "frequency" (Hz)
+        and "phase" (rad), 1 for "start_time" (s)."""
         wave = self.size * self.terms
         return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict()
 
     @property
     def shared(self) -> dict[str, int]:
-        """Length of the column of the time (s), by its name."""
+        """Lengths, by name, of the columns that are new in each control period and the same for all arms: 1 for "time"
+        (s)."""
         return {"time": 1}
 
     @property
     def driven(self) -> dict[str, int]:
-        """Lengths of the columns that come from outside for each arm: an empty mapping."""
+        """Lengths, by name, of the columns that are new in each control period for each arm: {}, for the time alone is
+        new."""
         return {}
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
-        """The reference point of the sinusoids at the time now, or a time `ahead` (s) of it."""
+        """The reference point of an arm's sums of sinusoids, at the time in `columns`, or `ahead` (s) of it, 0 unless
+        given: columns (`size`,) of positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2),
+        over scalars of any kind (floats, arrays, or symbols to be compiled).
+
+        `columns` has by name "time" (1,), s, and the sinusoids' numbers "center", "amplitude", "frequency", "phase" and
+        "start_time", of the lengths in `SinusoidForm.held`. Raises `KeyError` where one is missing.
+        """
         numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
         return sinusoids_at(columns["time"][0] + ahead, numbers)
 
     def numbers(self, references: Sequence[Reference | None]) -> SinusoidNumbers:
-        """The numbers (M, ...) of references, all `Sinusoids`, filled up with terms of no amplitude."""
+        """The numbers of the M `references`, all of them `Sinusoids`, as arrays (M, n) each, of the lengths n in
+        `SinusoidForm.held`: center and amplitude (rad or m), frequency (Hz), phase (rad) and start_time (s). Sums of
+        fewer than `terms` sinusoids are filled up with terms of no amplitude. Raises `KeyError` for what is no
+        `Sinusoids`, `ValueError` for sums of more terms."""
         known: dict[int, SinusoidNumbers] = {}
         for one in references:
             if isinstance(one, Sinusoids) and id(one) not in known:
@@ -90,7 +111,10 @@ ReferenceForm: TypeAlias = SampledForm | SinusoidForm
 
 @dataclass(frozen=True, eq=False)
 class ReferencesOfMany:
-    """References of many arms and their form; a single one is for all arms."""
+    """References of many arms, `references`, one for all or one for each, and the `form` in which a compiled step gets
+    their points: as samples from outside, or as sinusoids by their numbers. Each point has positions, rad (m),
+    velocities and accelerations, the same per s and s^2, of `size` joints. `arms` is the number of arms (M,), or ()
+    where one reference was given for any number. `ReferencesOfMany.of` checks them; the class itself checks nothing."""
 
     references: Sequence[Reference]
     form: ReferenceForm
@@ -100,7 +124,10 @@ class ReferencesOfMany:
 
     @classmethod
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:
-        """One reference or a sequence, of so many numbers each. Raises `InputError` where it is none."""
+        """The references of many arms, from `given`, one for all or a sequence with one for each, whose points are of
+        `size` joints. One for all, or the same object for each, is sampled; `Sinusoids` that are alike in their number
+        of terms are kept by their numbers; all others are sampled. Raises `InputError` for what is not callable, and
+        for an empty sequence."""
         if callable(given):
             return cls([given], SampledForm(size, each=False), size, ())
         references = list(given) if isinstance(given, Sequence) else []
@@ -112,18 +139,23 @@ class ReferencesOfMany:
         return cls(references, _form(references, size), size, arms)
 
     def of_arms(self, arms: slice) -> ReferencesOfMany:
-        """The references of some of the arms, in the same form."""
+        """The references, in the same form, of those arms that the slice `arms` (from start to stop) selects;
+        themselves where one is for all. Nothing is checked."""
         if self._is_shared:
             return self
         return replace(self, references=self.references[arms], arms=(arms.stop - arms.start,))
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """Columns (M, n) that each arm keeps, by name: its sinusoids' numbers, or nothing."""
+        """The columns, by name, that each of M arms keeps through a run: arrays (M, n) of the numbers of its
+        `Sinusoids`, center and amplitude (rad or m), frequency (Hz), phase (rad) and start_time (s); empty where
+        references are sampled."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:
-        """Positions (rad or m) and velocities, (M, n) each, at time zero; (n,) where one is for all."""
+        """Positions, rad (m), and velocities, rad/s (m/s), of the references at time zero: (M, n) each for M arms, n
+        numbers a point; (n,) where one is for all. Raises, where references are sampled, `InputError` for points of
+        another shape and `NonFiniteError` for NaN or infinity."""
         if self._numbers is not None:
             point = sinusoids_at(0.0, SinusoidNumbers(*map(column, self._numbers)))
             return stacked(point.p.of, self.arms), stacked(point.v.of, self.arms)
@@ -131,7 +163,10 @@ class ReferencesOfMany:
         return points.p[0], points.v[0]
 
     def signals(self, time: Array) -> Mapping[str, Array]:
-        """Columns of the references, by name, that come from outside at times (T,), s."""
+        """The columns, by name, that come from outside at the times `time` (T,), s, of T control periods: "time" (T, 1)
+        for sinusoids kept by their numbers; else "reference_p", rad (m), "reference_v" and "reference_a", the same per
+        s and s^2, (T, M, n) for M arms, n numbers a point, or (T, n) where one reference is for all. Raises, where
+        references are sampled, `InputError` for points of another shape and `NonFiniteError` for NaN or infinity."""
         if isinstance(self.form, SinusoidForm):
             return {"time": time[:, None]}
         return dict(zip(REFERENCE, self._points(time), strict=True))

@@ -173,8 +173,14 @@ class _Record:
 
 
 def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
-    """Slices of the parts of an observation, and the control period (s). Raises `InputError` for an environment or a
-    controller that cannot be driven together."""
+    """The slices of an environment's observation that a controller needs, five in the order p, v, reference_p,
+    reference_v, reference_a, and the environment's control period (s).
+
+    They are read from `env.unwrapped.observation_slices`, a mapping from these names, and
+    `env.unwrapped.control_period`. Raises `InputError` where either is missing or of another kind (the period must be a
+    float), a name is missing, observations are not of shape (n,), or the slices or the action have another number of
+    joints than the `controller`.
+    """
     slices = getattr(env.unwrapped, "observation_slices", None)
     period = getattr(env.unwrapped, "control_period", None)
     if not isinstance(slices, Mapping) or not isinstance(period, float):
@@ -201,7 +207,8 @@ def _require_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], p
 
 
 def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
-    """The most control periods that an environment runs for; None where it does not tell."""
+    """The greatest number of control periods that an environment's episode takes: the least of `env.unwrapped.steps`
+    and `env.spec.max_episode_steps` that is a positive int, None where neither is."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
 

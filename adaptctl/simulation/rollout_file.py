@@ -42,11 +42,15 @@ OF_LAWS = ("estimate", "learning")
 
 
 class RolloutFile:
-    """Writer of a run's file, to which samples are appended; it appears when it is left, whole, and not at all after an
-    error.
+    """Writer of a run's Parquet file at `path`, a context manager to which samples are appended as they come: a row for
+    each sample, columns of float64 such as `p.joint1`, with their units as metadata.
 
-    A row a sample, columns such as `p.joint1` with their units. `joints` (r,) names them, joint1, joint2, ... unless
-    given. `about`, set before it is left, is what the file says of the whole run.
+    When the context ends the file appears, whole; after an error there is none, and a file that was there before stays.
+    `joints` (r,) names the r = `dof` joints, None for joint1, joint2, ... The attribute `about`, a dict to be set
+    before the end, maps names to what the file says of the whole run, in numbers and texts that JSON can hold.
+
+    Raises `InputError` for another number of names and `MissingExtraError` without pyarrow; entering or leaving the
+    context raises `FileError` where the file cannot be written or nothing was appended.
     """
 
     def __init__(self, path: str | Path, dof: int, joints: Sequence[str] | None = None) -> None:
@@ -62,7 +66,14 @@ class RolloutFile:
         return self
 
     def append(self, columns: Mapping[str, Array | None], marks: Mapping[str, Array]) -> None:
-        """Append samples (T, ...) by the names of a run's arrays, always the same."""
+        """Append T samples of r joints to the file: `columns` maps the names of a `Rollout`'s arrays, such as "time"
+        (T,) and "p" (T, r), to their values in SI units, None for an array of joints that the file is to leave out;
+        `marks` maps names of events to arrays (T,). Both have the same names at every call; later calls without samples
+        write nothing.
+
+        Raises `KeyError` where an array is missing, `ValueError` for other columns than at the first call, and
+        `OSError` where writing fails.
+        """
         import pyarrow.parquet as pq
 
         if self._writer is not None and not len(columns["time"]):  # type: ignore[arg-type]
@@ -82,7 +93,8 @@ class RolloutFile:
 
 
 def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
-    """Names of r joints, joint1, joint2, ... unless given. Raises `InputError` on another number of them."""
+    """Names (r,) of r = `dof` joints: those `given`, or joint1, joint2, ... for None. Raises `InputError` for another
+    number of names."""
     names = [f"joint{j + 1}" for j in range(dof)] if given is None else list(given)
     if len(names) != dof:
         raise InputError(f"joints: expected {dof} names, got {len(names)}")
@@ -95,7 +107,14 @@ def rollout_table(
     joints: Sequence[str],
     about: Mapping[str, object] = MappingProxyType({}),
 ) -> pyarrow.Table:
-    """Samples as a table of Arrow, with units, and with the entries of `about` as its metadata."""
+    """The samples of a run as an Arrow table: a row for each of T samples, columns of float64 such as `p.joint1`, with
+    their units as metadata, and the entries of `about`, which JSON must be able to hold, as the table's own, none
+    unless given.
+
+    `columns` maps the names of a `Rollout`'s arrays, such as "time" (T,) and "p" (T, r), to their values in SI units,
+    None for an array of joints that is left out; `marks` maps names of events to arrays (T,); `joints` (r,) names the r
+    joints. Raises `KeyError` where an array is missing and `ModuleNotFoundError` without pyarrow.
+    """
     import pyarrow as pa
 
     stored = dict(_file_columns(columns, marks, joints))
@@ -105,8 +124,13 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """The arrays of a run, (T, ...) each, its marks, and its file's entries on the whole. Raises `FileError` for
-    another file, and one that is not whole."""
+    """The contents of a run's Parquet file at `path`, three mappings by name: the arrays of its T samples, (T,), (T, r)
+    for r joints or (T, k), in SI units, read-only; the marks of events, (T,) each; and what it says of the whole run,
+    such as "control_period" (s).
+
+    Raises `FileError` for a file that cannot be read, is no run of this package or is damaged, and
+    `ModuleNotFoundError` without pyarrow.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 

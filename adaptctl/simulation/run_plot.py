@@ -24,37 +24,43 @@ LAST = 2.0
 
 
 class DrawnRun(LearningRun, SampledRun, Protocol):
-    """Protocol of a run that can be drawn: its samples and whether it ended early."""
+    """Protocol of a closed-loop run that can be drawn, such as a `Rollout`: T samples of r joints, their reference and
+    k parameter estimates, and how the run ended."""
 
     @property
     def time(self) -> Array:
-        """Times (T,), s."""
+        """Times (T,) of the T samples, s, rising."""
         ...
 
     @property
     def applied(self) -> Array:
-        """Torques (T, r) that drove the joints, N m."""
+        """Torques (T, r), N m (N for a prismatic joint), that drove the r joints in the T control periods sampled."""
         ...
 
     @property
     def error(self) -> Array:
-        """Tracking errors (T, r), rad or m."""
+        """Tracking errors (T, r) of r joints at the T samples, rad (m): positions less the reference's."""
         ...
 
     @property
     def complete(self) -> bool:
-        """False when the run was cut off."""
+        """True if the run went to its end; False when it was cut off."""
         ...
 
     @property
     def terminated(self) -> bool:
-        """True when an error ended the run."""
+        """True when an error of tracking that was too large ended the run early, else False."""
         ...
 
 
 def run_figure(run: DrawnRun, joints: Sequence[str] | None = None) -> Figure:
-    """The figure of a run of joints with these names, joint1, joint2, ... by default. Raises `InputError` for another
-    number of names."""
+    """A Matplotlib figure of a `run` of r joints over time (s): positions (rad or m) with the reference dotted,
+    tracking errors (mrad or mm), applied torques (N m or N), and parameter estimates (SI units) if there are any. At
+    most MOST_SAMPLES (4000) samples of a curve are drawn.
+
+    `joints` (r,) names the curves in the legend, None for joint1, joint2, ... Raises `InputError` for another number of
+    names, `ModuleNotFoundError` without matplotlib.
+    """
     from matplotlib.figure import Figure
 
     count = run.p.shape[1]
@@ -86,7 +92,9 @@ def _curves(axes: Axes, time: Array, values: Array, label: str) -> None:
 
 
 def run_html(run: DrawnRun) -> str:
-    """HTML of a run for a notebook: a line of numbers and the figure."""
+    """HTML of a `run` for a notebook, as text: a line with its length, number of joints, end and RMS tracking error
+    (mrad or mm) over the last LAST (2) s, and the figure of the run as a PNG image, left out where there are no
+    samples. Raises `ModuleNotFoundError` without matplotlib, where there are samples."""
     last = run.error[run.time >= run.time[-1] - LAST] if len(run.time) else run.error
     rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
     end = (

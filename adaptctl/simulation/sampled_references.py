@@ -22,10 +22,11 @@ BLOCK = 128
 
 
 def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
-    """The points of a reference at times (T,), s: positions, velocities and accelerations (T, size) each, rad, rad/s,
-    rad/s^2 (m, m/s, m/s^2), in a fresh array or in `out` (T, 3, size).
+    """The points of a `reference` at times (T,), s: positions, velocities and accelerations (T, size) each, rad (m) and
+    the same per s and s^2, views of a new array (T, 3, size) or of `out`, one of that shape, which is written to.
 
-    Raises `InputError` where they are not of that shape, `NonFiniteError` where they are not finite.
+    Raises `InputError` where the reference returns no reference point or one of another shape, `NonFiniteError` for NaN
+    or infinity in it; what the reference itself raises goes through.
     """
     points = np.empty((len(times), 3, size)) if out is None else out
     parts = ReferencePoint(*points.swapaxes(0, 1))
@@ -41,9 +42,13 @@ def sampled(reference: Reference, times: Array, size: int, out: Array | None = N
 
 
 class Preview:
-    """Preview of a reference of r joints, rows at every control period (s): p, v, a now and p at each time ahead (s).
+    """Preview of a `reference` of r = `dof` joints, a row of numbers for each `control_period` (s): positions, rad (m),
+    velocities and accelerations, the same per s and s^2, now, then positions at each of the h times `look_ahead` (h,),
+    s, from now.
 
-    They are evaluated in blocks, so that a control step costs no evaluation. Raises what `sampled` raises.
+    Rows are computed for `block` periods at once, BLOCK (128) unless given, so that a control step costs no evaluation
+    of its own; only the blocks asked for last are kept. Raises at construction and in its methods `InputError` where
+    the reference's points have another shape, `NonFiniteError` where they have NaN or infinity.
     """
 
     def __init__(
@@ -55,7 +60,10 @@ class Preview:
         self._keep([0])
 
     def row(self, step: int) -> Array:
-        """The row (3r + r per time ahead,) at a control period."""
+        """The row (3r + h r,) of the control period of index `step`, from 0: positions, rad (m), velocities and
+        accelerations, the same per s and s^2, (r,) each for r joints, then their positions at each of the h times of
+        `look_ahead`. Raises `InputError` where the reference's points have another shape, `NonFiniteError` where they
+        have NaN or infinity."""
         block, place = divmod(step, self._size)
         if block not in self._blocks:
             self._keep([block])
@@ -63,7 +71,10 @@ class Preview:
         return row
 
     def rows(self, steps: NDArray[np.int64]) -> Array:
-        """The rows (k, ...) at control periods (k,)."""
+        """The rows (k, 3r + h r) of the control periods of indices `steps` (k,), from 0: in each, positions, rad (m),
+        velocities and accelerations, the same per s and s^2, (r,) each for r joints, then their positions at each of
+        the h times of `look_ahead`. Raises `InputError` where the reference's points have another shape,
+        `NonFiniteError` where they have NaN or infinity."""
         needed, which = np.unique(steps // self._size, return_inverse=True)
         self._keep(needed.tolist())
         rows: Array = np.stack(list(self._blocks.values()))[which, steps % self._size]

@@ -40,26 +40,27 @@ RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estima
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """Many closed-loop runs (M) of r joints, as T samples each and summaries of errors; every array is read-only.
-    Nothing is checked at construction.
+    """Many closed-loop runs (M) of r joints, as T samples each and summaries of tracking errors, p - reference_p; every
+    array is read-only. Nothing is checked at construction.
 
     Sample k has the states at `time[k]` and the torques commanded on them. The errors are of all control periods until
-    a run diverged, whether or not they are sampled. Runs never see each other: where one is not finite, the others are.
+    a run diverged, whether or not they are sampled. Runs are independent: NaN in one does not touch the others.
 
     `time` (T,), s. (T, M, r): positions `p` and `reference_p`, rad (m), velocities `v` and `reference_v`, rad/s (m/s),
     `torque` commanded and `applied` at the joints, N m (N). `estimate` (T, M, k), the controllers' k parameter
     estimates, k = 0 where they have none; `parameters` (M, P), the P true inertial parameters without what effects load
     on them, both in SI units.
 
-    (M, r), rad (m), of the tracking errors p - reference_p: `rms_error`, `largest_error` (magnitude), and
-    `final_rms_error` over the last SETTLED (2) s, NaN in shorter runs; the first two are NaN in a run that diverged
-    where no bound was asked for. (M,): `return_time`, s, after which every error stayed within the bounds asked for,
-    NaN where none did; `diverged_at`, s, at which an error was first not finite or beyond the bound asked for, NaN
-    where none was, and `diverged_joint`, the index from 0 of the first joint whose error was, else -1.
+    (M, r), rad (m): `rms_error`, root mean square, `largest_error`, largest magnitude, and `final_rms_error`, root mean
+    square over the last SETTLED (2) s, NaN in shorter runs and those that diverged before; the first two are NaN in a
+    run that diverged where no bound for divergence was asked for. (M,): `return_time`, s, after which every error
+    stayed within the bounds asked for, NaN where the last one did not or the run diverged; `diverged_at`, s, at which
+    an error was first not finite or beyond the bound for divergence, NaN where none was, and `diverged_joint`, the
+    index from 0 of the first joint whose error was, else -1.
 
     `lyapunov_rise` (M,), J, is the largest rise from one control period to the next of Slotine and Li's Lyapunov
-    function V = s'M s/2 + e' Gamma^-1 e/2, 0 where it never rose. s = v - v_d + Lambda (p - p_d) is the sliding
-    variable, p_d and v_d the reference, Lambda the bandwidth, M the mass matrix, e the estimate minus the true
+    function V = s'H s/2 + e' Gamma^-1 e/2, 0 where it never rose. s = v - v_d + Lambda (p - p_d) is the sliding
+    variable, p_d and v_d the reference, Lambda the bandwidth, H the mass matrix, e the estimate minus the true
     parameters, Gamma the adaptation gain; an adaptation law may have a second term of its own. It is NaN where V is not
     known: in single precision, for other controllers, and with loads or elastic joints.
 
@@ -115,9 +116,9 @@ class Rollouts:
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of the M runs whose `largest_error` is finite: those that did not diverge, and runs whose
-        error stayed finite but passed the bound `beyond` (rad or m) given to `simulate_many`. `diverged_at` (M,), s,
-        tells these apart: it is NaN for a run that did not diverge."""
+        """Mask (M,) of bools, True for each of M runs whose `largest_error` is finite: those that did not diverge, and
+        runs whose error stayed finite but passed the bound `beyond` (rad or m) given to `simulate_many`. `diverged_at`
+        (M,), s, tells these apart: it is NaN for a run that did not diverge."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 

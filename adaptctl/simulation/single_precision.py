@@ -15,9 +15,10 @@ LONGEST = 2**24
 
 
 def require_single(loop: ClosedLoop, steps: int) -> None:
-    """Raise `InputError` where a closed loop cannot be simulated in single precision: for mechanisms whose loops it
-    leaves open, for adaptation laws that forget in a k x k matrix, whose small eigenvalues it loses, and for more
-    control periods than it can count."""
+    """Raise `InputError` unless a closed loop can be simulated in single precision (float32) for so many `steps`,
+    control periods: it cannot where that leaves the mechanism's kinematic loops open by more than 1e-5 m or rad, with
+    an adaptation law whose memory is a k x k matrix for k parameters, which loses small eigenvalues, and for more than
+    2^24 periods, which it cannot count. Raises `LoopError`, a subclass of it, where loops do not fit together."""
     require_single_precision(loop.plant.mechanism, "precision")
     for part in _parts(loop.controller):
         if isinstance(part, AdaptationLaw) and part.needs_double:

@@ -33,10 +33,12 @@ MOST_FOR_SPRINGS = 2000
 
 
 def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> float:
-    """The fastest decay of a velocity by friction (1/s), over random configurations within the limits.
+    """The fastest decay rate of a velocity by friction, 1/s: the largest eigenvalue magnitude of M^-1 B, M (r, r) the
+    mass matrix, B (r, r) the slope of the friction torque over velocity at rest, N m s/rad, where it is steepest, over
+    200 random configurations within the limits of the r joints. 0 without friction.
 
-    It is the largest eigenvalue of M^-1 B, B the slope of friction at rest, where the smoothed sign is steepest. Raises
-    `InputError` where the mass matrix is singular.
+    Friction is that of the `mechanism`'s drives and of `effects` in the joints, none unless given. Raises `InputError`
+    where the mass matrix is singular and for settings of effects that do not fit r joints.
     """
     extra = sum((np.diag(effect.steepest(mechanism.dof)) for effect in effects), np.zeros((mechanism.dof,) * 2))
     description = mechanism.description
@@ -55,7 +57,8 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
 
 
 class Integration(NamedTuple):
-    """Integrator of a control period, and its number of steps."""
+    """An integration of the motion over one control period: `integrator`, the method, in `substeps` equal steps.
+    Nothing is checked."""
 
     substeps: int
     integrator: Integrator
@@ -68,12 +71,17 @@ def integration(
     integrator: Integrator | None = None,
     transmission: Transmission | None = None,
 ) -> Integration:
-    """Integration of a control period (s) that friction cannot make unstable, by an integrator if one is asked for,
-    and that follows the oscillations of elastic joints, if there are any.
+    """The integrator of a control period of `control_period` (s), and its number of equal steps, so that friction
+    cannot make it unstable and it follows the oscillations of elastic joints, if there are any.
 
-    Otherwise by Runge and Kutta's method in the fewest steps that friction allows, 1 without it; where that is more
-    than MOST, by the linearly implicit one, whose steps friction does not bound. Raises `InputError` where the mass
-    matrix is singular, or springs would need more than MOST_FOR_SPRINGS steps.
+    `effects` are those in the joints, such as friction, besides the `mechanism`'s drives; `transmission` has the
+    springs of elastic joints, None for rigid ones; `integrator` is the method asked for, which gets as many steps as it
+    needs, None for a choice: Runge and Kutta's method in the fewest steps that friction allows, 1 without it, or, where
+    that is more than MOST (8), the linearly implicit Euler method, whose steps friction does not bound. An implicit
+    method gets at least IMPLICIT (4).
+
+    Raises `InputError` where friction or springs act on a singular mass matrix, for effects that do not fit the joints,
+    and where springs would need more than MOST_FOR_SPRINGS (2000) steps.
     """
     p = sampled_configurations(mechanism)
     waves, decay = (0.0, 0.0) if transmission is None else transmission.rates(mechanism, p)
@@ -87,7 +95,9 @@ def integration(
 
 
 def require_substeps(mechanism: Mechanism, transmission: Transmission, control_period: float, substeps: int) -> None:
-    """Raise `InputError` where springs make so many explicit steps of a control period (s) unstable."""
+    """Raise `InputError` where so many explicit integration steps, `substeps`, of a control period of `control_period`
+    (s) are too few to be stable with the springs and dampers of a mechanism's elastic joints, `transmission`; where
+    more than MOST_FOR_SPRINGS (2000) are needed; and where the mass matrix without rotors is singular."""
     waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
     needed = _few(math.ceil(control_period * max(waves, decay) / STABLE), mechanism)
     if substeps < needed:

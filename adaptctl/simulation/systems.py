@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 @needed("mechanism_system")
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
     """A continuous-time python-control system of a mechanism, called `name`, its forward dynamics: 2r states, which are
-    the outputs, positions p, rad (m), and velocities v, rad/s (m/s), of the r primary joints, and r inputs, torque, N m
-    (N).
+    the outputs, positions p, rad (m), and velocities v, rad/s (m/s), of the r primary (independent) joints, and r
+    inputs, torque, N m (N).
 
-    Signals are ``torque[0]``, ``p[0]``, ``v[0]`` and so on, in the order of the primary joints. With loops, p is
+    Signals are ``torque[0]``, ..., ``p[0]``, ..., ``v[0]``, ..., in the order of the primary joints. With loops, p is
     followed from the reference configuration at every evaluation, which raises `SingularityError` where it cannot be,
     and `NonFiniteError` for NaN or infinity; of a tree of up to 100 joints an evaluation is not checked, NaN goes
     through. Raises `MissingExtraError` without python-control.
@@ -56,9 +56,9 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 @needed("plant_system")
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
     """A discrete-time python-control system of a plant, called `name`, one step a control period, as `rollout` drives
-    it: for r primary joints 2r states, which are the outputs, positions ``p[0]``, rad (m), and so on, then velocities
-    ``v[0]``, rad/s (m/s), and r inputs, ``torque[0]``, N m (N), held over the period; torque limits and friction are
-    included.
+    it: for r primary (independent) joints 2r states, which are the outputs, positions ``p[0]``, ..., rad (m), then
+    velocities ``v[0]``, ..., rad/s (m/s), and r inputs, ``torque[0]``, ..., N m (N), held over the period; torque
+    limits and friction are included.
 
     Raises `InputError` for a plant with effects other than in the joints, which friction is, as its state is more than
     p and v, and `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` for NaN or infinity
@@ -89,15 +89,16 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
 def controller_system(
     controller: Controller[Any], period: float, name: str = "controller"
 ) -> control.NonlinearIOSystem:
-    """A discrete-time python-control system of a controller, called `name`, that ticks every `period` (s).
+    """A discrete-time python-control system of a controller, called `name`, whose control law is evaluated every
+    `period` (s).
 
     Its inputs are positions p, rad (m), velocities v, rad/s (m/s), r each for r joints, and the reference's positions,
     velocities and accelerations, in the same units and per s^2, r each (or as many as a task space has, in m):
-    ``p[0]``, ``v[0]``, ``reference_p[0]``, ``reference_v[0]``, ``reference_a[0]`` and so on. Its outputs are r torques,
-    ``torque[0]``, N m (N). Its state, ``memory[0]`` and so on, is all that the law remembers between ticks, the
-    estimate first where there is one: `controller_start` has it at the beginning. Raises `InputError` for a period that
-    is not positive and finite, or is not the controller's own where it has one, and `MissingExtraError` without
-    python-control; an evaluation raises what `controller.step` raises.
+    ``p[0]``, ..., ``v[0]``, ..., ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ... Its outputs
+    are r torques, ``torque[0]``, ..., N m (N). Its state, ``memory[0]``, ..., is all that the law remembers between
+    evaluations, the estimate first where there is one: `controller_start` has it at the beginning. Raises `InputError`
+    for a period that is not positive and finite, or is not the controller's own where it has one, and
+    `MissingExtraError` without python-control; an evaluation raises what `controller.step` raises.
     """
     import control
 
@@ -141,12 +142,12 @@ def closed_loop_system(
     control period of the plant.
 
     Inputs are the reference's positions, velocities and accelerations, rad (m) and per s and s^2, ``reference_p[0]``,
-    ``reference_v[0]``, ``reference_a[0]`` and so on, r each for r joints (or as many as a task space has, in m);
-    outputs are positions ``p[0]``, rad (m), and velocities ``v[0]``, rad/s (m/s), r each. The state is the plant's, p
-    and v (2r,), then all that the controller remembers, such as its estimate. Raises `InputError` where plant and
-    controller are for different numbers of joints or, where the controller has a period of its own, for different
-    periods, and for a plant with effects other than in the joints, and `MissingExtraError` without python-control; an
-    evaluation raises what those of `plant_system` and `controller_system` raise.
+    ..., ``reference_v[0]``, ..., ``reference_a[0]``, ..., r each for r joints (or as many as a task space has, in m);
+    outputs are positions ``p[0]``, ..., rad (m), and velocities ``v[0]``, ..., rad/s (m/s), r each. The state is the
+    plant's, p and v (2r,), then all that the controller remembers, such as its estimate. Raises `InputError` where
+    plant and controller are for different numbers of joints or, where the controller has a period of its own, for
+    different periods, and for a plant with effects other than in the joints, and `MissingExtraError` without
+    python-control; an evaluation raises what those of `plant_system` and `controller_system` raise.
     """
     import control
 

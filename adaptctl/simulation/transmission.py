@@ -16,7 +16,9 @@ from adaptctl.simulation.effects import ElasticJoints
 
 
 class Motors(NamedTuple):
-    """The motors before the springs (r,), counted behind the gears: positions, velocities and inertias."""
+    """The motors of r elastic joints, before the springs, as they appear behind their gears; columns (r,) over scalars
+    of any kind: positions `theta`, rad (m), velocities `w`, rad/s (m/s), and inertias `inertia`, kg m^2 (kg). Nothing
+    is checked."""
 
     theta: Column
     w: Column
@@ -24,9 +26,18 @@ class Motors(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """Torques of springs in a step of dt (s), linearised at its end: with u = w - v the stretch there is (theta - p) +
-    dt (u + u_1)/2. The motors' equation, inertia (w_1 - w) = dt (torque - f), is solved for w_1, which leaves f linear
-    in v_1. With dt = 0 it is what springs do at once."""
+    """The torque f (r,) of the springs and dampers of r elastic joints over an integration step of `dt` (s), linear in
+    the links' joint velocities at its end; columns (r,) over scalars of any kind (floats, arrays, or symbols to be
+    compiled). Nothing is checked.
+
+    The motors have positions theta and velocities w, the links' joints p and v; the index 1 is for the end of the step.
+    With u = w - v the stretch of the springs at the end is taken to be (theta - p) + dt (u + u_1)/2. The motors'
+    equation, J (w_1 - w) = dt (tau - f), is solved for w_1, J being their inertias and tau their torque, which leaves f
+    linear in v_1. With dt = 0 it is what springs do at once.
+
+    `held`, N m (N), is f for w_1 = v_1; `slope`, N m s/rad (N s/m), what f gains by each unit of w_1 - v_1; `v`, rad/s
+    (m/s), are the joint velocities at the beginning; `motors` has theta, w and J then; `given`, N m (N), is tau.
+    """
 
     held: Column
     """(r,) N m: f for w_1 = v_1"""
@@ -40,18 +51,20 @@ class Springs(NamedTuple):
 
     @property
     def firm(self) -> Column:
-        """Damping (r,) of the springs' torque f in the step: its decrease for every rad/s that a link's joint gains, N
-        m s/rad."""
+        """The damping (r,) of the springs' torque on r joints over the step, N m s/rad (N s/m): its decrease for every
+        rad/s (m/s) that the velocity of a link's joint gains by the step's end."""
         return self._share * self.motors.inertia
 
     @property
     def torque(self) -> Column:
-        """The springs' torque f (r,) for v_1 = v, N m on the links."""
+        """The springs' torque (r,) on the links at r joints, N m (N), for joint velocities that are the same at the
+        step's end as at its beginning."""
         driven = self.motors.inertia * (self.motors.w - self.v) + self.dt * (self.given - self.held)
         return self.held + self._share * driven
 
     def spin(self, after: Column) -> Column:
-        """The motors' mean acceleration (r,), rad/s^2, the links' velocity being `after` at the end."""
+        """The motors' mean acceleration (r,) over the step, rad/s^2 (m/s^2), where the r joints' velocities at its end
+        are `after` (r,), rad/s (m/s). Raises `ValueError` for another number of joints."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property
@@ -65,8 +78,14 @@ class Springs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Transmission:
-    """The transmission of elastic joints: the springs' numbers (r,) of a mechanism, and which parameters (P,) are its
-    rotors' inertias."""
+    """The transmission of a mechanism's r elastic joints: the springs and dampers between its motors and its links.
+    `Transmission.of` makes and checks it; the class itself checks nothing.
+
+    `stiffness`, N m/rad (N/m), and `damping`, N m s/rad (N s/m), are (r,), as is `inertia`, kg m^2 (kg): that of the
+    motors, behind their gears, besides the rotors modelled. `rotors` (r,) has for each joint the index of its rotor's
+    inertia among the mechanism's P inertial parameters, None where it has none; `primary` (r,) the indices of the
+    primary (independent) joints among the spanning tree's n.
+    """
 
     stiffness: Array
     damping: Array
@@ -77,8 +96,10 @@ class Transmission:
 
     @classmethod
     def of(cls, mechanism: Mechanism, joints: ElasticJoints) -> Transmission:
-        """The transmission of a mechanism. Raises `InputError` where a joint has no motor inertia, a motor turns with
-        several joints, or the parameters are not one a rotor."""
+        """The transmission of a mechanism whose r joints are elastic, with the springs, dampers and motor inertias of
+        `joints`. Raises `InputError` for settings of `joints` that are negative, not finite or do not fit r joints,
+        where a joint's motor has no inertia, a rotor turns with several joints, or linear relations bind the inertial
+        parameters."""
         description, r = mechanism.description, mechanism.dof
         if len(mechanism.inertial_parameters) < len(description.inertial_parameters):
             raise InputError(
@@ -96,23 +117,30 @@ class Transmission:
         return found
 
     def motors(self, parameters: Column) -> Column:
-        """Inertias J (r,) of the motors behind the gears, kg m^2 (kg of a prismatic joint), for inertial parameters
-        (P,)."""
+        """Inertias (r,) of the motors of r joints behind their gears, kg m^2 (kg of a prismatic joint), from the
+        mechanism's P inertial `parameters` (P,), SI units, which have the rotors', over scalars of any kind (floats,
+        arrays, or symbols to be compiled). Raises `IndexError` for too few of them."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
     def links(self, parameters: Column) -> Column:
-        """Parameters (P,) of the links alone, with all rotors' inertias zero."""
+        """Inertial parameters (P,) of the links alone, SI units: the mechanism's P `parameters` (P,) with the rotors'
+        inertias replaced by zero, over scalars of any kind (floats, arrays, or symbols to be compiled)."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
-        """Springs at q (n,) and v (r,), the motors driven by a torque (r,) N m, over a step of dt (s)."""
+        """The torques, a `Springs`, of the r joints' springs over an integration step of `dt` (s), at positions q (n,),
+        rad (m), of the spanning tree's n joints, velocities v (r,), rad/s (m/s), and the `motors`' positions and
+        velocities, these driven by a `torque` (r,), N m (N); over scalars of any kind (floats, arrays, or symbols to be
+        compiled). Raises `ValueError` or `IndexError` for columns that are too short."""
         half = (0.5 * dt) * column(self.stiffness)
         held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
-        """Kinetic energy of the motors and elastic energy of the springs, J."""
+        """Kinetic energy of the motors plus elastic energy of the springs, J, over scalars of any kind (floats, arrays,
+        or symbols to be compiled), at positions q (n,), rad (m), of the spanning tree's n joints and the `motors`'
+        positions, velocities and inertias (r,). Raises `ValueError` or `IndexError` for columns that are too short."""
         stretch = self._stretch(q, motors)
         total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
         return total
@@ -121,8 +149,9 @@ class Transmission:
         return motors.theta - Column(q[i] for i in self.primary)
 
     def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
-        """The fastest oscillation and the fastest decay of springs and dampers (1/s) at positions (samples, r). Raises
-        `InputError` where the mass matrix without rotors is singular."""
+        """The fastest oscillation of the springs, rad/s, and the fastest decay by the dampers, 1/s, two floats, over
+        positions p (samples, r), rad (m), of the `mechanism`'s r primary (independent) joints. Raises `InputError`
+        where the mass matrix without rotors is singular."""
         own = column(mechanism.inertial_parameters)
         links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
         mass = links.mass_matrix(p)

@@ -44,14 +44,15 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., m), m numbers of the effect's own, after the r joints were held by `torque`
-        (..., r), N m (N for a prismatic joint); `control_period` is in s."""
+        """The initial memory (..., m), m numbers of the effect's own, after the r joints were held by `torque` (...,
+        r), N m (N for a prismatic joint); `control_period` is in s. Nothing is checked here."""
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The torque (r,) passed on to r joints over one control period (s), and the effect's memory (m,) after it, m
         numbers of its own, from the `torque` (r,) given and the `memory` (m,) before. Torques are in N m (N for a
-        prismatic joint); all are scalars of any kind: floats, or symbols that become native code."""
+        prismatic joint); all are scalars of any kind: floats, or symbols that become native code. An implementation may
+        raise `InputError` for settings that do not fit r joints, `ValueError` for a memory of another length."""
 
 
 class SensorEffect(Effect):
@@ -65,7 +66,8 @@ class SensorEffect(Effect):
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
         """The initial memory (..., m), m numbers of the effect's own, before the first measurement of arms of r joints
-        at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period` is in s."""
+        at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period` is in s. Nothing is
+        checked here."""
 
     @abstractmethod
     def measure(
@@ -77,7 +79,8 @@ class SensorEffect(Effect):
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, or as measured by the effects
         before; `memory` (m,) is that before this measurement, and `noise` (2r,) holds standard normal numbers
-        (unitless), the positions' first; `control_period` is in s.
+        (unitless), the positions' first; `control_period` is in s. An implementation may raise `InputError` for
+        settings that do not fit r joints, `ValueError` for columns of other lengths.
         """
 
 
@@ -90,12 +93,14 @@ class JointEffect(Effect):
     def torque(self, v: Column) -> Column:
         """The resisting torque (r,), N m (N for a prismatic joint), at joint velocities v (r,), rad/s (m/s), of r
         joints. It has the sign of v: in the equations of motion it is subtracted from the drives' torque. Both are
-        scalars of any kind: floats, or symbols that become native code."""
+        scalars of any kind: floats, or symbols that become native code. An implementation may raise `InputError` for
+        settings that do not fit r joints."""
 
     @abstractmethod
     def steepest(self, dof: int) -> Array:
         """The greatest slope (r,) of each joint's resisting torque over its velocity, N m s/rad (N s/m for a prismatic
-        joint), for `dof` (r) joints: how stiff the effect is for an integrator."""
+        joint), for `dof` (r) joints: how stiff the effect is for an integrator. An implementation may raise
+        `InputError` for settings that do not fit r joints."""
 
 
 class LoadEffect(Effect):
@@ -104,7 +109,8 @@ class LoadEffect(Effect):
 
     @abstractmethod
     def mass(self, time: float) -> float:
-        """The mass, kg, that the effect adds at `time` (s)."""
+        """The mass, kg, that the effect adds to the mechanism at `time` (s), 0 while it adds none. Nothing is
+        raised."""
 
     def until(self, time: float) -> float:
         """The time (s) until which the load at `time` (s) stays as it is: `time` itself, as for a load that changes
@@ -116,7 +122,8 @@ class LoadEffect(Effect):
         """The mechanism's P inertial parameters (..., P) with the load at `time` (s) added to `parameters` (..., P),
         those without it. The first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx,
         I_xy, I_yy, I_xz, I_yz, I_zz (mass, first moments of mass, inertia tensor), in kg, kg m, kg m^2 about the origin
-        of the link's frame; the drives' follow, SI units."""
+        of the link's frame; the drives' follow, SI units. An implementation may raise `NotFoundError` for a link that
+        is not among `links`, `InputError` for too few parameters."""
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:

@@ -27,10 +27,10 @@ class Friction(JointEffect):
     N) are one number or one a joint (r,), zero unless given. The sign is smoothed as that of a drive's Coulomb friction
     is, v/sqrt(v^2 + 0.01^2), so the arm creeps where a real one sticks.
 
-    This friction acts on the r primary joints of the plant alone; the controller's model has none of it. The friction
-    of the mechanism's drives is in the plant and in the model, where it can be adapted; this comes on top. Raises
-    `InputError` for a speed that is not positive and finite; a `Plant` raises it for other numbers that are negative,
-    not finite or do not fit its r joints.
+    This friction acts on the r primary (independent) joints of the plant alone; the controller's model has none of it.
+    The friction of the mechanism's drives is in the plant and in the model, where it can be adapted; this comes on top.
+    Raises `InputError` for a speed that is not positive and finite; a `Plant` raises it for other numbers that are
+    negative, not finite or do not fit its r joints.
     """
 
     viscous: ArrayLike = 0.0

@@ -103,8 +103,8 @@ class PlantEffects:
         `PlantEffects.marks`: 1 where that effect changed any joint's torque, else 0.
 
         `torque` (r,) is the one commanded, in the same unit, `memory` (m,) the m numbers that the effects remember from
-        the period before; scalars of any kind. Raises `InputError` for settings that do not fit r joints; a lag or a
-        rate limit raises `ValueError` for a memory that is too short.
+        the period before; scalars of any kind (floats, arrays, or symbols to be compiled). Raises `InputError` for
+        settings that do not fit r joints; a lag or a rate limit raises `ValueError` for a memory that is too short.
         """
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
@@ -127,8 +127,9 @@ class PlantEffects:
         `p` and `v` (r,), in the same units, are the true ones, of the motors where encoders sit on these
         (`senses_motors`); `memory` (m,) holds the m numbers that the effects remember from before, and `noise` (2r,)
         standard normal numbers (unitless), the positions' first, each effect getting the same ones; `control_period` is
-        in s; scalars of any kind. Raises `InputError` for settings that do not fit r joints, `ValueError`, with
-        filtered differences, for a memory that is too short and, with encoders, for noise of another length.
+        in s; scalars of any kind (floats, arrays, or symbols to be compiled). Raises `InputError` for settings that do
+        not fit r joints, `ValueError`, with filtered differences, for a memory that is too short and, with encoders,
+        for noise of another length.
         """
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])
@@ -140,8 +141,9 @@ class PlantEffects:
 
 
 def differs(asked: Column, given: Column) -> Scalar:
-    """Mark of a torque that was changed: 1 where any joint got another torque than was asked, else 0; over scalars of
-    any kind."""
+    """Mark of a torque that was changed: 1 where any of r joints was `given` another torque than `asked`, (r,) each in
+    N m (N), else 0, over scalars of any kind (floats, arrays, or symbols to be compiled). Raises `ValueError` for
+    columns of unlike lengths."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):
         largest = maximum(largest, absolute(x - y))
@@ -166,7 +168,8 @@ def _rank(effect: Any) -> int:
 
 
 def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The effects, given in any order. Raises `InputError` for one alone that is not in a list."""
+    """The effects, from a list or another iterable in any order, as a tuple in that order; what they are is not
+    checked. Raises `InputError` for what is not iterable, such as one effect alone."""
     if not isinstance(effects, Iterable):
         raise InputError(f"effects: expected several, such as [ControlDelay(2)], got {effects!r}")
     return tuple(effects)
