@@ -227,7 +227,10 @@ def _shown(
 
 
 def link_inertia(link: Element) -> Array:
-    """The ten inertial parameters (10,) about the link frame's origin, zero without <inertial>."""
+    """The ten inertial parameters (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first
+    moment in kg m, inertia tensor in kg m^2), about the frame's origin, of a URDF <link> element; zero without
+    <inertial>. Raises `ElementError`, with the line, for a missing part, what is no finite number, and a negative
+    mass."""
     with located(link):
         return _inertia_of(link, named(link))
 
