@@ -44,8 +44,8 @@ _ATAN_BELOW = (
 def exponential(x: Any) -> Any:
     """The exponential e^x of a scalar x without unit (a float, an array, a dual number or a node of an expression
     graph), by arithmetic and comparisons alone, so that it compiles to SIMD instructions; within a few units in the
-    last place, elementwise in arrays. It is infinity where it exceeds the largest double, 0 below about -746, and NaN
-    for NaN. With k the whole number nearest to x/ln 2, it is 2^k times e^(x - k ln 2)."""
+    last place, elementwise in arrays. It is infinity where it exceeds the largest double, 0 below about -745, and NaN
+    for NaN."""
     x = clip(x, -746.0, 710.0)
     k = (x * (1.0 / math.log(2.0)) + _SHIFT) - _SHIFT
     r = (x - k * _LN2[0]) - k * _LN2[1]
