@@ -177,7 +177,7 @@ class Description:
     @property
     def shafts(self) -> list[list[object]]:
         """Lists [index of a joint, [[name of another joint, ratio as text], ...]], in JSON's types for hashing, of all
-        joints whose motor shaft turns with others too; the ratio, no unit, is that of `Drive.turns_with`."""
+        joints whose motor shaft turns with others too: the ratio weighs the other's velocity in the shaft's."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
@@ -209,13 +209,12 @@ class Description:
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """Indices of the links that own ten inertial parameters each (mass, first moment, inertia tensor): all but the
-        massless ones."""
+        """Indices, from 0, of links with ten inertial parameters (mass, first moment, inertia): all not massless."""
         return tuple(i for i, link in enumerate(self.links) if not link.massless)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
-        """Names of the links that own ten inertial parameters each: all but the massless ones."""
+        """Names of the links with ten inertial parameters (mass, first moment, inertia): all not massless."""
         return tuple(self.links[i].name for i in self.bodies)
 
     @cached_property
@@ -341,7 +340,7 @@ class Description:
 
 def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
     """The `links` in depth-first order (parents first, descendants together, siblings as given), their `parent` indices
-    into it, -1 the ground. Raises `InputError` for one not on the ground through its parents."""
+    into that order, -1 the ground. Raises `InputError` for a link that the ground does not carry."""
     given = tuple(links)
     order: list[int] = []
     pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]

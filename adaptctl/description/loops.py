@@ -76,8 +76,8 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """A linear bound on the primary joints' positions, within which a mechanism may work: lower < sum of weight times
-    position < upper (rad or m).
+    """A linear bound on the positions of the primary (independent) joints, within which a mechanism may work: lower <
+    sum of weight times position < upper (rad or m).
 
     `weights`, without a unit, go by joint name, joints not named having zero; an infinite `lower` or `upper`, the
     default, bounds nothing. Sampled configurations and environments keep within it; the semi-direct-drive arm's 0.5236

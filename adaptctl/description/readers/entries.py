@@ -81,7 +81,7 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """An entry of a TOML file: one link with the joint before it. `name` is the link's, `joint` the joint's, by default
-    numbered; `type` is the joint's.
+    numbered; `type` is the joint's, by default revolute.
 
     Position limits are `range` (rad or m) or `range_deg` (degrees), `velocity` is the greatest speed (rad/s or m/s),
     `effort` the greatest torque or force (N m or N); those left out do not limit. The inertia is `mass` (kg),

@@ -109,12 +109,12 @@ def read_mechanism_file(path: str | Path) -> Description:
 
     The file has ``schema = "adaptctl/mechanism/1"`` and ``[[links]]``, each with its parent's name (the ground without
     one), its joint's place, axis, type and limits (m, rad), its inertia and its drive, in any order; ``[[closures]]``,
-    ``[[couplings]]`` and ``[[conditions]]`` make loops. `primary` names the driven joints; without closures it may be
-    left out, and all joints that follow no other are primary. `reference` gives the configuration (rad or m by joint)
-    from which the loops are followed. Raises `FileError` for a file that cannot be read and, naming the element, for
-    wrong contents; loops that do not close are found only when equations are made of the description. Warns
-    (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and carry no link
-    that has one.
+    ``[[couplings]]`` and ``[[conditions]]`` make loops. `primary` names the driven joints, the independent ones;
+    without closures it may be left out, and all joints that follow no other are primary. `reference` gives the
+    configuration (rad or m by joint) from which the loops are followed. Raises `FileError` for a file that cannot be
+    read and, naming the element, for wrong contents; loops that do not close are found only when equations are made of
+    the description. Warns (`SimplificationWarning`) of angles that look like degrees and of links that move without
+    mass and carry no link that has one.
     """
     content = read_toml(path, MechanismFile)
     try:

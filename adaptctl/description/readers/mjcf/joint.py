@@ -47,7 +47,8 @@ def joint_of(joint: Element, name: str, settings: Settings, effort: float | None
 
 
 def is_free(joint: Element) -> bool:
-    """True where an MJCF joint element is a free joint, which lets its body float."""
+    """True where an MJCF joint element is a free joint (freejoint, or of type free), which lets its body move in all
+    six directions."""
     return joint.tag == "freejoint" or joint.get("type") == "free"
 
 

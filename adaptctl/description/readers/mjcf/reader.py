@@ -64,10 +64,10 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     Link frames stand at the joints, turned as their bodies; a link is named after its body. A body with several joints
     becomes as many links, massless but the last. Bodies without joints become part of the one that carries them.
     <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are then
-    primary, or, where nothing is driven and only joints are coupled, all that follow no other. Armature, damping and
-    dry friction become the joint's drive; where they are zero they are not modelled. Effort limits are the actuators'.
-    A free joint becomes three slides and three hinges, named after it or its body with `_x`, `_y`, `_z`, `_yaw`,
-    `_pitch` and `_roll`, primary too.
+    primary (independent), or, where nothing is driven and only joints are coupled, all that follow no other. Armature,
+    damping and dry friction become the joint's drive; where they are zero they are not modelled. Effort limits are the
+    actuators'. A free joint becomes three slides and three hinges, named after it or its body with `_x`, `_y`, `_z`,
+    `_yaw`, `_pitch` and `_roll`, primary too.
 
     Raises `FileError` for a file that cannot be read, for a `root` that is no such body and, naming the element, for
     wrong contents and for motion that is not read, such as ball joints and, without a `root`, more than one root body

@@ -63,7 +63,7 @@ class Settings:
         )
 
     def angle(self, value: float) -> float:
-        """The angle in rad of an angle `value` of the file, which is in degrees or rad."""
+        """The angle in rad of an angle `value` that is written in the file, in degrees or rad as these settings say."""
         return math.radians(value) if self.degrees else value
 
     def full(self, element: Element, childclass: str) -> Element:
