@@ -20,7 +20,10 @@ INTERRUPTED = 130
 
 
 def run() -> NoReturn:
-    """Run the command line and exit with its code."""
+    """Run the command line on the process's arguments and exit with its code: this function never returns. An
+    interruption (SIGINT or SIGTERM) ends the command in one line, with exit code 130; a package that is not installed
+    ends it with the command that installs it, and exit code 1. Raises `SystemExit`, as every exit does, save where an
+    interruption ends the process at once."""
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
     main = _main()
     from adaptctl.cli.interruption import raised

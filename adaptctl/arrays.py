@@ -17,24 +17,25 @@ Given = ParamSpec("Given")
 
 
 class HasName(Protocol):
-    """Protocol of an object with a `name`, by which errors call the owner of wrong numbers."""
+    """Protocol of an object with a `name`, a text by which error messages call the object whose numbers are wrong."""
 
     @property
     def name(self) -> str:
-        """The object's name."""
+        """Name of the object, a text for error messages."""
 
 
 Named = TypeVar("Named", bound=HasName)
 
 
 def frozen(array: Array) -> Array:
-    """The same array of any shape, read-only from now on."""
+    """The same array, of any shape, made read-only: the array itself, not a copy."""
     array.flags.writeable = False
     return array
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
-    """A read-only float64 copy. Raises `InputError` when its shape is wrong or an entry is not finite."""
+    """A read-only float64 copy of `values`, of the given `shape`. Raises `InputError` for another shape, for what holds
+    no numbers, and for NaN and infinity; `what` is the name of the values in its message."""
     array = numbers(values, what, f"of shape {shape}").copy()
     if array.shape != shape:
         raise InputError(f"{what}: expected shape {shape}, got {array.shape}")
@@ -44,8 +45,11 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 
 
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
-    """A float64 array of any shape. Raises `InputError` for what holds no numbers, such as strings or numbers beyond a
-    double."""
+    """The `values` as a float64 array of any shape; an array that is one already is returned as it is, not copied.
+    Texts that read as numbers count as such, None as NaN; NaN and infinity are allowed. Raises `InputError` for what
+    holds no real numbers, such as other texts, ragged lists, complex numbers and whole numbers beyond the largest
+    double. `what` is the name of the values in its message, `kind` says there what was expected, such as "of shape
+    (3,)", by default nothing."""
     try:
         if getattr(getattr(values, "dtype", None), "kind", "") == "c":
             raise TypeError("complex numbers have no place here")
@@ -55,8 +59,9 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
 
 
 def checked(values: ArrayLike, size: int, what: str) -> Array:
-    """A finite float64 array (..., size). Raises `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity,
-    saying what was expected and what came."""
+    """The `values` as a float64 array (..., size) of finite numbers, the last axis of the given `size`. Raises
+    `InputError` for another shape and for what holds no numbers, `NonFiniteError` for NaN and infinity; `what` is the
+    name of the values in the messages."""
     array = numbers(values, what, f"of shape (..., {size})")
     if array.ndim == 0 or array.shape[-1] != size:
         raise InputError(f"{what}: expected shape (..., {size}), got {array.shape}")
@@ -67,8 +72,8 @@ def checked(values: ArrayLike, size: int, what: str) -> Array:
 
 
 def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
-    """The array `out`, to which a result of this shape can be written. Raises `InputError` unless it is a writable
-    array of float64 of that shape."""
+    """The array `out` itself, into which a result of the given `shape` can be written. Raises `InputError` unless it is
+    a writable float64 array of exactly that shape; `what` names the caller in the message."""
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float64 or not out.flags.writeable:
         kind = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
         raise InputError(f"{what}: out: expected an array of float64 to write to, of shape {shape}, got {kind}")
@@ -76,10 +81,9 @@ def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
 
 
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """One number a joint (dof,), from one for all joints or one each: a read-only copy. Infinity is allowed.
-
-    Raises `InputError` on a wrong shape and `NonFiniteError` on NaN.
-    """
+    """The numbers (dof,) of `dof` joints, from one number for all joints or (dof,), one each: a read-only float64 copy.
+    Infinity is allowed. Raises `InputError` for another shape and for what holds no numbers, `NonFiniteError` for NaN;
+    `what` is the name of the values in the messages."""
     array = numbers(values, what)
     if array.shape not in ((), (dof,)):
         raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")
@@ -91,7 +95,9 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def positive_number(value: object, what: str) -> float:
-    """A positive finite number. Raises `InputError` for all else, texts and numbers beyond a double too."""
+    """The float of a positive finite number, given as a Python or NumPy number or an array of shape (). Raises
+    `InputError` for all else, such as zero, NaN, texts, longer arrays and whole numbers beyond the largest double.
+    `what` begins its message, as in "gap: expected a positive finite number"."""
     value = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     try:
         number = float(value) if isinstance(value, int | float | np.number) else math.nan
@@ -103,30 +109,36 @@ def positive_number(value: object, what: str) -> float:
 
 
 def real_number(value: object, what: str) -> float:
-    """A number, also NaN and infinity. Raises `InputError` for all else, texts and arrays of several numbers too."""
+    """The float of a number, given as a Python or NumPy real number or an array of shape (); NaN and infinity are
+    allowed. Raises `InputError` for all else, such as texts, longer arrays, complex numbers and whole numbers beyond
+    the largest double; `what` is the name of the number in its message."""
     if isinstance(value, int | float | np.number) or (isinstance(value, np.ndarray) and value.ndim == 0):
         return float(numbers(value, what))
     raise InputError(f"{what}: expected a number, got {printable(repr(value))}")
 
 
 def whole_number(value: object, what: str, least: int, most: int) -> int:
-    """A whole number from `least` to `most`. Raises `InputError` for all else."""
+    """The int of a whole number from `least` to `most`, both included, given as a Python or NumPy integer; booleans
+    count as 0 and 1. Raises `InputError` for all else, such as 2.0, NaN and texts; `what` is the name of the number in
+    its message."""
     if isinstance(value, int | np.integer) and least <= value <= most:
         return int(value)
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
 
 def whole_count(value: object, what: str, least: int = 0) -> int:
-    """A whole number of at least `least`, 0 unless given. Raises `InputError` for all else, such as 2.0, NaN, texts and
-    booleans."""
+    """The int of a whole number of at least `least`, 0 unless given, passed as a Python or NumPy integer. Raises
+    `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its message."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
     return int(value)
 
 
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
-    """A method on arrays that raises `NonFiniteError` rather than return what is not finite, its numbers being too
-    large to go on with."""
+    """The `method`, which returns an array of any shape, wrapped to raise `NonFiniteError` where a number in that array
+    is NaN or infinite, as where a mass matrix is singular or numbers are too large. For use as a decorator in a class
+    whose objects have a `name`, which the message has with the method's. NumPy's warnings of such numbers are silenced
+    meanwhile."""
 
     @wraps(method)
     def required(self: Named, /, *args: Given.args, **kwargs: Given.kwargs) -> Array:
@@ -144,7 +156,9 @@ def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callab
 
 
 def same_samples(**arrays: Array) -> tuple[int, ...]:
-    """The common sample axes, broadcast, of arrays (..., n). Raises `InputError` where they do not broadcast."""
+    """The common shape of the sample axes of `arrays` (..., n), all axes but the last, broadcast as NumPy does it.
+    Arrays are given by keyword, and n may differ. Raises `InputError`, with their names and shapes, where the axes do
+    not broadcast."""
     try:
         return np.broadcast_shapes(*(array.shape[:-1] for array in arrays.values()))
     except ValueError as error:
@@ -153,7 +167,9 @@ def same_samples(**arrays: Array) -> tuple[int, ...]:
 
 
 def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
-    """The array (..., n) of n scalars gathered along a new last axis; constants are repeated over the samples."""
+    """The float64 array (*samples, n) of n scalars, `entries`, gathered along a new last axis. `samples` is the shape
+    of the sample axes; each entry is a float, repeated over the samples, or an array that broadcasts to that shape,
+    else `ValueError` is raised."""
     out = np.empty((*samples, len(entries)))
     for i, entry in enumerate(entries):
         out[..., i] = entry
@@ -161,6 +177,8 @@ def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
 
 
 def stacked_rows(rows: Sequence[Iterable[Any]], samples: tuple[int, ...]) -> Array:
-    """The array (..., rows, columns) of rows of scalars."""
+    """The float64 array (*samples, m, n) of m rows of n scalars each. `samples` is the shape of the sample axes; each
+    scalar is a float, repeated over the samples, or an array that broadcasts to that shape. Raises `ValueError` where
+    one does not broadcast, and where the rows' lengths do not add up to a multiple of m."""
     flat = [entry for row in rows for entry in row]
     return stacked(flat, samples).reshape(*samples, len(rows), len(flat) // max(len(rows), 1))

@@ -20,7 +20,9 @@ State = tuple[dict[str, Any], tuple[Path, ...]]
 
 
 def sent_as_made(owner: type[Owner]) -> type[Owner]:
-    """The class, whose instances are copied and pickled without what they have cached, read-only arrays as such."""
+    """The class `owner` itself, for use as a decorator: from now on its instances are copied and pickled without the
+    values of their cached properties, and their read-only arrays are read-only in the copy too. A class that has a
+    `__getstate__` of its own keeps it. Nothing is raised."""
     if issubclass(owner, tuple):
         setattr(owner, "__reduce__", _record)  # noqa: B010  # a class of any kind
     elif "__getstate__" not in vars(owner):
@@ -30,11 +32,13 @@ def sent_as_made(owner: type[Owner]) -> type[Owner]:
 
 
 class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
-    """A property computed when it is first asked for, as functools' is, which is not sent and needs no lock.
+    """A property computed when it is first asked for and then kept on the instance, as by `functools.cached_property`,
+    but left out of copies and pickles, and without a lock.
 
-    No lock is held meanwhile: a process that forks while a thread computes, such as a compilation, would inherit the
-    lock held, and wait for ever (Python 3.12 has done away with it too). And values are dropped, not sent, when an
-    object is copied or pickled: native code cannot be sent, and what is computed can be computed again.
+    A process that forks while a thread computes, such as a compilation, would inherit a held lock and wait for ever
+    (Python 3.12 has done away with it too). Values are not copied or pickled because native code cannot be, and because
+    they can be computed again. The class it is used in gets a `__getstate__` and a `__setstate__` for this, unless it
+    has its own.
     """
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
@@ -76,10 +80,11 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def replaced_by(name: str) -> Callable[[Method], Method]:
-    """A decorator that has an instance's property of this name called in place of a method, which then only documents
-    it.
+    """A decorator of methods that has the callable in the instance's property `name` called in place of the method,
+    which then only documents it.
 
-    The property is kept where the method would be looked up: what is native is called with no step through Python.
+    At the first use the callable is stored on the instance under the method's name, so that native code is called with
+    no step through Python. An instance without such a property raises `AttributeError` when the method is looked up.
     """
 
     def replaced(method: Method) -> Method:
@@ -90,7 +95,9 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
 
 def without_caches(instance: object) -> State:
-    """The attributes of an object without its caches, by name, and the places of its read-only arrays."""
+    """The state of an object for copying and pickling: a dict of its attributes by name, without the values of cached
+    properties, and the places of its read-only arrays, each a tuple of an attribute's name and, for an array within a
+    tuple, its index there. Raises `TypeError` for an object without a `__dict__`."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
@@ -98,7 +105,8 @@ def without_caches(instance: object) -> State:
 
 
 def restored(instance: object, state: State) -> None:
-    """Make an object of that again."""
+    """Give an object, made without a call of its `__init__`, the attributes of a `state` of `without_caches`: a dict of
+    attributes by name and the places of the arrays that are to be read-only. The object is changed in place."""
     kept, paths = state
     vars(instance).update(_protected(kept, paths))
 

@@ -38,10 +38,12 @@ Content = TypeVar("Content")
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A path beside `path` to write to; when the block ends it is flushed to disk and takes `path`'s place.
+    """Context that gives a temporary path beside `path` to write a file to. When the block ends, the file is flushed to
+    disk and takes the place of `path` at one stroke.
 
-    When the block fails, `path` stays as it was and nothing is left behind. The path given has the same
-    suffix, so that writers which go by suffix work. Raises FileError when the place cannot be written.
+    When the block fails, `path` stays as it was, and nothing is left behind. The temporary path has the same suffix, so
+    that writers which go by suffix work. Raises `FileError` where the folder does not exist or cannot be written, where
+    `path` is a folder, and where writing fails; other errors of the block pass.
     """
     target = require_place(path)
     cleaned_of_the_dead(target.parent, target.name)
@@ -61,8 +63,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def require_place(path: str | Path) -> Path:
-    """The path that a link leads to. Raises `FileError` where no file can be written at it, before there is one: its
-    folder does not exist or cannot be written, or it is a folder itself."""
+    """The real path of a file that is to be written, links followed. Raises `FileError` where no file can be written
+    there: its folder does not exist or cannot be written, or the path is itself a folder."""
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
@@ -74,13 +76,15 @@ def require_place(path: str | Path) -> Path:
 
 
 def name_beside(target: Path) -> Path:
-    """A hidden name beside a target, of the same suffix, that says which process on which computer writes there."""
+    """A hidden path in the folder of the path `target`, for temporary files, of the same suffix. The name has this
+    computer's name, the number of this process and random digits, so that it is free; nothing is created."""
     return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
 
 
 def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
-    """Remove from a folder what killed processes of this computer were writing beside a name; returns what others
-    still write."""
+    """Paths of the temporary files and folders in `folder`, made by `name_beside` for the file name `name`, whose
+    writers may still be at work. Those of processes of this computer that run no more are deleted. A folder that cannot
+    be read, or a file that cannot be deleted, ends the cleaning without an error."""
     stem, suffix = Path(name).stem, Path(name).suffix
     pattern = re.compile(rf"\.{re.escape(stem)}\.[\w-]+-\d+-[0-9a-f]{{8}}{re.escape(suffix)}")
     alive: list[Path] = []
@@ -96,7 +100,8 @@ def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
 
 
 def is_of_the_dead(name: str) -> bool:
-    """True for a hidden name that a process of this computer wrote under which runs no more."""
+    """True where `name`, a file name made by `name_beside`, is of a process of this computer that runs no more; False
+    for other names, other computers and processes that still run."""
     owner = re.search(rf"\.{re.escape(_HERE)}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
     if owner is None:
         return False
@@ -110,23 +115,22 @@ def is_of_the_dead(name: str) -> bool:
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file of bytes whole or not at all. Raises `FileError` where it cannot be written."""
+    """Write the bytes `data` to the file at `path`, whole or not at all: when it fails, an old file stays as it was.
+    Raises `FileError` where the file cannot be written."""
     with replacing(path) as beside:
         beside.write_bytes(data)
 
 
 def write_text(path: str | Path, data: str) -> None:
-    """Write a UTF-8 file whole or not at all. Raises `FileError` where it cannot be written."""
+    """Write the text `data` to the file at `path` in UTF-8, whole or not at all: when it fails, an old file stays as it
+    was. Raises `FileError` where the file cannot be written."""
     write_bytes(path, data.encode())
 
 
 def write_json(path: str | Path, value: object) -> None:
-    """Write dicts, lists, dataclasses, msgspec Structs, NumPy arrays and numbers as JSON, keys in their order. Raises
-    `FileError` where it cannot be written.
-
-    NaN and infinity are refused by name: JSON has neither. Raises `FileError` for these, and where the file cannot be
-    written.
-    """
+    """Write `value` to the file at `path` as indented JSON, whole or not at all: dicts (keys in their order), lists,
+    dataclasses, msgspec Structs, NumPy arrays, numbers, texts and paths. Raises `FileError`, naming the element, for
+    NaN and infinity, which JSON does not have, and for values of other types and where the file cannot be written."""
     try:
         plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
     except TypeError as error:
@@ -136,13 +140,14 @@ def write_json(path: str | Path, value: object) -> None:
 
 
 def hashed(content: Any) -> str:
-    """SHA-256 hash of content in JSON's types, in hexadecimal."""
+    """The SHA-256 hash of `content` in JSON's types (dicts, lists, texts, numbers, booleans, None), as 64 hexadecimal
+    digits; the order of keys does not matter. Raises `TypeError` for other types."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
-    """The file's bytes. Raises `FileError` when it is missing, no regular file, not ours to read, or above `limit`
-    bytes."""
+    """The bytes of the file at `path`. Raises `FileError` where it is missing, not a regular file, not readable, or
+    larger than `limit` bytes, by default 16 MiB (16 * 2**20)."""
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
             # Opened without waiting: a pipe would hold us until somebody writes into it.
@@ -157,7 +162,8 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
-    """The file's text. Raises `FileError` as `read_bytes` does, and where it is not UTF-8."""
+    """The text of the file at `path`, in UTF-8. Raises `FileError` where it is not UTF-8, missing, not a regular file,
+    not readable, or larger than `limit` bytes, by default 16 MiB (16 * 2**20)."""
     try:
         return read_bytes(path, limit).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -165,8 +171,10 @@ def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
 
 
 def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> Content:
-    """The file's JSON as `kind` (a msgspec Struct, a dataclass, a list of them ...). Raises `FileError` as `read_bytes`
-    does, and for other contents, with the element's place."""
+    """The contents of the JSON file at `path` as an object of `kind`, such as a dataclass, a msgspec Struct or a list
+    of them. Raises `FileError` where it cannot be read, is larger than `limit` bytes, by default 16 MiB (16 * 2**20),
+    or is not JSON, and, naming the element, where contents do not fit `kind`, a key is given twice, or a number is NaN
+    or infinite."""
     text = read_text(path, limit)
     try:
         plain = json.loads(text, object_pairs_hook=_unrepeated)
@@ -176,8 +184,9 @@ def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> 
 
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
-    """The file's TOML as `kind` (a msgspec Struct, a dataclass ...). Raises `FileError` as `read_bytes` does, and for
-    other contents, with the line."""
+    """The contents of the TOML file at `path` as an object of `kind`, such as a dataclass or a msgspec Struct. Raises
+    `FileError` where it cannot be read, is larger than 1 MiB or not TOML, and, naming the element and its line, where
+    contents do not fit `kind`, a number is not finite or above 1e30 in size, or a text holds control characters."""
     text = read_text(path, MAX_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -195,16 +204,16 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
 
 
 def with_line(message: str, text: str) -> str:
-    """The message with the line of a TOML text that holds the element it names, as far as it is found:
-    ``$.links[2].mass``."""
+    """The error `message` with " (line N)" at its end, N being the line, from 1, in the TOML `text` of the element that
+    the message names, such as ``$.links[2].mass``; unchanged where it names none or the element is not found."""
     element = re.search(r"\$((?:\.[\w-]+|\[\d+\])+)", message)
     line = toml_line(text, element.group(1)) if element else 0
     return f"{message} (line {line})" if line else message
 
 
 def toml_line(text: str, element: str) -> int:
-    """The line of a TOML text where an element such as ``.links[2].mass`` begins, or the table that it is in; 0 where
-    neither is found."""
+    """The line number, from 1, in a TOML `text` where an `element` such as ``.links[2].mass`` begins, or else the table
+    that it is in; 0 where neither is found."""
     table = re.match(r"\.([\w-]+)(?:\[(\d+)\])?(?:\.([\w-]+))?", element)
     if table is None:
         return 0
@@ -288,7 +297,8 @@ def _plain(value: Any) -> Any:
 
 
 def flush(path: Path) -> None:
-    """Write a file or a folder through to the disk. Raises OSError where the disk fails."""
+    """Write the file or folder at `path` through to the disk (fsync). Raises `OSError` where it does not exist, cannot
+    be opened, or the disk fails."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -297,6 +307,7 @@ def flush(path: Path) -> None:
 
 
 def reason(error: Exception) -> str:
-    """The text of an error, its first letter small, to stand within a sentence."""
+    """The text of an `error`, for an `OSError` without number and file name, its first letter small, so that it can
+    stand within a sentence."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

@@ -22,11 +22,14 @@ AT_FDCWD, RENAME_EXCHANGE = -100, 2
 
 @contextmanager
 def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
-    """An empty folder beside `path` to write to; when the block ends it takes `path`'s place.
+    """Context that gives an empty temporary folder beside `path` to write to. When the block ends, the folder takes the
+    place of `path`.
 
-    When the block fails, `path` stays as it was and nothing is left behind. With `overwrite` it may hold an older run,
-    which is replaced whole; files of other kinds are kept. Raises `FileError` where `path` holds something otherwise,
-    cannot be written, or another run is writing it.
+    When the block fails, `path` stays as it was, and nothing is left behind. By default `path` must not exist, or be
+    empty. With `overwrite` it may hold an older run, which is replaced whole: all files with suffixes of results (.rrd,
+    .json, .parquet, .html, .png, .toml, .csv, .urdf, .yaml) and folders of these; other files are kept. Raises
+    `FileError` where `path` holds something without `overwrite`, is a file, cannot be written, or another run is
+    writing it.
     """
     target = Path(os.path.realpath(path))
     _require_place(path, target, overwrite)

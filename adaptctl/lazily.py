@@ -21,8 +21,9 @@ _OFFER = re.compile(r"^from (?P<home>[\w.]+) import (?:(?P<name>\w+) as (?P=name
 
 
 def homes(stub: Path) -> dict[str, str]:
-    """The module of every name that a stub offers, in lines `from MODULE import NAME as NAME`, or `import *` for all
-    that the stub of a package below it offers."""
+    """The modules of all names that a package's stub file (``__init__.pyi``) offers: module names by offered name. The
+    stub offers a name by a line `from MODULE import NAME as NAME`, and by `from PACKAGE import *` all names that the
+    stub of that subpackage offers. Other lines are passed over. Raises `OSError` where a stub cannot be read."""
     offered: dict[str, str] = {}
     for offer in _OFFER.finditer(stub.read_text(encoding="utf-8")):
         if offer["name"]:
@@ -33,10 +34,13 @@ def homes(stub: Path) -> dict[str, str]:
 
 
 def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """`__all__`, `__getattr__` and `__dir__` of a package that offers the names in its stub.
+    """The `__all__`, `__getattr__` and `__dir__` of a package that imports its public names when they are first used: a
+    sorted list of names, a function from a name to its value, and a function that lists all names.
 
-    What is named like its module is imported at once: importing the module later would put it in the name's place.
-    `__getattr__` raises AttributeError for a name that the stub does not have.
+    `package` is the full name of the package, whose ``__init__.py`` calls this; its stub ``__init__.pyi`` says which
+    names there are, and in which modules. A name that is called as its module is imported at once: importing the module
+    later would put the module in the name's place. The `__getattr__` raises `AttributeError` for a name that the stub
+    does not have, and `MissingExtraError` where a package that the name needs is not installed.
     """
     home_of = homes(Path(str(modules[package].__file__)).with_suffix(".pyi"))
 

@@ -9,12 +9,13 @@ MOST_ROWS = 60
 
 
 def titled(title: str, text: str = "") -> str:
-    """A line with a title in bold."""
+    """The HTML of a paragraph: `title` in bold, then `text`, by default empty. Both are escaped."""
     return f"<p><b>{_escaped(title)}</b> {_escaped(text)}</p>"
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table; a last row says how many rows were left out."""
+    """The HTML of a table with the column headings `heads` and the `rows`, sequences of cells, one for each heading,
+    shown by `str` and escaped. At most 60 rows are shown; a last row then says how many more there are."""
     given = list(rows)
     head = "".join(f"<th>{_escaped(text)}</th>" if text else "<td></td>" for text in heads)
     body = "".join(f"<tr>{''.join(f'<td>{_escaped(str(x))}</td>' for x in row)}</tr>" for row in given[:MOST_ROWS])

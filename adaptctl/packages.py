@@ -25,10 +25,11 @@ DISTRIBUTIONS = {
 
 @contextmanager
 def needed(what: str) -> Iterator[None]:
-    """Context, or decorator, in which a package that is not installed is named with the command that installs it.
+    """Context, or decorator, in which an import of a package that is not installed raises `MissingExtraError`, whose
+    message has the command that installs it.
 
-    `what` is what needs it. Raises `MissingExtraError` where it is missing. The core (load, basis, tick,
-    `simulate_many`) runs with NumPy, llvmlite, msgspec and threadpoolctl alone.
+    `what` names the function or task that needs the package, and begins the message. Missing modules of `adaptctl`
+    itself pass as `ModuleNotFoundError`.
     """
     try:
         yield
@@ -40,7 +41,8 @@ def needed(what: str) -> Iterator[None]:
 
 
 def viewer_program() -> str | None:
-    """The path of rerun's viewer, beside this Python or else on the PATH; None where there is none."""
+    """The path, as text, of the viewer program of the package rerun-sdk, which shows recorded runs: `rerun` in the
+    folder of this Python or else on the PATH; None where there is none."""
     import shutil
 
     return shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")

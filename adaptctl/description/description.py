@@ -77,9 +77,9 @@ class Limits:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint with one coordinate, about or along `axis` (3,), by default z, in the joint's frame, of any length and
-    made a unit vector. It has a `kind`, by default revolute, `limits`, by default none, and a `drive`, by default
-    without rotor and friction. Raises `InputError` for an axis of another shape, zero or not finite."""
+    """A joint called `name`, of one coordinate, about or along `axis` (3,), by default z, in the joint's frame, of any
+    length and made a unit vector. It has a `kind`, by default revolute, `limits`, by default none, and a `drive`, by
+    default without rotor and friction. Raises `InputError` for an axis of another shape, below 1e-9 or not finite."""
 
     name: str
     kind: JointKind = JointKind.REVOLUTE
@@ -101,15 +101,13 @@ class Joint:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link: a rigid body, and the joint that connects it to its parent, the link of index `parent`, -1 for the
-    ground.
-
-    `near` is the pose of the joint's frame, at zero, in the parent link's frame, `far` that of the link's frame in the
-    joint's moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far end. `inertia` (10,)
-    holds m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2) about the link frame's origin, zero
-    by default. A `massless` link only joins two joints, as in a floating base: its `inertia` stays zero and is no
-    parameter. Raises `InputError` for an inertia of another shape, not finite, above 1e20, or of a massless link.
-    """
+    """A link: a rigid body, and the joint that connects it to its parent, the link of index `parent`, from 0, or -1 for
+    the ground. `near` is the pose, in the parent link's frame, of the joint's frame at coordinate zero; `far` that of
+    the link's frame in the joint's moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far
+    end. `inertia` (10,) holds m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, by default zero: mass (kg),
+    first moment (kg m) and inertia tensor (kg m^2) about the link frame's origin. A `massless` link only joins two
+    joints, as in a floating base: its `inertia` stays zero and is no parameter. Raises `InputError` for an inertia of
+    another shape, not finite, above 1e20, or of a massless link."""
 
     name: str
     parent: int
@@ -129,14 +127,13 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """Description of a mechanism as immutable data: its `links` in depth-first order, in which `depth_first` puts them.
-
-    Pinocchio gives wrong mass and Coriolis matrices, silently, on other orders. `gravity` (3,) is in the ground's
-    frame, m/s^2, by default (0, 0, -9.81); `source` says where the numbers come from; `loops` is None for a tree, whose
-    joints are all primary. `visuals` are shapes to draw, `frames` named frames besides joints' and links'; hashes leave
-    both out. Raises `InputError` for another order, no links, empty or repeated names, gravity not (3,), not finite or
-    above 1e9, visuals or drives of unknown links or joints, `NotFoundError` for unknown names in `loops`.
-    """
+    """Description of a mechanism as immutable data: its `name` and its `links` in depth-first order (parents first,
+    each link's descendants together), in which `depth_first` puts them; on other orders Pinocchio gives wrong matrices,
+    silently. `gravity` (3,) is in the ground's frame, m/s^2, by default (0, 0, -9.81); `source` says where the numbers
+    come from; `loops` has what closes the tree into loops, None for a plain tree. `visuals` are shapes to draw,
+    `frames` named frames besides joints' and links'; hashes leave both out. Raises `InputError` for another order, no
+    links, empty or repeated names, gravity not (3,), not finite or above 1e9, visuals or drives of unknown links or
+    joints, `NotFoundError` for unknown names in `loops`."""
 
     name: str
     links: tuple[Link, ...]
@@ -179,8 +176,8 @@ class Description:
 
     @property
     def shafts(self) -> list[list[object]]:
-        """Lists [index of a joint, [[name of another joint, ratio as text], ...]] of all joints whose drive's shaft
-        turns with other joints, in JSON's types, for hashing."""
+        """Lists [index of a joint, [[name of another joint, ratio as text], ...]], in JSON's types for hashing, of all
+        joints whose motor shaft turns with others too: the ratio weighs the other's velocity in the shaft's."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
@@ -212,18 +209,18 @@ class Description:
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """Indices of the links that own ten inertial parameters each: all but the massless ones."""
+        """Indices, from 0, of links with ten inertial parameters (mass, first moment, inertia): all not massless."""
         return tuple(i for i, link in enumerate(self.links) if not link.massless)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
-        """Names of the links that own ten inertial parameters each: all but the massless ones."""
+        """Names of the links with ten inertial parameters (mass, first moment, inertia): all not massless."""
         return tuple(self.links[i].name for i in self.bodies)
 
     @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
         """Pairs (index of a link, parameter of its joint's drive) of all drive parameters that are modelled, in their
-        order among the inertial parameters: kind by kind, rotors first, then friction."""
+        order behind the links' inertial parameters: kind by kind, rotors first, then friction."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
@@ -236,22 +233,24 @@ class Description:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P inertial parameters: of each link that is not massless m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz, as in ``link3.I_xx``, then the drives', as in ``joint2.viscous``."""
+        """Names of the P inertial parameters: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, mass times
+        centre, inertia) of links that are not massless, as in ``link3.I_xx``, then the drives', ``joint2.viscous``."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
 
     @property
     def energetic(self) -> int:
-        """Number of inertial parameters that enter the energy: ten a body and rotor inertias; friction's come last."""
+        """Number of the inertial parameters that enter the energy: ten for each link that is not massless and one for
+        each modelled rotor inertia. Friction parameters, which do not, come after them."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P inertial parameters (P,), read-only: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of each
-        body (kg, kg m, kg m^2, about its frame's origin), then the drives' rotors and friction, SI units."""
+        """The P inertial parameters (P,), read-only: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of the
+        links that are not massless (kg, kg m, kg m^2, about their frames' origins), then the drives' rotors and
+        friction, SI."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -266,14 +265,15 @@ class Description:
 
     @property
     def inconsistent_links(self) -> tuple[str, ...]:
-        """Names of the links whose ten inertial parameters no body can have: pseudo-inertia not positive definite."""
+        """Names of the links whose ten inertial parameters no rigid body can have: their pseudo-inertia matrix (4, 4)
+        is not positive definite. Massless links are left out."""
         bodies = [self.links[i] for i in self.bodies]
         return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
         """Description of the same mechanism with other inertial parameters (P,), SI units, in the order of
-        `parameter_names`. Raises `InputError` for another number of them, values not finite or above 1e20 in size, and
-        rotors, viscous or Coulomb friction below 0."""
+        `parameter_names`, P names. Raises `InputError` for another number of them, values not finite or above 1e20 in
+        size, and rotors, viscous or Coulomb friction below 0."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
         for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
@@ -284,8 +284,8 @@ class Description:
         return replace(self, links=tuple(links))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
-        """Description of the same mechanism with other rotors and friction, one drive for all joints or one each in
-        order. Raises `InputError` for another number of drives, and for a drive that turns with unknown joints."""
+        """Description of the same mechanism with other drives (rotor inertia and friction), one for all joints or one
+        each in order. Raises `InputError` for another number of drives, and for one that turns with unknown joints."""
         each = [drives] * len(self.links) if isinstance(drives, Drive) else list(drives)
         if len(each) != len(self.links):
             raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
@@ -295,8 +295,8 @@ class Description:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of name, gravity, links, drives and loops: equal mechanisms, equal hashes,
-        whatever `source` says."""
+        """SHA-256 hash (hexadecimal) of name, gravity, links, drives and loops: equal mechanisms, equal hashes.
+        `source`, shapes to draw and named frames do not count."""
         content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
         content["links"] = [_plain(link) for link in self.links]
         if self.drive_parameters:
@@ -339,8 +339,8 @@ class Description:
 
 
 def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
-    """The links in depth-first order (parents first, subtrees contiguous, siblings as given), with their parents' new
-    indices. Raises `InputError` for a link that does not hang on the ground through its parents."""
+    """The `links` in depth-first order (parents first, descendants together, siblings as given), their `parent` indices
+    into that order, -1 the ground. Raises `InputError` for a link that the ground does not carry."""
     given = tuple(links)
     order: list[int] = []
     pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]
@@ -355,8 +355,8 @@ def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
 
 
 def weightless_ends(links: Sequence[Link]) -> tuple[str, ...]:
-    """Names of the links that have neither mass nor rotor, and carry none that has: their joints' accelerations are not
-    determined."""
+    """Names of the `links`, parents first, without mass or rotor that carry no link with either, so that their joints'
+    accelerations are not determined."""
     heavy: set[int] = set()
     for i, link in reversed(list(enumerate(links))):
         if i in heavy or np.any(link.inertia) or link.joint.drive.rotor_inertia:

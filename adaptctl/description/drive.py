@@ -13,9 +13,10 @@ from adaptctl.errors import InputError
 
 
 class DriveParameter(Enum):
-    """The parameters of a joint's drive, in the order they follow the links' ten.
+    """The parameters of a joint's drive, in their order behind the links' inertial parameters: rotor inertia, viscous,
+    Coulomb, square-root and Stribeck friction, and an offset, a constant torque.
 
-    A rotor's inertia enters the energy; friction does not, so energies can never find it and it is always kept.
+    The rotor inertia enters the kinetic energy. The others, friction terms, do not: they are found from torques alone.
     """
 
     ROTOR_INERTIA = "rotor_inertia"
@@ -27,7 +28,7 @@ class DriveParameter(Enum):
 
     @property
     def is_friction(self) -> bool:
-        """True where the parameter is a torque of its own instead of a share of the energy."""
+        """True for a friction term (all but the rotor inertia), which adds a torque of its own and no energy."""
         return self is not DriveParameter.ROTOR_INERTIA
 
 
@@ -39,18 +40,19 @@ LARGEST_TERM = 1e20
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint's drive: rotor inertia and friction at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
+    """A joint's drive: rotor inertia, and friction at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
 
-    `rotor_inertia` (kg m^2, or kg) counts through the gears. The friction torque (N m, or N) is
+    `rotor_inertia` (kg m^2, or kg) is that seen at the joint, through the gears. The friction torque (N m, or N) is
 
         viscous s + sign(s) (coulomb + square_root sqrt|s| + stribeck/(1 + (s/0.1)^2)) + offset
 
-    (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2; the square root is of lubricated gears.) None
-    where a term is not modelled: it is then no parameter at all. s is the joint's own velocity, and where the shaft
-    `turns_with` other joints, as in a wrist whose last motor sits before its second joint, that plus each of their
-    velocities times the ratio given; the drive's torque acts on these joints in the same ratios. Raises `InputError`
-    for a term that is no number, not finite or above 1e20 in size, for rotor inertia, viscous and Coulomb friction
-    below 0, and for a ratio that is 0 or not finite.
+    with `viscous` in N m s/rad, `square_root` in N m (s/rad)^(1/2) and the others in N m (prismatic: N for N m, m for
+    rad) (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2; the square root is of lubricated gears). A
+    term that is None, the default, is not modelled and no parameter. s is the joint's own velocity, and where the shaft
+    `turns_with` other joints, pairs (name, ratio), as in a wrist whose last motor sits before its second joint, that
+    plus each of their velocities times the ratio; the drive's torque acts on these joints in the same ratios. Raises
+    `InputError` for a term that is no number, not finite or above 1e20 in size, for rotor inertia, viscous and Coulomb
+    friction below 0, and for a ratio that is 0 or not finite.
     """
 
     rotor_inertia: float | None = None
@@ -73,11 +75,13 @@ class Drive:
                 raise InputError(f"turns_with: {name}: expected a finite ratio other than 0, got {ratio}")
 
     def with_terms(self, terms: Mapping[DriveParameter, float | None]) -> Drive:
-        """A copy of this drive with some of its terms changed; None removes a term."""
+        """A copy of this drive with some of its terms changed: values in SI units by `DriveParameter`, None for a term
+        that is no longer modelled. The others stay. Raises `InputError` for a value that is no number, not finite or
+        above 1e20 in size, and for rotor inertia, viscous or Coulomb friction below 0."""
         values: dict[str, Any] = {kind.value: value for kind, value in terms.items()}
         return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
-        """The value of one parameter in SI units; None where it is not modelled."""
+        """The value, in SI units, of the drive's parameter `kind`; None where it is not modelled."""
         value: float | None = getattr(self, kind.value)
         return value

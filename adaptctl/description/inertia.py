@@ -18,31 +18,37 @@ _LOWER = (0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)
 
 
 def inertia_tensor(ten: ArrayLike) -> Array:
-    """The inertia tensor (3, 3), kg m^2, about the frame's origin, of ten inertial parameters (10,); off-diagonal
-    entries are -integral xy dm."""
+    """The inertia tensor (3, 3), kg m^2, about the link frame's origin, of a link's ten inertial parameters (10,) in
+    the order m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; off-diagonal entries are -integral xy dm. Raises
+    `IndexError` for fewer than ten; nothing else is checked."""
     return np.asarray(ten, dtype=np.float64)[_TENSOR]
 
 
 def from_tensor(mass: float, first_moment: ArrayLike, tensor: ArrayLike) -> Array:
-    """The ten inertial parameters (10,) from a mass (kg), a first moment (3,) in kg m and a tensor (3, 3) in kg m^2,
-    all about the frame's origin."""
+    """The ten inertial parameters (10,), in the order m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, of a
+    rigid body with mass m (kg), first moment mc (3,), mass times centre of mass (kg m), and inertia tensor I (3, 3), kg
+    m^2, off-diagonal entries -integral xy dm, all about the frame's origin. Nothing is checked."""
     entries = np.asarray(tensor, dtype=np.float64)
     return np.array([mass, *np.asarray(first_moment, dtype=np.float64), *(entries[index] for index in _LOWER)])
 
 
 def from_center_of_mass(mass: float, center: ArrayLike, tensor_at_center: ArrayLike) -> Array:
-    """The ten inertial parameters (10,) from a mass (kg), its centre (3,) in m and the tensor (3, 3) in kg m^2 about
-    that centre (Huygens and Steiner)."""
+    """The ten inertial parameters (10,), in the order m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg
+    m, kg m^2), about the frame's origin, of a rigid body with a `mass` (kg), a `center` of mass (3,) in m and an
+    inertia tensor (3, 3) in kg m^2 about that centre, along the frame's axes (Huygens and Steiner). Nothing is
+    checked."""
     c = np.asarray(center, dtype=np.float64)
     shift = mass * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
     return from_tensor(mass, mass * c, np.asarray(tensor_at_center, dtype=np.float64) + shift)
 
 
 def pseudo_inertia(ten: ArrayLike) -> Array:
-    """The pseudo-inertia matrix (4, 4) of ten inertial parameters (10,), in the order of PARAMETERS: [[Sigma, mc],
-    [mc', m]] with Sigma = tr(I)/2 1 - I.
+    """The pseudo-inertia matrix (4, 4) of ten inertial parameters (10,), in the order m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2): [[S, mc], [mc', m]] with S = tr(I)/2 1 - I, from the mass m, the first
+    moment mc (3,), its transpose mc', the inertia tensor I (3, 3) with trace tr(I), and the identity 1.
 
-    A mass density can produce the ten exactly when it is positive definite (Wensing, Kim and Slotine 2018).
+    A rigid body of positive density can have the ten exactly when it is positive definite (Wensing, Kim and Slotine
+    2018). Raises `IndexError` for fewer than ten numbers; nothing else is checked.
     """
     values, tensor = np.asarray(ten, dtype=np.float64), inertia_tensor(ten)
     second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
@@ -55,25 +61,31 @@ UNIT_PSEUDO_INERTIAS = np.stack([pseudo_inertia(unit) for unit in np.eye(len(PAR
 
 
 def from_pseudo_inertia(matrix: ArrayLike) -> Array:
-    """The ten inertial parameters (10,) of a pseudo-inertia matrix (4, 4)."""
+    """The ten inertial parameters (10,), in the order m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg
+    m, kg m^2), of a pseudo-inertia matrix (4, 4), [[S, mc], [mc', m]]: the mass m, the first moment mc (3,) and the
+    inertia tensor I = tr(S) 1 - S (3, 3), with the trace tr and the identity 1. Nothing is checked."""
     values = np.asarray(matrix, dtype=np.float64)
     second_moments = values[:3, :3]
     return from_tensor(values[3, 3], values[:3, 3], np.trace(second_moments) * np.eye(3) - second_moments)
 
 
 def transformed(ten: ArrayLike, pose: Pose) -> Array:
-    """The ten inertial parameters (10,) in a parent frame of a body whose ten are given in the frame that stands there
-    at `pose`."""
+    """The ten inertial parameters (10,) of a rigid body in a parent frame, from its `ten` (10,) in a child frame and
+    the child's `pose` in the parent; both in the order m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg
+    m, kg m^2), about the frames' origins. Raises `IndexError` for fewer than ten numbers; nothing else is checked."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3], homogeneous[:3, 3] = pose.rotation, pose.translation
     return from_pseudo_inertia(homogeneous @ pseudo_inertia(ten) @ homogeneous.T)
 
 
 def is_physically_consistent(ten: ArrayLike) -> bool:
-    """True where some rigid body of positive density has these ten inertial parameters (10,)."""
+    """True where some rigid body of positive density has the ten inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx,
+    I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2): their pseudo-inertia matrix (4, 4) is positive definite. Raises
+    `IndexError` for fewer than ten numbers, NumPy's `LinAlgError` for NaN or infinity."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0)
 
 
 def parameter_names(link_names: Sequence[str]) -> tuple[str, ...]:
-    """Names of inertial parameters, such as ``link3.I_xx``, ten a link."""
+    """Names of the inertial parameters of links, ten for each of `link_names`, such as ``link3.I_xx``: link by link m,
+    mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, first moment, inertia tensor)."""
     return tuple(f"{link}.{name}" for link in link_names for name in PARAMETERS)

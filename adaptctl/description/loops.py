@@ -76,8 +76,8 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """A linear bound on the primary joints' positions, within which a mechanism may work: lower < sum of weight times
-    position < upper (rad or m).
+    """A linear bound on the positions of the primary (independent) joints, within which a mechanism may work: lower <
+    sum of weight times position < upper (rad or m).
 
     `weights`, without a unit, go by joint name, joints not named having zero; an infinite `lower` or `upper`, the
     default, bounds nothing. Sampled configurations and environments keep within it; the semi-direct-drive arm's 0.5236
@@ -103,13 +103,13 @@ class Loops:
     """The loops of a mechanism: the closures, couplings and primary joints that make a mechanism with loops of a tree
     of links.
 
-    `primary` names the driven joints, whose positions describe the motion; the others follow. `closures` and
-    `couplings` are the constraints between links and between joints, by default none. `reference` gives the
-    configuration (rad or m by joint name, zero where not given) from which the motion is followed, and so the assembly
-    branch; in it, joints that are not primary need only be near enough for the loops to close. `conditions`, by default
-    none, bound where the mechanism may work. Raises `InputError` for no primary joint, a closure's, coupling's,
-    follower's or primary joint's name given twice, a follower that is primary or leads another, and a condition on a
-    joint that is not primary.
+    `primary` names the primary (independent) joints, which are driven and whose positions describe the motion; the
+    others follow. `closures` and `couplings` are the constraints between links and between joints, by default none.
+    `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
+    followed, and so the assembly branch, which of several ways to close the loops is meant; in it, joints that are not
+    primary need only be near enough for the loops to close. `conditions`, by default none, bound where the mechanism
+    may work. Raises `InputError` for no primary joint, a closure's, coupling's, follower's or primary joint's name
+    given twice, a follower that is primary or leads another, and a condition on a joint that is not primary.
     """
 
     primary: tuple[str, ...]

@@ -9,7 +9,8 @@ from adaptctl.description.pose import Pose
 
 
 class FrameKind(Enum):
-    """The kind of a named frame, as Pinocchio has it."""
+    """The kind of a named frame, as Pinocchio's frame types are: operational (such as a tool), a fixed joint, a body
+    that is fixed to a link, or a sensor."""
 
     OPERATIONAL = "operational"
     FIXED_JOINT = "fixed joint"
@@ -19,7 +20,8 @@ class FrameKind(Enum):
 
 @dataclass(frozen=True)
 class NamedFrame:
-    """A frame that is fixed to a link (GROUND for none), at a pose in the link's frame. No motion depends on it."""
+    """A frame with a `name` that is fixed to the link of index `link`, from 0, or to the ground, -1, at `pose` in that
+    link's frame (m). `kind` is operational by default; no motion depends on it. Nothing is checked at construction."""
 
     name: str
     link: int

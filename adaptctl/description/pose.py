@@ -16,10 +16,11 @@ LARGEST_LENGTH = 1e9
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """Rotation matrix (3, 3) about a unit axis by Rodrigues' formula.
+    """The rotation matrix (3, 3) by `angle` (rad) about `axis` (3,), a unit vector, which is not checked, by Rodrigues'
+    formula.
 
-    Entries within 1e-15 of 0 and of +-1 are made exact, so that a right angle stays one in every product;
-    an angle that is truly off by more (3.1416 / 2, say) is kept as it is.
+    Entries within 1e-15 of 0 and of +-1 are made exact, so that a right angle stays one in every product; an angle that
+    is truly off by more (3.1416 / 2, say) is kept as it is. Raises `ValueError` for an axis that is not three numbers.
     """
     x, y, z = np.asarray(axis, dtype=np.float64)
     hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -28,13 +29,16 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
 
 
 def exact_right_angles(rotation: Array, tolerance: float = 1e-15) -> Array:
-    """The same rotation (3, 3) with entries within `tolerance` of -1, 0 and 1 made exact."""
+    """A copy of the `rotation` matrix (3, 3) in which entries within `tolerance`, by default 1e-15, of -1, 0 and 1 are
+    made exactly that. Nothing is checked."""
     rounded = np.round(rotation)
     return np.where(np.abs(rotation - rounded) <= tolerance, rounded + 0.0, rotation)
 
 
 def roll_pitch_yaw(angles: ArrayLike) -> Array:
-    """Rotation matrix (3, 3) of URDF's fixed-axis roll, pitch and yaw (3,), rad."""
+    """The rotation matrix (3, 3) of URDF's roll, pitch and yaw (3,), rad: turns about the fixed axes x, y and z, in
+    this order. Entries within 1e-15 of 0 and of +-1 are made exact. Raises `ValueError` for another number of
+    angles."""
     roll, pitch, yaw = np.asarray(angles, dtype=np.float64)
     product = rotation_about((0, 0, 1), yaw) @ rotation_about((0, 1, 0), pitch) @ rotation_about((1, 0, 0), roll)
     return exact_right_angles(product)

@@ -16,12 +16,14 @@ SHORTEST = 1e-6
 
 
 def joint_line(link: Link) -> tuple[Array, Array]:
-    """A point (3,) on the axis of a link's joint, m, and the axis' direction (3,), both in the link's frame."""
+    """A point (3,) on the axis of the joint that carries a `link`, m, and the axis' direction (3,), a unit vector, both
+    in the link's frame."""
     return link.far.inverse.translation, link.far.rotation.T @ link.joint.axis
 
 
 def link_end(link: Link) -> Array:
-    """The end of a link (3,), m, in its frame: the frame's origin, or the centre of mass if that is at the joint."""
+    """The point (3,) where a `link` ends, in its frame, m: the frame's origin or, where that is within 1e-6 m of the
+    joint and the link has mass, its centre of mass."""
     start, _ = joint_line(link)
     if np.linalg.norm(start) > AT_JOINT or link.inertia[0] <= 0.0:
         return np.zeros(3)
@@ -29,8 +31,10 @@ def link_end(link: Link) -> Array:
 
 
 def attachments(description: Description) -> list[list[Array]]:
-    """Attachment points (3,) of every link, m in its frame, where others hang on it or meet it in a loop; its end
-    without any."""
+    """The attachment points of every link of a mechanism, in the links' order: a list of points (3,) for each, m in the
+    link's frame. They are where other links' joints or loop closures attach. The link's end, its frame's origin or,
+    where that is at its joint, its centre of mass, is one of them where it is farther from the joint than the others,
+    unless these are all at the joint, or where there are no others."""
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
@@ -56,7 +60,9 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
 
 
 def chain_reach(links: Sequence[Link], index: int) -> float:
-    """Length (m) of the chain from its first joint to the end of a link, joint by joint."""
+    """The length (m) of the chain from the joint of the link on the ground to the end of the link of this `index`, from
+    0: the sum of the distances from joint to joint, and to the link's end (its frame's origin or, where that is at its
+    joint, its centre of mass). `links` are all links of a tree."""
     length = _length(links[index])
     while (parent := links[index].parent) != GROUND:
         length += _step(links, index)
@@ -65,7 +71,9 @@ def chain_reach(links: Sequence[Link], index: int) -> float:
 
 
 def reach_behind(links: Sequence[Link]) -> Array:
-    """Distance from every link's joint to the farthest end behind it, summed joint by joint (N,), m."""
+    """The distances (n,), m, from the joints of n `links` to the farthest end of a chain that each carries, summed from
+    joint to joint. A link ends at its frame's origin or, where that is at its joint, at its centre of mass. The links
+    are a tree in depth-first order (parents first)."""
     longest = np.array([_length(link) for link in links])
     for i in reversed(range(len(links))):
         if (parent := links[i].parent) != GROUND:

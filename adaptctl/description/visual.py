@@ -15,7 +15,9 @@ Color = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles in a file, its lengths times `scale` in m; a negative one mirrors."""
+    """A mesh of triangles in the file at `path`, for drawing; its lengths times `scale` (3,), by default 1, along x, y
+    and z are in m, and a negative factor mirrors. Raises `InputError` for a scale that is zero or not finite; the file
+    is not looked for."""
 
     path: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -27,7 +29,8 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Box:
-    """A box about its frame's origin, its edges (m) along the axes."""
+    """A box for drawing, centred at its frame's origin, its edges of lengths `size` (3,), m, along the x, y and z axes.
+    Raises `InputError` for lengths that are not positive and finite."""
 
     size: tuple[float, float, float]
 
@@ -37,7 +40,8 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder about its frame's origin, along z; m."""
+    """A cylinder for drawing, centred at its frame's origin, its axis along z, of a `radius` and a `length` (m). Raises
+    `InputError` for lengths that are not positive and finite."""
 
     radius: float
     length: float
@@ -48,7 +52,8 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere about its frame's origin; m."""
+    """A sphere for drawing, centred at its frame's origin, of a `radius` (m). Raises `InputError` for a radius that is
+    not positive and finite."""
 
     radius: float
 
@@ -61,9 +66,11 @@ Solid = Mesh | Box | Cylinder | Sphere
 
 @dataclass(frozen=True)
 class Visual:
-    """A solid fixed to a link, the index of which is -1 for what stands on the ground; `pose` is in its frame.
+    """A shape for drawing, `solid`, fixed to the link of index `link`, from 0, or to the ground, -1, at `pose` in that
+    link's frame (m).
 
-    Without a colour it has its mesh's own, or the one that a picture gives to links.
+    `color` is red, green, blue and opacity, from 0 to 1; None, the default, leaves the mesh's own colour, or the one
+    that a picture gives to links. Nothing is checked at construction.
     """
 
     link: int
@@ -72,7 +79,8 @@ class Visual:
     color: Color | None = None
 
     def on(self, link: int, pose: Pose) -> Visual:
-        """The same fixed to another link, on which the frame that carried it is at `pose`."""
+        """A copy of this shape fixed to the link of index `link`, from 0, or to the ground, -1. `pose` is that of the
+        frame it was fixed to, in the new link's frame."""
         return replace(self, link=link, pose=pose @ self.pose)
 
 

@@ -62,7 +62,9 @@ class Column:
 
 
 def combined(columns: Sequence[Column], weights: Column) -> Column:
-    """The sum of columns (n,), each times its weight: a linear combination."""
+    """The linear combination of m `columns` (n,): the column (n,) that is their sum, each times its entry of `weights`,
+    a column (m,). Raises `IndexError` for no columns or no weights, and `ValueError` for different numbers of them or
+    columns of different lengths."""
     total = weights[0] * columns[0]
     for weight, one in zip(weights.of[1:], columns[1:], strict=True):
         total = total + weight * one

@@ -42,7 +42,10 @@ _ATAN_BELOW = (
 
 
 def exponential(x: Any) -> Any:
-    """The exponential e^x: x is k ln 2 + r, and the result 2^k e^r. Infinity where it is too large for a double."""
+    """The exponential e^x of a scalar x without unit (a float, an array, a dual number or a node of an expression
+    graph), by arithmetic and comparisons alone, so that it compiles to SIMD instructions; within a few units in the
+    last place, elementwise in arrays. It is infinity where it exceeds the largest double, 0 below about -745, and NaN
+    for NaN."""
     x = clip(x, -746.0, 710.0)
     k = (x * (1.0 / math.log(2.0)) + _SHIFT) - _SHIFT
     r = (x - k * _LN2[0]) - k * _LN2[1]
@@ -56,7 +59,9 @@ def exponential(x: Any) -> Any:
 
 
 def logarithm(x: Any) -> Any:
-    """The natural logarithm ln x: x is 2^k m with m about 1. Minus infinity of zero, NaN below."""
+    """The natural logarithm ln x of a scalar x without unit (a float, an array, a dual number or a node of an
+    expression graph), by arithmetic and comparisons alone, so that it compiles to SIMD instructions; within a few units
+    in the last place, elementwise in arrays. It is minus infinity at 0, and NaN for negative numbers and NaN."""
     m, k = x, 0.0 * x
     for bit in _HALVINGS:
         small, large = m < 2.0 ** (1 - bit), m >= 2.0**bit
@@ -73,7 +78,10 @@ def logarithm(x: Any) -> Any:
 
 
 def hyperbolic_tangent(x: Any) -> Any:
-    """The hyperbolic tangent tanh x, near zero by a rational function of its own, elsewhere by exponentials."""
+    """The hyperbolic tangent tanh x of a scalar x without unit (a float, an array, a dual number or a node of an
+    expression graph), by arithmetic and comparisons alone, so that it compiles to SIMD instructions; within a few units
+    in the last place, elementwise in arrays. It is a rational function of x for |x| below 0.625, and made of
+    exponentials elsewhere."""
     near = clip(x, -0.625, 0.625)
     z = near * near
     close = near + near * z * (polynomial(_TANH, z) / polynomial(_TANH_BELOW, z))
@@ -82,7 +90,10 @@ def hyperbolic_tangent(x: Any) -> Any:
 
 
 def arc_tangent(y: Any, x: Any) -> Any:
-    """The angle of the point x, y from the x axis, in [-pi, pi]; zero of the origin."""
+    """The angle of the point (x, y) from the x axis, in rad, from -pi to pi, and 0 at the origin, by arithmetic and
+    comparisons alone, so that it compiles to SIMD instructions; within a few units in the last place, elementwise in
+    arrays. The coordinates y and x, in one unit, are each a float, an array, a dual number or a node of an expression
+    graph."""
     high, low = maximum(absolute(x), absolute(y)), minimum(absolute(x), absolute(y))
     upper = low > math.tan(math.pi / 8.0) * high
     t = where(upper, low - high, low) / where(upper, low + high, where(high > 0.0, high, 1.0))
@@ -94,5 +105,7 @@ def arc_tangent(y: Any, x: Any) -> Any:
 
 
 def polynomial(coefficients: Sequence[float], z: Any) -> Any:
-    """The polynomial of z with coefficients of its powers from the zeroth on (Horner's scheme)."""
+    """The polynomial c_0 + c_1 z + c_2 z^2 + ... of a scalar z (a float, an array, a dual number or a node of an
+    expression graph) by Horner's scheme. `coefficients` has the numbers c_0, c_1, ..., from the zeroth power of z on.
+    Raises `TypeError` for no coefficients."""
     return reduce(lambda higher, c: c + z * higher, reversed(coefficients))

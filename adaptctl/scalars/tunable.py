@@ -60,8 +60,8 @@ class Tunable:
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the attributes that hold tunable numbers (arguments of native code), empty unless a class names
-        them."""
+        """Names of the attributes that hold tunable numbers, which are arguments of the settings' native code, not
+        compiled into it. Empty unless a class overrides this property."""
         return ()
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -71,7 +71,8 @@ class Tunable:
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The attributes that are themselves `Tunable` settings (with tunable numbers of their own), by name."""
+        """The attributes that are themselves `Tunable` settings, which have tunable numbers (arguments of native code)
+        of their own, by attribute name; empty where there are none."""
         return {name: value for name, value in self._settings() if isinstance(value, Tunable)}
 
     @cached_property

@@ -40,12 +40,14 @@ class Vec:
 
 
 def dot(a: Vec, b: Vec) -> Any:
-    """Inner (dot) product of two vectors (3,), a scalar."""
+    """The inner (dot) product of two vectors (3,) whose entries are scalars of one kind: a scalar of that kind, in the
+    product of their units. Nothing is checked."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
 def cross(a: Vec, b: Vec) -> Vec:
-    """Vector (cross) product a x b (3,) of two vectors (3,)."""
+    """The vector (cross) product a x b (3,) of two vectors (3,) whose entries are scalars of one kind, in the product
+    of their units. Nothing is checked."""
     return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
@@ -94,7 +96,8 @@ class Mat:
 
 
 def product(a: Mat, b: Mat) -> Mat:
-    """The matrix product a b (3, 3) of two matrices (3, 3), `a` on the left."""
+    """The matrix product a b (3, 3) of two matrices (3, 3), `a` on the left, whose entries are scalars of one kind, in
+    the product of their units. Nothing is checked."""
     columns = b.T
     return Mat(*(columns @ row for row in a))
 

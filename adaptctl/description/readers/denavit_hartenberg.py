@@ -20,15 +20,19 @@ X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class Base(msgspec.Struct, forbid_unknown_fields=True):
-    """The pose of the chain's first frame in the world: a place (m) and fixed-axis roll, pitch, yaw (rad)."""
+    """The pose, in a Denavit-Hartenberg file, of the chain's first frame in the ground's frame: the place `xyz` (m) and
+    the fixed-axis roll, pitch and yaw `rpy` (rad), all zero by default. Nothing is checked at construction."""
 
     xyz: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
 
 
 class Step(LinkEntry, kw_only=True):
-    """Entry of one link with the joint before it; `theta` of a turning joint and `d` of a prismatic one are added to
-    the coordinate."""
+    """An entry of a Denavit-Hartenberg file: one link with the joint before it. The parameters are length `a` and
+    offset `d` (m), twist `alpha` and angle `theta` (rad; or `alpha_deg`, `theta_deg` in degrees), by default 0, save
+    that one of the two twists must be given. The coordinate of a turning joint is added to theta, that of a prismatic
+    one to d. The other fields are those of `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is
+    checked at construction."""
 
     a: float = 0.0
     d: float = 0.0
@@ -39,7 +43,10 @@ class Step(LinkEntry, kw_only=True):
 
 
 class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Contents of a Denavit-Hartenberg file; `source` says where the numbers come from."""
+    """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them: `schema` and
+    `convention` say how to read the 1 to 256 entries of `links`, `source` says where the numbers come from, `gravity`
+    (3,) is in m/s^2, by default (0, 0, -9.81), `base` is the pose of the chain's first frame. Without a `name` the
+    file's is taken. Nothing is checked at construction."""
 
     schema: Literal["adaptctl/denavit-hartenberg/1"]
     convention: Literal["standard", "modified"]

@@ -23,7 +23,8 @@ Triple = tuple[float, float, float]
 
 
 class Tensor(msgspec.Struct, forbid_unknown_fields=True):
-    """Entry of an inertia tensor (kg m^2): xy is -integral xy dm. What is left out is zero."""
+    """An entry of a TOML file: an inertia tensor (kg m^2) by its six different entries, those left out being zero;
+    off-diagonal ones are -integral xy dm. Nothing is checked at construction."""
 
     xx: float = 0.0
     xy: float = 0.0
@@ -33,19 +34,21 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
     zz: float = 0.0
 
     def matrix(self) -> Array:
-        """The inertia tensor (3, 3), kg m^2."""
+        """The inertia tensor as a symmetric matrix (3, 3), kg m^2."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
 
 class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a frame's pose in another: a place (m) and fixed-axis roll, pitch, yaw (rad, or degrees)."""
+    """An entry of a TOML file: the pose of a frame in another, by its place `position` (m) and fixed-axis roll, pitch
+    and yaw, `rpy` (rad) or `rpy_deg` (degrees); by default the same frame. Nothing is checked at construction."""
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple | None = None
     rpy_deg: Triple | None = None
 
     def pose(self) -> Pose:
-        """The frame's pose in its link. Raises `InputError` where rpy is given twice."""
+        """The pose of the frame in the one it is given in (m). Raises `InputError` where `rpy` and `rpy_deg` are both
+        given, and for lengths above 1e9 m."""
         if self.rpy is not None and self.rpy_deg is not None:
             raise InputError("rpy is given twice: keep rpy (rad) or rpy_deg")
         degrees = [math.radians(angle) for angle in self.rpy_deg or (0.0, 0.0, 0.0)]
@@ -53,9 +56,12 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a joint's drive, as `Drive` has it; `turns_with` gives ratios by the names of other joints.
+    """An entry of a TOML file: the drive of a joint, as `Drive` has it: the rotor inertia seen at the joint (kg m^2, or
+    kg) and friction terms (N m for speeds in rad/s, or N and m/s). `turns_with` gives, by the names of other joints
+    that turn the same motor shaft, the ratio of their velocities in the shaft's.
 
-    What is left out is not modelled; what is given, zero too, is a parameter.
+    A term that is left out, None, is not modelled; one that is given, zero too, is a parameter. Nothing is checked at
+    construction.
     """
 
     rotor_inertia: float | None = None
@@ -67,16 +73,21 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     turns_with: dict[Name, float] = {}
 
     def drive(self) -> Drive:
-        """The entry's drive. Raises `InputError` for impossible numbers."""
+        """The `Drive` (rotor inertia and friction) of this entry. Raises `InputError` for a term that is not finite or
+        above 1e20 in size, for rotor inertia, viscous and Coulomb friction below 0, and for a ratio of 0."""
         terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
         return Drive(*terms, turns_with=tuple(self.turns_with.items()))
 
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of one link with the joint before it; lengths in m, angles in rad or, where the name says so, degrees.
+    """An entry of a TOML file: one link with the joint before it. `name` is the link's, `joint` the joint's, by default
+    numbered; `type` is the joint's, by default revolute.
 
-    The inertia is mass, first_moment and inertia about the link frame's origin, or mass, center_of_mass and
-    inertia_at_center, or nothing for a massless link; all in the link's frame.
+    Position limits are `range` (rad or m) or `range_deg` (degrees), `velocity` is the greatest speed (rad/s or m/s),
+    `effort` the greatest torque or force (N m or N); those left out do not limit. The inertia is `mass` (kg),
+    `first_moment`, mass times centre of mass (kg m), and `inertia` (kg m^2) about the link frame's origin, or `mass`,
+    `center_of_mass` (m) and `inertia_at_center` (kg m^2), or nothing for a link without mass; all in the link's frame.
+    `drive` has the joint's rotor inertia and friction. Nothing is checked at construction.
     """
 
     name: Name | None = None
@@ -94,17 +105,23 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     drive: DriveEntry = msgspec.field(default_factory=DriveEntry)
 
     def moving(self, name: str, axis: Triple) -> Joint:
-        """The joint of the entry, with its limits and its drive."""
+        """The joint of this entry, called `name`, about or along `axis` (3,) in the joint's frame, of any length, with
+        the entry's type, limits and drive. Raises `InputError` for a zero axis, and for limits or drive terms that
+        cannot be."""
         return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:
-        """The joint's limits; what is not given does not limit."""
+        """The limits of this entry's joint (rad or m; rad/s or m/s; N m or N), infinite where not given. Raises
+        `InputError` for a range given twice, of a continuous joint or in degrees of a prismatic one, unless its lower
+        end is below its upper one, and for a velocity or effort that is not positive."""
         lower, upper = self._range() or (-math.inf, math.inf)
         return Limits(lower, upper, _or_unlimited(self.velocity), _or_unlimited(self.effort))
 
     def ten(self) -> Array:
-        """The link's ten inertial parameters (10,), zero where nothing is given. Raises `InputError` where the inertia
-        is incomplete or given twice."""
+        """The link's ten inertial parameters (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in
+        kg, first moment in kg m, inertia tensor in kg m^2), about its frame's origin; zero where nothing is given.
+        Raises `InputError` where the inertia is incomplete or given twice, where the mass is negative, and for inertia
+        without mass."""
         about_origin = (self.first_moment, self.inertia)
         about_center = (self.center_of_mass, self.inertia_at_center)
         self._require_mass()

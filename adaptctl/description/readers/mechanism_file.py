@@ -22,12 +22,13 @@ Part = TypeVar("Part")
 
 
 class TreeLink(LinkEntry, kw_only=True):
-    """Entry of one link with the joint before it.
+    """An entry of a mechanism file in TOML: one link of a tree with the joint before it.
 
-    `parent` names the link that carries it, the ground when left out. `position` and `rpy` place the joint's
-    frame in the parent link's frame; `axis` is in the joint's frame. `far` places the link's frame in the
-    joint's moved frame, where the two are not the same. A `massless` link only joins two joints: it has no inertia
-    and owns no parameters.
+    `parent` names the link that carries it, None the ground. `position` (m) and `rpy` (fixed-axis roll, pitch and yaw,
+    rad; or `rpy_deg`, degrees) place the joint's frame in the parent link's frame, by default on it; `axis` (3,), by
+    default z, is in the joint's frame. `far` places the link's frame in the joint's moved frame, by default on it. A
+    `massless` link only joins two joints: it has no inertia and owns no parameters. The other fields are those of
+    `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is checked at construction.
     """
 
     parent: Name | None = None
@@ -40,13 +41,17 @@ class TreeLink(LinkEntry, kw_only=True):
 
 
 class LinkFrame(FrameEntry, kw_only=True):
-    """Entry of a frame on a link; on the ground, where no link is named."""
+    """An entry of a mechanism file in TOML: a frame on the link that `link` names, None being the ground, at `position`
+    (m) and roll, pitch and yaw `rpy` (rad) or `rpy_deg` (degrees) in that link's frame. Nothing is checked at
+    construction."""
 
     link: Name | None = None
 
 
 class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a closure, two frames that coincide: in their origins, their origins and z axes, or as a whole."""
+    """An entry of a mechanism file in TOML: a loop closure called `name`, two frames on links that coincide. `kind`
+    says in what: their origins ("point", the default), their origins and z axes ("axis") or as a whole ("weld").
+    Nothing is checked at construction."""
 
     name: Name
     first: LinkFrame
@@ -55,7 +60,9 @@ class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a coupling: follower = ratio leader + offset (rad or m)."""
+    """An entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio leader + offset (rad
+    or m), by the joints' names. `ratio` has no unit, or m/rad; without a `name` it is called after both joints. Nothing
+    is checked at construction."""
 
     follower: Name
     leader: Name
@@ -65,8 +72,9 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a bound on where the mechanism may work: lower < sum of weight times primary coordinate < upper (rad or
-    m)."""
+    """An entry of a mechanism file in TOML: a condition, a bound on where the mechanism may work, lower < sum of weight
+    times position < upper (rad or m). `weights`, without unit, go by the names of primary (independent) joints; a bound
+    that is None does not limit. Nothing is checked at construction."""
 
     name: Name
     weights: dict[Name, float]
@@ -75,7 +83,14 @@ class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Contents of a mechanism file; `source` says where the numbers come from."""
+    """The contents of a mechanism file in TOML, as `read_mechanism_file` reads them.
+
+    `links` has 1 to 256 entries in any order; `source` says where the numbers come from; `gravity` (3,) is in m/s^2, by
+    default (0, 0, -9.81). `closures`, `couplings` and `conditions` make loops, by default none. `primary` names the
+    primary (independent) joints, None being all that follow no other; `reference` gives the positions (rad or m by
+    joint, zero where not given) from which the loops are followed. Without a `name` the file's is taken. Nothing is
+    checked at construction.
+    """
 
     schema: Literal["adaptctl/mechanism/1"]
     links: Annotated[list[TreeLink], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
@@ -94,12 +109,12 @@ def read_mechanism_file(path: str | Path) -> Description:
 
     The file has ``schema = "adaptctl/mechanism/1"`` and ``[[links]]``, each with its parent's name (the ground without
     one), its joint's place, axis, type and limits (m, rad), its inertia and its drive, in any order; ``[[closures]]``,
-    ``[[couplings]]`` and ``[[conditions]]`` make loops. `primary` names the driven joints; without closures it may be
-    left out, and all joints that follow no other are primary. `reference` gives the configuration (rad or m by joint)
-    from which the loops are followed. Raises `FileError` for a file that cannot be read and, naming the element, for
-    wrong contents; loops that do not close are found only when equations are made of the description. Warns
-    (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and carry no link
-    that has one.
+    ``[[couplings]]`` and ``[[conditions]]`` make loops. `primary` names the driven joints, the independent ones;
+    without closures it may be left out, and all joints that follow no other are primary. `reference` gives the
+    configuration (rad or m by joint) from which the loops are followed. Raises `FileError` for a file that cannot be
+    read and, naming the element, for wrong contents; loops that do not close are found only when equations are made of
+    the description. Warns (`SimplificationWarning`) of angles that look like degrees and of links that move without
+    mass and carry no link that has one.
     """
     content = read_toml(path, MechanismFile)
     try:

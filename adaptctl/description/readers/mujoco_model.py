@@ -31,12 +31,16 @@ WORLD = 0
 
 
 def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
-    """The mechanism of a body of a MuJoCo model and of all bodies on it, which nothing that moves may carry.
+    """The description of the mechanism that consists of a `body` of a MuJoCo model and of all bodies on it; nothing
+    that moves may carry it. None stands for the one root body on which joints turn or slide; bodies that only float are
+    objects of the scene.
 
-    Without a name it is the one root body on which joints turn or slide; bodies that only float are objects of the
-    scene. Names, frames, drives and limits are as `read_mjcf` has them. Raises `InputError` for ball and free joints
-    and for equalities of these bodies, `NotFoundError` for a name that is none. Warns (`SimplificationWarning`) of
-    actuators that are no torques, and of springs and gravity compensation, which are left out.
+    Link frames stand at the joints, turned as their bodies; a link is named after its body, and a body with several
+    joints becomes as many links, massless but the last. Armature, damping and frictionloss become the joint's drive,
+    where they are not zero; effort limits are those of the actuators. Raises `InputError` for ball and free joints, no
+    joint or several root bodies that move, nonlinear damping, more than 256 links, and active equalities of these
+    bodies, `NotFoundError` for an unknown body. Warns (`SimplificationWarning`) of actuators that are no torques, and
+    of springs and gravity compensation, which are left out.
     """
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
@@ -49,8 +53,12 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
 
 @dataclass(frozen=True, eq=False)
 class MujocoArm:
-    """The part of a MuJoCo model that is a mechanism: its root body, its bodies in order, and its joints, one a
-    link."""
+    """The part of a MuJoCo model that is one mechanism: `root`, the index of its first body, and the indices of its
+    bodies, parents first, and of its joints, one for each link, all as in `model`.
+
+    `carriers` has, by body, the index of the link that it is part of, -1 for the ground, and `places` its frame's pose
+    in that link, or in the world; `links` fills both. `MujocoArm.of` finds an arm; nothing is checked at construction.
+    """
 
     model: mujoco.MjModel
     root: int
@@ -63,7 +71,10 @@ class MujocoArm:
 
     @classmethod
     def of(cls, model: mujoco.MjModel, body: str | None = None) -> MujocoArm:
-        """The arm that begins with a body. Raises as `from_mujoco` does."""
+        """The arm that consists of a `body` of a MuJoCo model, by name, and of all bodies on it; None stands for the
+        one root body on which joints turn or slide. Raises `NotFoundError` for an unknown body, `InputError` for one
+        that stands on a body that moves, for ball and free joints, for no joint, and, without a name, for several root
+        bodies that move."""
         root = _moving_root(model) if body is None else _root(model, body)
         below = {root}
         for i in range(root + 1, model.nbody):
@@ -81,7 +92,9 @@ class MujocoArm:
         return cls(model, root, bodies, joints)
 
     def links(self) -> Iterator[Link]:
-        """The links, one a joint, with the inertia of all bodies that they carry."""
+        """The links of the arm in depth-first order, one for each joint, with the inertia of all bodies that they
+        carry. The call also fills `carriers` and `places`, the links that carry the bodies and the bodies' poses there.
+        Raises `InputError` for limits, inertias or lengths that cannot be, and for nonlinear damping."""
         links: list[Link] = []
         tens: list[Array] = []
         for i in self.bodies:
@@ -119,37 +132,43 @@ class MujocoArm:
         return len(links) - 1, to_joint.inverse
 
     def body_name(self, i: int) -> str:
-        """A body's name, or one made of its number."""
+        """The name of the body of index `i` in the model, such as "body3" where it has none."""
         return self.model.body(i).name or f"body{i}"
 
     @property
     def actuators(self) -> list[int]:
-        """Indices of the actuators of the arm's joints."""
+        """Indices in the model, from 0, of the actuators that act on the arm's joints directly, not by tendons or
+        sites."""
         joints = set(self.joints)
         return [i for i in range(self.model.nu) if self.model.actuator_trntype[i] in (0, 1)
                 and int(self.model.actuator_trnid[i, 0]) in joints]  # fmt: skip
 
     @property
     def servos(self) -> list[str]:
-        """The arm's actuators whose force is not a multiple of their control, and what they are."""
+        """Names of the arm's actuators whose force is not a multiple of their control, each with its kind, as in
+        "'elbow' (a position servo)"; empty where all are torques."""
         return [
             f"{_name_of_actuator(self.model, i)} ({kind})" for i in self.actuators if (kind := servo(self.model, i))
         ]
 
 
 def body_ten(model: mujoco.MjModel, i: int) -> Array:
-    """The ten inertial parameters (10,) of a body alone, in its frame."""
+    """The ten inertial parameters (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first
+    moment in kg m, inertia tensor in kg m^2), of the body of index `i` in a MuJoCo model, without the bodies on it,
+    about the origin of its frame."""
     at = pose(model.body_ipos[i], model.body_iquat[i])
     return transformed(from_center_of_mass(float(model.body_mass[i]), np.zeros(3), np.diag(model.body_inertia[i])), at)
 
 
 def pose(position: Array, quaternion: Array) -> Pose:
-    """The pose of a position (3,) and a quaternion w, x, y, z."""
+    """The pose of a `position` (3,), m, and a `quaternion` (4,), w, x, y, z, of any length but zero. Raises
+    `InputError` for a zero quaternion, and for positions above 1e9 m or not finite."""
     return Pose(from_quaternion(np.array(quaternion), "MuJoCo model"), np.array(position))
 
 
 def servo(model: mujoco.MjModel, i: int) -> str:
-    """Name of the kind of an actuator that is no torque; the empty string for a torque."""
+    """The kind, in words such as "a position servo", of the actuator of index `i` in a MuJoCo model where its force is
+    not a multiple of its control; the empty text where it is, a torque."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
     if model.actuator_dyntype[i]:
         return "it has dynamics of its own"

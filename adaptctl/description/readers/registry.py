@@ -56,8 +56,11 @@ class _Head(msgspec.Struct):
 
 
 def read_toml_mechanism(path: str | Path) -> Description:
-    """The mechanism of a TOML file, read by the schema that it names. Raises FileError for an unknown schema, and as
-    its reader does."""
+    """The description of the mechanism in the TOML file at `path`, read by the `schema` that it names:
+    Denavit-Hartenberg parameters (``adaptctl/denavit-hartenberg/1``) or a tree with loops (``adaptctl/mechanism/1``).
+    Raises `FileError` for a file that cannot be read, an unknown schema and, naming the element, wrong contents. Warns
+    (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and carry no link
+    that has one."""
     schema = read_toml(path, _Head).schema
     if schema not in SCHEMAS:
         known = ", ".join(map(repr, SCHEMAS))
@@ -113,8 +116,15 @@ def read_model(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The mechanism of a Pinocchio model, or of a body of a MuJoCo model. Raises `InputError` for what is neither,
-    and for a floating base or folders of meshes, which files alone are given."""
+    """The description of the mechanism of `model`, a `pinocchio.Model`, or a `mujoco.MjModel`: there, of the body that
+    `root` names and all bodies on it, None being the one root body on which joints turn or slide.
+
+    With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3 rad of a
+    multiple of 90 degrees are made exact. Raises `InputError` for another object, for `floating_base` or
+    `mesh_folders`, which only files take, for a root of a Pinocchio model, and for joints and equalities that are not
+    read, `NotFoundError` for an unknown root. Warns (`PhysicalConsistencyWarning`) of links whose inertia no rigid body
+    can have, and (`SimplificationWarning`) of what is left out.
+    """
     library = type(model).__module__.partition(".")[0]
     if floating_base or mesh_folders:
         raise InputError("a model that is read already has its base and its meshes: give these options to its reader")

@@ -57,11 +57,11 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     joint's viscous and Coulomb friction; where they are zero, as exporters write when nobody knows, none is modelled.
     <visual> says what is drawn, as far as its meshes are found in the file's package or in `mesh_folders`, by default
     none; collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints that
-    follow none are primary; a mimic joint whose leader is fixed or does not exist is taken as independent. Raises
-    `FileError` for a file that cannot be read and, naming the element and its line, for wrong contents. Warns
-    (`SimplificationWarning`) of mimic joints taken as independent, of limits of zero, taken as no limits, of angles
-    that look like degrees, of links that move without mass and carry no link that has one, and of meshes outside these
-    folders.
+    follow none are primary (independent); a mimic joint whose leader is fixed or does not exist is taken as
+    independent. Raises `FileError` for a file that cannot be read and, naming the element and its line, for wrong
+    contents. Warns (`SimplificationWarning`) of mimic joints taken as independent, of limits of zero, taken as no
+    limits, of angles that look like degrees, of links that move without mass and carry no link that has one, and of
+    meshes outside these folders.
     """
     try:
         robot = _robot(read_text(path))
@@ -227,7 +227,10 @@ def _shown(
 
 
 def link_inertia(link: Element) -> Array:
-    """The ten inertial parameters (10,) about the link frame's origin, zero without <inertial>."""
+    """The ten inertial parameters (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first
+    moment in kg m, inertia tensor in kg m^2), about the frame's origin, of a URDF <link> element; zero without
+    <inertial>. Raises `ElementError`, with the line, for a missing part, what is no finite number, and a negative
+    mass."""
     with located(link):
         return _inertia_of(link, named(link))
 

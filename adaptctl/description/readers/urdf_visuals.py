@@ -25,13 +25,16 @@ SMALLEST, LARGEST = 200, 8_000_000
 
 
 def materials(robot: Element) -> dict[str, Color]:
-    """The colours that a robot's file gives names."""
+    """The colours of all named <material> elements of a URDF file, by name: red, green, blue and opacity, from 0 to 1.
+    Materials without a colour, or with a wrong one, are left out; nothing is raised."""
     colors = ((element.get("name", ""), _own_color(element)) for element in robot.iter("material"))
     return {name: color for name, color in colors if name and color is not None}
 
 
 def visuals(body: Element, meshes: Meshes, colors: Mapping[str, Color]) -> Iterator[Visual]:
-    """The shapes of a link of the file, in the link's frame."""
+    """The shapes to draw of `body`, a URDF <link> element, in its frame (m), on link -1 until the reader puts them
+    where they belong. `meshes` finds mesh files, `colors` has the file's colours by material name. Shapes that are
+    wrong or whose mesh is not found are left out; nothing is raised."""
     for element in body.findall("visual"):
         try:
             solid = _solid(element, meshes)
@@ -62,9 +65,11 @@ def _solid(visual: Element, meshes: Meshes) -> Solid | None:
 
 @dataclass
 class Meshes:
-    """The meshes that a robot's file may show: those in its package, or in folders that the user names.
+    """The mesh files that the URDF file at `file` may show: those in its package, or in `folders`, by default none,
+    which the user names.
 
-    A file from elsewhere could name any file of this computer, and a picture would hold it.
+    A robot's file from elsewhere could name any file of this computer, and a picture would hold it. `outside` collects
+    the names of meshes that exist elsewhere and are not read. Nothing is checked at construction.
     """
 
     file: Path
@@ -73,10 +78,12 @@ class Meshes:
     """Names of meshes that stand elsewhere, and are not read."""
 
     def found(self, name: str) -> Path | None:
-        """Path of the mesh of a name, relative to the file's folder or to one above it within the package; None where
-        it may not be read or is missing.
+        """The path of the mesh that a URDF file calls `name`: a path relative to the file's folder, or to one above it
+        within the package, with or without ``file://``, or a ``package://`` path, with its package's name or, for a
+        package that was renamed, without.
 
-        So is a ``package://`` path, with its package's name or, for a package that was renamed, without.
+        It is None where there is no such file of suffix .dae, .glb, .obj or .stl and of 200 bytes to 8 MB, and where it
+        is not in the package or the folders that the user names; then it is noted in `outside`. Nothing is raised.
         """
         scheme, _, rest = name.rpartition("://")
         path = PurePosixPath(rest)

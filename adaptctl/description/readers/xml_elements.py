@@ -23,11 +23,13 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class ElementError(InputError):
-    """Error of a wrong element of a file: the message ends with its line."""
+    """Error of a wrong element of an XML file: the message says what is wrong and ends with the line where the element
+    begins, where that is known."""
 
 
 class LineElement(Element):
-    """An element that knows the line where it begins; 0 where it is in no file."""
+    """An XML element that knows, as `line`, the line of its file where it begins, from 1; 0 where it is in no file. It
+    is made as `Element` is, of a tag and attributes."""
 
     line = 0
 
@@ -70,8 +72,12 @@ class _Parser:
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:
-    """The root element, which must be <tag> or one of the others. Raises `InputError` for what is not well-formed, has
-    another root or a document type."""
+    """The root element of the XML document `text`; it must be a <`tag`> or have one of the `others` tags. All elements
+    know their lines.
+
+    Raises `InputError` for text that is not well-formed, has another root or a document type, or holds more than 50 000
+    elements, more than 600 within one another, or a name of more than 256 characters or with control characters.
+    """
     if "\0" in text:
         raise InputError("holds NUL characters, as UTF-16 text does: save the file as UTF-8 text")
     try:
@@ -86,25 +92,28 @@ def parsed(text: str, tag: str, *others: str) -> Element:
 
 
 def line_of(element: Element) -> int:
-    """The line where an element begins, 0 where that is not known."""
+    """The line, from 1, of the file where an element begins; 0 where that is not known."""
     return getattr(element, "line", 0)
 
 
 def like(element: Element, attributes: Mapping[str, str], tag: str = "") -> Element:
-    """An element with other attributes that stands where one of a file stands."""
+    """A new element with other `attributes`, without children, that stands at the line of `element`; it has the same
+    tag unless `tag` is given."""
     copy = LineElement(tag or element.tag, dict(attributes))
     copy.line = line_of(element)
     return copy
 
 
 def refuse(element: Element, message: str) -> NoReturn:
-    """Raise an `ElementError` with the element's line."""
+    """Raise an `ElementError` of the given `message`, with the line where the element begins at its end, where that is
+    known. It never returns."""
     raise ElementError(f"{message} (line {line})" if (line := line_of(element)) else message)
 
 
 @contextmanager
 def located(element: Element) -> Iterator[None]:
-    """Context in which errors are given the element's line, where they have none."""
+    """Context in which an `InputError` becomes an `ElementError` with the line where `element` begins, where that is
+    known; errors that are an `ElementError` already, and all others, pass as they are."""
     try:
         yield
     except ElementError:
@@ -114,12 +123,14 @@ def located(element: Element) -> Iterator[None]:
 
 
 def named(element: Element) -> str:
-    """The element as messages call it: ``joint 'hinge'``."""
+    """The name of an element for messages: its tag and its attribute `name`, as in ``joint 'hinge'``, or, where it has
+    none, as in ``<option>``."""
     return f"{element.tag} {element.attrib['name']!r}" if "name" in element.attrib else f"<{element.tag}>"
 
 
 def attribute(element: Element, name: str, where: str) -> str:
-    """The text of an attribute. Raises `ElementError` where it is missing."""
+    """The text of the element's attribute `name`. Raises `ElementError`, with the element's line, where it is missing
+    or empty; `where` begins the message."""
     value = element.get(name)
     if not value:
         refuse(element, f"{where}: <{element.tag}> needs the attribute {name}")
@@ -127,13 +138,17 @@ def attribute(element: Element, name: str, where: str) -> str:
 
 
 def number(element: Element, name: str, where: str, largest: float = LARGEST) -> float:
-    """The finite number of an attribute. Raises `ElementError` where it is missing or none."""
+    """The finite number of the element's attribute `name`, in the unit of the file. Raises `ElementError`, with the
+    element's line, where it is missing, not one finite number, or above `largest` in size, by default 1e30; `where`
+    begins the message."""
     return numbers(element, name, 1, where, largest)[0]
 
 
 def numbers(element: Element, name: str, count: int | range, where: str, largest: float = LARGEST) -> list[float]:
-    """The finite numbers of an attribute, `count` of them or as many as a range allows, none beyond the `largest`.
-    Raises `ElementError` where they are not so."""
+    """The finite numbers of the element's attribute `name`, separated by spaces, in the unit of the file. `count` is
+    how many there must be, or the range of counts allowed. Raises `ElementError`, with the element's line, where the
+    attribute is missing, holds something else or another count, or a number above `largest` in size, by default 1e30;
+    `where` begins the message."""
     text = attribute(element, name, where)
     counts = range(count, count + 1) if isinstance(count, int) else count
     readable = len(text) <= LONGEST_NUMBERS and text.isascii() and "_" not in text
@@ -149,7 +164,8 @@ def numbers(element: Element, name: str, count: int | range, where: str, largest
 
 
 def required(element: Element, tag: str, where: str) -> Element:
-    """The one child of a tag. Raises `ElementError` where there is none, or more."""
+    """The one child element of the given `tag`. Raises `ElementError`, with a line, where there is none, or more than
+    one; `where` begins the message."""
     found = only(element, tag, where)
     if found is None:
         refuse(element, f"{where}: <{element.tag}> needs an element <{tag}>")
@@ -157,7 +173,8 @@ def required(element: Element, tag: str, where: str) -> Element:
 
 
 def only(element: Element, tag: str, where: str) -> Element | None:
-    """The one child of a tag, None without. Raises `ElementError` where there are more."""
+    """The one child element of the given `tag`, None where there is none. Raises `ElementError`, with a line, where
+    there is more than one; `where` begins the message."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(found[1], f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")

@@ -24,14 +24,14 @@ JOINTS = (
 
 
 def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
-    """The same mechanism on a body that floats instead of on the ground; `inertia` (10,) holds the body's m, mc_x,
-    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about the origin of the frame the ground had and
-    along its axes.
+    """The description of the same mechanism on a body that floats, instead of on the ground. `inertia` (10,) holds the
+    body's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment in kg m, inertia tensor in
+    kg m^2), about the origin of the frame the ground had and along its axes.
 
-    `name` is the body's, and its six joints are, from the ground, the slides ``name_x``, ``name_y`` and ``name_z`` (m)
-    and the hinges ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), the first six of the primary joints. What was
-    closed onto the ground is closed onto the body. Raises `InputError` for an inertia of another shape, not finite or
-    above 1e20, and for a name that is empty or taken.
+    `name` is the body's. Six joints carry it: from the ground, the slides ``name_x``, ``name_y`` and ``name_z`` (m) and
+    the hinges ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), the first six of the primary (independent) joints.
+    What was closed onto the ground is closed onto the body. Raises `InputError` for an inertia of another shape, not
+    finite or above 1e20, and for a name that is empty or taken.
     """
     links, loops = floating(description.links, name, inertia), description.loops
     if loops is not None:
@@ -43,13 +43,14 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
-    """The links of a mechanism on a floating base: a body that floats, and the links that hung on the ground hanging on
-    it.
+    """The links of a mechanism on a floating base: six links for a body that floats, then the given `links`, of which
+    those that hung on the ground hang on that body. `inertia` (10,) holds the body's m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about its frame's origin; `name` is the body's.
 
-    Three prismatic and three revolute joints, ``name_x`` to ``name_roll``, carry the body, so that p stays a plain
-    vector; the five links between them are massless and own no parameters. The six are primary like any other,
-    though no motor drives them: they serve to ask which parameters matter, and for equations of motion. At a
-    pitch of 90 degrees they lose a direction, as any three angles do.
+    The body is carried by six joints, from the ground three slides, ``name_x``, ``name_y`` and ``name_z`` (m), and
+    three hinges, ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), so that positions stay plain vectors; the five
+    links between them are massless and own no parameters. At a pitch of 90 degrees yaw and roll turn about the same
+    axis, as with any three angles. Raises `InputError` for an inertia of another shape, not finite or above 1e20.
     """
     base = tuple(_base_link(i, name, inertia) for i in range(len(JOINTS)))
     above = len(base)
@@ -58,7 +59,8 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
 
 
 def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
-    """The shapes of a mechanism after `floating`: the body carries what stood on the ground."""
+    """The shapes to draw of a mechanism once six links of a floating base come before its own: each is on the link of
+    an index 6 higher, and those on the ground, -1, are on the floating body, 5."""
     return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
 
 

@@ -13,11 +13,13 @@ from adaptctl.errors import InputError
 
 
 def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loops | None = None) -> Description:
-    """One mechanism from several trees, each standing on the ground at a pose.
+    """The description, called `name`, of one mechanism that consists of several trees: `parts` has, by label, each
+    part's description and the pose of its ground frame in the common ground frame.
 
-    Every link and joint gets its part's name in front, ``left.link3``, and `loops` speaks of them so: that is how
-    two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep their order
-    and their parameters; gravity must be the same. Raises `InputError` for parts that have loops of their own.
+    Links and joints get their part's label in front, as in ``left.link3``, and `loops`, by default none, uses these
+    names: so two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep their
+    order and their parameters; named frames are left out. Raises `InputError` for no parts, parts of different gravity,
+    and parts with loops of their own, `NotFoundError` for unknown names in `loops`.
     """
     if not parts:
         raise InputError(f"{name}: at least one part is needed")

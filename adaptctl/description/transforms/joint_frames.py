@@ -18,10 +18,9 @@ if TYPE_CHECKING:
 
 
 def with_joint_frames(description: Description) -> Description:
-    """The same mechanism, each link's frame being that of its joint, as in URDF, without shapes and named frames.
-
-    Inertial parameters are about the new frames, as `joint_frame_parameters` makes them of the old.
-    """
+    """The description of the same mechanism with the frame of each link at its joint, as in URDF, where equations of
+    motion take fewest operations. Inertial parameters and loop closures are given in the new frames; shapes to draw and
+    named frames are left out."""
     far = {link.name: link.far for link in description.links}
     links = tuple(_link(link, description) for link in description.links)
     loops = None if description.loops is None else _loops(description.loops, far)
@@ -29,8 +28,9 @@ def with_joint_frames(description: Description) -> Description:
 
 
 def joint_frame_parameters(description: Description) -> Array:
-    """The matrix (P, P) from the parameters of a mechanism, SI units, those of drives included, to those of
-    `with_joint_frames`."""
+    """The matrix (P, P) that multiplies the P inertial parameters (P,) of a mechanism, SI units, in the order of its
+    `parameter_names`, to give those of the same mechanism with link frames at the joints (`with_joint_frames`). Drive
+    parameters, rotors and friction, stay."""
     matrix, size = np.eye(len(description.parameter_names)), len(PARAMETERS)
     for k, i in enumerate(description.bodies):
         moved = [transformed(one, description.links[i].far) for one in np.eye(size)]

@@ -41,11 +41,9 @@ def snapped(description: Description, within: float = WITHIN) -> Description:
 
 
 def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
-    """Triples of a link, the name of the joint before its own, and both joints' axes (3,) in the frame of the link
-    between.
-
-    Before a joint on the ground stands "gravity", left out where there is none.
-    """
+    """Triples of a link, the name of the joint before its own, and both joints' axes, two unit vectors (3,), the
+    earlier first, in the frame of the link between, in the links' order. For a link on the ground, the name is
+    "gravity", the axis its direction, and the frame the ground's; such a link is left out where gravity is zero."""
     for link in description.links:
         carrier = _carrier(description, description.links, link)
         if carrier is not None:

@@ -6,14 +6,16 @@ from collections.abc import Iterable
 
 
 def edited(data: bytes, edits: Iterable[tuple[int, int, bytes]]) -> bytes:
-    """The text with pieces from start to end replaced; they must not overlap."""
+    """The bytes `data` with pieces replaced: each of `edits` is (start, end, new bytes), the indices counted from 0 in
+    `data`, `end` not included. The pieces must not overlap, which is not checked."""
     for start, end, new in sorted(edits, reverse=True):
         data = data[:start] + new + data[end:]
     return data
 
 
 def end_of_tag(data: bytes, at: int) -> int:
-    """Index behind the '>' of the tag that begins at a place; quoted attributes may hold one too."""
+    """The index in the XML bytes `data` just behind the ">" that ends the tag which begins at index `at`; a ">" within
+    a quoted attribute does not count. The length of `data` where the tag does not end."""
     quote = 0
     for i in range(at, len(data)):
         byte = data[i]

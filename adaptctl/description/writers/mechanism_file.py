@@ -19,12 +19,16 @@ from adaptctl.files import write_text
 
 
 def write_mechanism(path: str | Path, description: Description) -> None:
-    """Write a mechanism as TOML, whole or not at all. Visuals are not kept."""
+    """Write a mechanism's `description` to `path` as a TOML file that `read_mechanism_file` and `load` read, whole or
+    not at all. Position limits of a joint are kept where both are finite; shapes to draw and named frames are not kept.
+    Raises `FileError` where the file cannot be written."""
     write_text(path, mechanism_toml(description))
 
 
 def mechanism_toml(description: Description) -> str:
-    """The text of a mechanism's TOML file."""
+    """The text of the TOML file of a mechanism's `description`, in the schema ``adaptctl/mechanism/1`` that
+    `read_mechanism_file` reads: m, rad and SI units, numbers with all digits. Position limits of a joint are kept where
+    both are finite; shapes to draw and named frames are not kept."""
     parts = [
         'schema = "adaptctl/mechanism/1"',
         f"name = {_text(description.name)}",

@@ -20,11 +20,15 @@ from adaptctl.files import read_bytes, write_bytes
 def write_mjcf(
     path: str | Path, original: str | Path, before: Description, after: Description, root: str | None = None
 ) -> None:
-    """Write an MJCF file with the links' inertias of `after`; `before` is what the file itself says of its body `root`.
+    """Write to `path` the MJCF file `original` with the links' inertias of `after`; all else stays, byte for byte.
+    `before` is the description that the original gives, read with the same `root`, the name of the mechanism's first
+    body, None for the one root body that moves.
 
-    A link's inertia holds that of all bodies fixed to each other; the one at its joint gets what the others leave, and
-    an <inertial> where it had geoms only: MuJoCo prefers it to them. Raises `FileError` where no rigid body has that,
-    where a body stands in an included file, and where the file would have its inertials ignored.
+    A link's inertia is that of all bodies fixed to each other. The body at its joint gets what the others leave, and an
+    <inertial> where it had geoms only: MuJoCo prefers it to them. Raises `FileError` for a file that cannot be read or
+    written, where no rigid body has the inertia that a body would get, where that body stands in an included file, and
+    where the compiler setting inertiafromgeom is true, so that inertials are ignored; `ValueError` for descriptions
+    with different numbers of links.
     """
     data = read_bytes(original)
     try:

@@ -23,10 +23,12 @@ STEP = 1e-3
 
 
 def to_mujoco(description: Description) -> mujoco.MjModel:
-    """The tree's links as a MuJoCo model: a body at each joint, nothing to collide with, a motor a joint.
+    """The MuJoCo model of a mechanism without loops: a body at each joint, without shapes and so without collisions, a
+    torque motor for each joint, limited to the joint's effort limit, and a time step of 1 ms.
 
-    Rotor inertia, damping and dry friction are MuJoCo's armature, damping and frictionloss. Raises `InputError` for
-    loops, shafts that turn with several joints, and inertias that no rigid body has, which MuJoCo refuses.
+    Rotor inertia, viscous and Coulomb friction become MuJoCo's armature, damping and frictionloss. Raises `InputError`
+    for loops, motor shafts that turn with several joints, other friction terms, inertias that no rigid body has, and
+    all else that MuJoCo refuses; `ImportError` where the package mujoco is not installed.
     """
     import mujoco
 
@@ -84,9 +86,11 @@ def _motor(spec: mujoco.MjSpec, link: Link) -> None:
 
 
 def set_parameters(arm: MujocoArm, before: Description, after: Description) -> None:
-    """Give a MuJoCo model the inertias and drives of `after`, which differ from those of `before`, its own.
+    """Change the MuJoCo model of `arm` in place to the inertias, rotor inertias, viscous and Coulomb friction of the
+    description `after`. `before` describes the model as it is; a link whose inertia is the same in both stays as it is.
 
-    The body at a link's last joint gets what the bodies fixed to it leave. Raises `InputError` where no body can.
+    The body at a link's last joint gets what the bodies fixed to it leave of the link's inertia. Raises `InputError`
+    where what is left has no positive mass, `ValueError` for descriptions with different numbers of links.
     """
     import mujoco
 
@@ -114,8 +118,10 @@ def _set_body(arm: MujocoArm, i: int, link: Link) -> None:
 
 
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
-    """Mass, centre (3,), the quaternion of the principal axes (4,) and the moments about them (3,) of a link's ten.
-    Raises `InputError` without a positive mass."""
+    """The mass (kg), centre of mass (3,), m, principal axes as a quaternion w, x, y, z (4,), and moments about them
+    (3,), kg m^2, negative ones made 0, of ten inertial parameters (10,) in the order m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz; all zero, and the unit quaternion, for ten zeros. Raises `InputError` for other inertias
+    without a positive mass; `name` is the link's, in the message."""
     mass = float(ten[0])
     if mass == 0.0 and not np.any(ten):
         return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)

@@ -13,8 +13,14 @@ from adaptctl.errors import FileError, InputError
 
 
 def write_robot(path: str | Path, original: str | Path, after: Description, root: str | None = None) -> None:
-    """Write the file `original` at `path` with the links' inertias of `after`. Raises `FileError` for another robot's
-    file, or where it cannot be written."""
+    """Write to `path` the URDF or MJCF file `original` with the links' inertias of the description `after`; all else
+    stays, byte for byte. `root` names the body of an MJCF scene that the mechanism begins with, None for the one root
+    body that moves.
+
+    Raises `InputError` for a file of another suffix than .urdf, .xml and .mjcf, and for a `root` of a URDF file,
+    `FileError` where a file cannot be read or written, where the original holds another mechanism than `after`
+    describes (joints, frames or names differ), and where its format cannot hold an inertia.
+    """
     suffix = Path(original).suffix.lower()
     if suffix not in (".urdf", ".xml", ".mjcf"):
         raise InputError(f"{original}: inertias are written into URDF and MJCF files, got {suffix!r}")

@@ -24,7 +24,8 @@ _UNREAD = ("tendon", "flex", "flexvert", "flexstrain", "distance")
 
 @dataclass(frozen=True)
 class Standing:
-    """A body: the link that carries it (GROUND for none), its pose there, and in the world as the file draws it."""
+    """The place of a body of an MJCF file: `carrier`, the index of the link that carries it, from 0, -1 for the ground,
+    and its frame's poses, `place` in that link's frame and `home` in the world, as the file draws it (m)."""
 
     carrier: int
     place: Pose
@@ -33,7 +34,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Site:
-    """A site: a frame on a body."""
+    """A site of an MJCF file: a frame at `pose` (m) on the body named `body`."""
 
     body: str
     pose: Pose
@@ -41,7 +42,9 @@ class Site:
 
 @dataclass
 class Places:
-    """The elements that equalities name: bodies, sites, and joints with the coordinate at which the file draws them."""
+    """The elements that equalities of an MJCF file name: `bodies` with the links that carry them, among them always
+    "world", `sites`, and `joints` with the coordinates (rad or m) at which the file draws them; all by name, and empty
+    by default."""
 
     bodies: dict[str, Standing] = field(default_factory=dict)
     sites: dict[str, Site] = field(default_factory=dict)
@@ -52,31 +55,40 @@ class Places:
         self.bodies.setdefault("world", Standing(GROUND, still, still))
 
     def touched(self, element: Element) -> bool:
-        """True if an equality names a body, site or joint of these, other than the world."""
+        """True if the <equality> child `element` names a body, site or joint that is known here; the world does not
+        count."""
         known = {"body": self.bodies.keys() - {"world"}, "site": self.sites.keys(), "joint": self.joints.keys()}
         return any(element.get(f"{kind}{k}") in names for kind, names in known.items() for k in (1, 2))
 
     def body(self, name: str, where: str) -> Standing:
-        """The body of a name. Raises `NotFoundError` where there is none."""
+        """The place of the body called `name`. Raises `NotFoundError` where there is none; `where` begins the
+        message."""
         return _known(self.bodies, name, "body", where)
 
     def site(self, name: str, where: str) -> tuple[Standing, Pose]:
-        """The body of the site of a name, and the site's pose there. Raises `NotFoundError` where there is none."""
+        """The place of the body that has the site called `name`, and the site's pose in that body's frame (m). Raises
+        `NotFoundError` where there is no such site; `where` begins the message."""
         found = _known(self.sites, name, "site", where)
         return self.bodies[found.body], found.pose
 
     def joint(self, name: str, where: str) -> float:
-        """The coordinate (rad or m) at which the file draws the joint of a name. Raises `NotFoundError` where there is
-        none."""
+        """The coordinate (rad or m) at which the file draws the joint called `name`. Raises `NotFoundError` where there
+        is none; `where` begins the message."""
         return _known(self.joints, name, "joint", where)
 
 
 def equalities(
     root: Element, settings: Settings, places: Places, links: Sequence[str], driven: Sequence[str], part: bool = False
 ) -> Loops | None:
-    """The loops that active equalities close; None where there are none. `links` are the links' names, `driven` the
-    joints that actuators drive. Where the mechanism is a `part` of a scene, equalities of the rest are left out. Raises
-    `InputError` for an equality that is not read."""
+    """The loops that the active equalities of an MJCF file close, None where there are none: <connect> and <weld> as
+    closures, <joint> as couplings.
+
+    `root` is the file's root element, `settings` its compiler settings and defaults, `places` has the bodies, sites and
+    joints by name, `links` the links' names by index. `driven` has the joints that actuators drive, which become the
+    primary (independent) ones; without any, those that follow no other do. Where the mechanism is a `part` of a scene,
+    by default not, equalities of the rest are left out. Raises `InputError` for an equality of another kind or with
+    wrong contents, and for closures where no joint is driven, `NotFoundError` for an unknown body, site or joint.
+    """
     closures: list[Closure] = []
     couplings: list[Coupling] = []
     for number, element in enumerate(_active(root, settings)):

@@ -26,8 +26,9 @@ _KINDS = ("hinge", "slide")
 
 
 def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
-    """The joint of an element, its axis in the frame it stands in; `effort` is its actuators' bound, None without
-    actuators. Raises `InputError` for a ball joint or an unknown type."""
+    """The joint called `name` of an MJCF <joint> element, a hinge or a slide, its axis in the frame the element stands
+    in. `settings` say how angles are written; `effort` is the bound of the joint's actuators (N m or N), None without
+    actuators. Raises `InputError` for a ball joint, an unknown type or attribute, and numbers that cannot be."""
     where = f"joint {name!r}"
     _require_known(joint, _ATTRIBUTES, where)
     kind = joint.get("type", "hinge")
@@ -46,15 +47,18 @@ def joint_of(joint: Element, name: str, settings: Settings, effort: float | None
 
 
 def is_free(joint: Element) -> bool:
-    """True where the joint lets a body float."""
+    """True where an MJCF joint element is a free joint (freejoint, or of type free), which lets its body move in all
+    six directions."""
     return joint.tag == "freejoint" or joint.get("type") == "free"
 
 
 def unfolded(joint: Element, body: str) -> list[Element]:
-    """The slides and hinges that a free joint is made of, named after it or else after its body.
+    """The six <joint> elements that stand for the free joint of an MJCF file: slides along x, y and z, then hinges yaw,
+    pitch and roll, named after the joint, or after its `body` where it has no name, as in ``name_x``.
 
-    MuJoCo gives it a quaternion, and ignores its place, axis and range. Its damping and armature would act on the
-    angular velocity, not on the hinges' rates, so they are refused. Raises `InputError` where one of them is not 0.
+    MuJoCo gives a free joint a quaternion, and ignores its place, axis and range. Its armature, damping, frictionloss
+    and stiffness would act on the angular velocity, not on the hinges' rates. Raises `InputError` where one of these is
+    not 0, and for unknown attributes.
     """
     name = joint.get("name") or body
     where = f"joint {name!r}"
@@ -70,7 +74,9 @@ def unfolded(joint: Element, body: str) -> list[Element]:
 
 
 def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float, Pose]:
-    """The coordinate (rad or m) of the joint as the file draws it, and the motion back from there to zero."""
+    """The coordinate (rad or m) at which an MJCF file draws a joint, its attribute ref, and the pose (m) of the joint's
+    frame at coordinate zero in that frame as drawn. `moving` is the joint read from the element `joint`; `settings` say
+    how angles are written. Raises `ElementError` for a ref that is no finite number."""
     where = f"joint {moving.name!r}"
     ref = number(joint, "ref", where) if "ref" in joint.attrib else 0.0
     if moving.kind.turns:
@@ -80,12 +86,15 @@ def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float,
 
 
 def is_sprung(joint: Element, name: str) -> bool:
-    """True where a spring pulls at the joint."""
+    """True where the MJCF joint element called `name` has a spring: a stiffness other than zero. Raises `ElementError`
+    where the stiffness is no list of 1 to 3 finite numbers."""
     return "stiffness" in joint.attrib and any(numbers(joint, "stiffness", range(1, 4), f"joint {name!r}"))
 
 
 def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
-    """Greatest efforts (N m or N) of the joints that actuators drive, by name, all actuators of a joint together."""
+    """The greatest efforts (N m or N) of the joints of an MJCF file that actuators drive, by joint name: the sum over a
+    joint's actuators, infinite without bounds. `root` is the file's root element, `settings` has its defaults. Raises
+    `ElementError` for an actuator of an unknown joint, and for bounds that are no numbers."""
     efforts: dict[str, float] = {}
     known = {name for joint in root.iter() if joint.tag in ("joint", "freejoint") and (name := joint.get("name"))}
     for section in root.findall("actuator"):
@@ -102,7 +111,9 @@ def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
 
 
 def no_torques(root: Element, settings: Settings, joints: Container[str]) -> list[str]:
-    """Names of the joints' actuators whose force is not a multiple of their control: servos, muscles and the like."""
+    """Names of the actuators of the given `joints` of an MJCF file whose force is not a multiple of their control, such
+    as servos and muscles, each with its tag, as in "position 'elbow'". `root` is the file's root element, `settings`
+    has its defaults. Raises `ElementError` for an unknown default class."""
     found = []
     for actuator in (actuator for section in root.findall("actuator") for actuator in section):
         full = settings.full(actuator, MAIN)

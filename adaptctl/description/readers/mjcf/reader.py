@@ -64,10 +64,10 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     Link frames stand at the joints, turned as their bodies; a link is named after its body. A body with several joints
     becomes as many links, massless but the last. Bodies without joints become part of the one that carries them.
     <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are then
-    primary, or, where nothing is driven and only joints are coupled, all that follow no other. Armature, damping and
-    dry friction become the joint's drive; where they are zero they are not modelled. Effort limits are the actuators'.
-    A free joint becomes three slides and three hinges, named after it or its body with `_x`, `_y`, `_z`, `_yaw`,
-    `_pitch` and `_roll`, primary too.
+    primary (independent), or, where nothing is driven and only joints are coupled, all that follow no other. Armature,
+    damping and dry friction become the joint's drive; where they are zero they are not modelled. Effort limits are the
+    actuators'. A free joint becomes three slides and three hinges, named after it or its body with `_x`, `_y`, `_z`,
+    `_yaw`, `_pitch` and `_roll`, primary too.
 
     Raises `FileError` for a file that cannot be read, for a `root` that is no such body and, naming the element, for
     wrong contents and for motion that is not read, such as ball joints and, without a `root`, more than one root body
@@ -86,8 +86,9 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
 
 @dataclass(frozen=True, eq=False)
 class MjcfBody:
-    """A body of a file: its place among the file's <body> elements, None where it is included; its ten (10,), alone and
-    in its frame, and that frame in the link that carries it."""
+    """A body of an MJCF file: its `number` among the file's <body> elements, from 0, None where it stands in an
+    included file; its ten inertial parameters `ten` (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg,
+    kg m, kg m^2), alone and in its frame; and `place`, that frame's pose in the link that carries it (m)."""
 
     number: int | None
     ten: Array
@@ -96,15 +97,19 @@ class MjcfBody:
 
 @dataclass(frozen=True, eq=False)
 class MjcfBodies:
-    """A file's bodies, for a writer of inertias: the body at the joint of each link, and `from_geoms`, true if the file
-    lets inertias be computed from geoms and ignores inertials."""
+    """The bodies of an MJCF file that a writer of inertias needs: `of_links` has, by the index of each link with mass,
+    the body at its joint; `from_geoms` is true if the file has inertias computed from geoms, and its inertials
+    ignored."""
 
     of_links: dict[int, MjcfBody]
     from_geoms: bool
 
 
 def mjcf_bodies(path: str | Path, root: str | None = None) -> MjcfBodies:
-    """The bodies at the joints of the links that `read_mjcf` reads. Raises as it does."""
+    """The bodies at the joints of the links that `read_mjcf` reads from the MJCF file at `path`, `root` being the name
+    of the mechanism's first body, None the one root body that moves. Raises `FileError` for a file that cannot be read,
+    `NotFoundError` for an unknown root, and `InputError` for wrong contents and for motion that is not read.
+    Simplifications are not warned of."""
     scene = parsed(read_text(path), "mujoco")
     numbers_of = {id(body): k for k, body in enumerate(scene.iter("body"))}
     reader = _Reader(included(scene, path), path, root)

@@ -24,9 +24,13 @@ _SIMPLIFIED = {
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of an MJCF file: its <compiler> and <default> sections.
+    """Settings of a whole MJCF file, of its <compiler> and <default> sections, by default MuJoCo's own.
 
-    `classes` has the attributes of every class by tag; those of the class it stands in are among them.
+    `degrees` says that angles are in degrees, else in rad; `eulerseq` has the axes of Euler angles, small letters for
+    those that turn along; `autolimits` that a range alone limits; `inertia_from_geoms` ("auto", "true" or "false")
+    whether geoms give inertias, and `inertia_groups` the first and last geom group that does. `classes` has, by default
+    class and tag, the attributes that elements inherit, those of the class it stands in included. Nothing is checked at
+    construction.
     """
 
     degrees: bool = True
@@ -38,7 +42,9 @@ class Settings:
 
     @classmethod
     def of(cls, root: Element) -> Settings:
-        """The settings of a whole file."""
+        """The settings of a whole MJCF file, given its `root` element. Raises `InputError` for unknown values, for a
+        default class without a name, and for compiler settings that are not read: settotalmass, boundmass,
+        boundinertia, balanceinertia and global coordinates."""
         compiler: dict[str, str] = {}
         for element in root.findall("compiler"):
             compiler |= element.attrib
@@ -57,11 +63,13 @@ class Settings:
         )
 
     def angle(self, value: float) -> float:
-        """An angle of the file, in rad."""
+        """The angle in rad of an angle `value` that is written in the file, in degrees or rad as these settings say."""
         return math.radians(value) if self.degrees else value
 
     def full(self, element: Element, childclass: str) -> Element:
-        """The element with the defaults of its class, or of the class that its body gives its children."""
+        """A copy of an element of the file, without its children, with the attributes that it inherits from its default
+        class, or else from the class `childclass`, which its body gives its children. Raises `ElementError` for an
+        unknown class."""
         name = element.get("class", childclass)
         if name not in self.classes:
             known = ", ".join(self.classes)
