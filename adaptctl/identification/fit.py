@@ -80,9 +80,9 @@ class LogEvidence:
     """which of the motions' rows these are, where not all"""
 
     def part(self, blocks: Sequence[int]) -> LogEvidence:
-        """The evidence, a `LogEvidence`, of some of the blocks of time alone, given by their numbers from 0. It is made
-        of whole evidence; a part of a part has no load-dependent friction. Raises `IndexError` for a block that there
-        is not."""
+        """The evidence, a `LogEvidence`, of some of the blocks of time alone, given by their numbers from 0. It is to
+        be made of whole evidence: a part of a part raises `IndexError` where load-dependent friction is asked for.
+        Raises `IndexError` for a block that there is not."""
         kept = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
         rows = {cutoff: rows.chosen(kept[cutoff]) for cutoff, rows in self.rows.items()}
         return replace(self, rows=rows, edges=[self.edges[b] for b in blocks], kept=kept)
