@@ -151,7 +151,10 @@ def added_mass(
 
 
 def change_of(task: DesignTask, link: str, body: Payload) -> Array:
-    """The change (P,) of inertial parameters by a body on a link. Raises `InputError` where a number overflows."""
+    """The change (P,) of a mechanism's P inertial parameters by a `body` fixed to the link named `link`: that of the
+    link's mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz,
+    I_zz (kg m^2), about the origin of its frame, and zero for all others. P counts ten parameters a link and rotor
+    inertias. Raises `InputError` for an unknown link and where a number overflows."""
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():

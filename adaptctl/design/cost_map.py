@@ -19,9 +19,10 @@ EACH = 9
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """Cost of a point mass on a link named `link`: its `least` and `most` relative changes of the arm's cost (unitless,
-    0.1 for 10 % more), at the places `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`,
-    at the link's centre of mass. Made by `CostMap.over`; nothing is refused at construction."""
+    """Cost of a point mass on a link named `link`: the `least` and the `most` of the relative changes (unitless, 0.1
+    for 10 % more) that it makes of a cost of the mechanism's motion, such as its root mean square energy, at the places
+    `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`, at the link's centre of mass. Made
+    by `CostMap.over`; nothing is refused at construction."""
 
     link: str
     least: float

@@ -59,10 +59,10 @@ class Counterweights:
     bounds, and the costs with and without them.
 
     `task`, `objective` (the cost: "energy", "torque", "coupling" or "components"), `within` (the bounds of masses and
-    places, one `PlaceBounds` for each link) and `percent` (the energy error, %, that the number of essential components
-    allows, for "components") are those asked for. `weights` are the counterweights found, without those of at most 1e-6
-    of the mass allowed on their link, and `evaluations` is the number of designs evaluated. Nothing is refused at
-    construction.
+    places, one `PlaceBounds` for each link) and `percent` are those asked for. `percent` is the energy error (%) that,
+    for "components", the number of essential components allows; these are combinations of the inertial parameters.
+    `weights` are the counterweights found, without those of at most 1e-6 of the mass allowed on their link, and
+    `evaluations` is the number of designs evaluated. Nothing is refused at construction.
     """
 
     task: DesignTask
@@ -94,28 +94,34 @@ class Counterweights:
 
     @property
     def cost_before(self) -> float:
-        """The cost, which `objective` names, of the motion without counterweights: J ("energy"), share of torque
-        limits, unitless ("torque"), kg m^2 ("coupling") or number of essential components ("components"). Raises
-        `InputError` for an unknown objective and, for "components", for a percentage that is no finite number of at
-        least 0, `RankError` for "components" where the mechanism's rank cannot be certified."""
+        """The cost, which `objective` names, of the motion without counterweights: root mean square energy about its
+        mean, J ("energy"), torques as a share of their limits, unitless ("torque"), entries of the mass matrix off the
+        diagonal, kg m^2 ("coupling"), or the number of essential components (combinations of inertial parameters) that
+        keep the energy to an error of `percent` % ("components"). Raises `InputError` for an unknown objective and, for
+        "components", for a percentage that is no finite number of at least 0, `NonFiniteError` where the cost is too
+        large for numbers, `RankError` for "components" where the mechanism's rank cannot be certified."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
     def cost_after(self) -> float:
-        """The cost, which `objective` names, of the motion with the counterweights: J ("energy"), share of torque
-        limits, unitless ("torque"), kg m^2 ("coupling") or number of essential components ("components"). Raises
-        `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for
-        an unknown objective and, for "components", for a percentage that is no finite number of at least 0, `RankError`
-        for "components" where the mechanism's rank cannot be certified."""
+        """The cost, which `objective` names, of the motion with the counterweights: root mean square energy about its
+        mean, J ("energy"), torques as a share of their limits, unitless ("torque"), entries of the mass matrix off the
+        diagonal, kg m^2 ("coupling"), or the number of essential components (combinations of inertial parameters) that
+        keep the energy to an error of `percent` % ("components"). Raises `InputError` for a counterweight on an unknown
+        link, for a link's inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for
+        a percentage that is no finite number of at least 0, `NonFiniteError` where the cost is too large for numbers,
+        `RankError` for "components" where the mechanism's rank cannot be certified."""
         return _cost(self.balanced, self.objective, self.percent)
 
     @property
     def saved(self) -> float:
         """Share (unitless) of the cost of the motion, which `objective` names, that the counterweights found remove,
-        from 0 to 1; 0 where the cost without them is zero. Raises `InputError` for a counterweight on an unknown link,
-        for a link's inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for a
-        percentage that is no finite number of at least 0, `RankError` for "components" where the mechanism's rank
-        cannot be certified."""
+        from 0 to 1; 0 where the cost without them is zero. The cost "components" is a number of essential components
+        (combinations of inertial parameters that keep the energy to an error of `percent` %). Raises `InputError` for a
+        counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for an unknown
+        objective and, for "components", for a percentage that is no finite number of at least 0, `NonFiniteError` where
+        the cost is too large for numbers, `RankError` for "components" where the mechanism's rank cannot be
+        certified."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property

@@ -116,7 +116,10 @@ class Removal:
 
 
 def operations_saved(task: DesignTask, removal: Removal) -> int:
-    """Number of floating-point operations that an adaptive tick's equations save with the parameters that are left."""
+    """Number of floating-point operations that an adaptive controller saves in each control period after a change of
+    design, a `removal`: it needs fewer parameters in the equations of the task's mechanism (torques and powers; sines,
+    cosines and roots are not counted). Friction's parameters stay. Raises `RankError` where the mechanism's rank cannot
+    be certified, `LoopError` where loops do not fit together."""
     mechanism = task.mechanism
     friction = range(mechanism.energetic, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
@@ -149,7 +152,10 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
 
 
 def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Removal | None:
-    """The removal by inertial parameters that are zero by symmetry, of a link or of several; None without effect."""
+    """The change of a design, a `Removal`, by which the inertial parameters named in `known`, such as "link3.I_xy", are
+    zero by symmetry; None where as many parameters are needed as before. `link` is the name of the link to change,
+    empty, the default, for several. Raises `InputError` for the name of no inertial parameter of the task's mechanism,
+    `RankError` where its rank cannot be certified."""
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
     if wrong:

@@ -34,9 +34,9 @@ class DesignStudy:
     """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a `task`.
 
     `body` is the `Payload` to add, `within` holds the bounds (`PlaceBounds`) of masses and places on every link,
-    `percent` is the energy error (%) that numbers of essential components allow, `counterweights` has the optimal
-    counterweights, and `removals` has all changes of design that remove fundamental (base) parameters, those that leave
-    the fewest first. Made by `design_study`; nothing is refused at construction.
+    `percent` is the energy error (%) that numbers of essential components (combinations of inertial parameters) allow,
+    `counterweights` has the optimal counterweights, and `removals` has all changes of design that remove fundamental
+    (base) parameters, those that leave the fewest first. Made by `design_study`; nothing is refused at construction.
     """
 
     task: DesignTask
@@ -122,8 +122,9 @@ def design_study(
 
 
 def named_body(body: Payload | str | float) -> Payload:
-    """A body by name, or a point by its mass in kg, above zero. Raises `InputError` for a mass that is not positive,
-    `NotFoundError` for an unknown name."""
+    """The body to add to a link, a `Payload`: one given by its name, "gripper", "camera" or "motor", a point mass (kg)
+    in the origin of the link's frame, given as a number, or the given `Payload` itself. Raises `InputError` for a mass
+    that is not above 0 and at most 1e20 kg, `NotFoundError` for another name."""
     if isinstance(body, str):
         if body not in CATALOGUE:
             raise NotFoundError(f"there is no body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")

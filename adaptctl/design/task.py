@@ -299,10 +299,11 @@ class DesignTask:
 
 
 def component_counts(weights: Array, percent: float) -> Array:
-    """Numbers (...) of components that keep the energy to an error in percent, from weights beta (..., k).
-
-    Raises `InputError` for an error that is not a percentage of at least 0.
-    """
+    """The least numbers (...) of essential components that keep the root mean square energy to an error of `percent`
+    (%; Sheu and Walker 1991, equation 23). `weights` (..., k), in J, are the root mean square energies of each of k
+    essential components, which are combinations of the inertial parameters, the right singular vectors of the energies;
+    of those left out, the squares' sum has a root of at most the error. Raises `InputError` for a percentage that is no
+    finite number of at least 0."""
     percent = real_number(percent, "percent")
     if not 0.0 <= percent < np.inf:
         raise InputError(f"percent: expected a percentage of at least 0, got {percent}")

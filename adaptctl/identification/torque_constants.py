@@ -31,12 +31,12 @@ def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
     """Torque constants (r,) of the motors of r joints, N m (N for a linear motor) for a unit of their torque columns,
     and a text on how the unknown ones were found.
 
-    `evidence` holds the logs' filtered equations, with torques as if unknown constants were 1 and with those of
-    payloads, at a `cutoff` (Hz) of the low-pass filter among others. With known payloads or another motor's known
-    constant the unknown ones follow; without, they are known up to one scale, that at which the links are as heavy as
-    the robot's file says. Raises `InputError` where one is not positive, where the logs do not tell them from each
-    other, and for payloads on unknown links or that no body can be; `KeyError` for a cut-off that the evidence does not
-    have.
+    `evidence` holds the logs' filtered equations, whose torques are as if unknown constants were 1, those of payloads
+    included; of these equations those at a low-pass filter's `cutoff` (Hz) are used. With known payloads or another
+    motor's known constant the unknown ones follow; without, they are known up to one scale, that at which the links are
+    as heavy as the robot's file says. Raises `InputError` where one is not positive, where the logs do not tell them
+    from each other, and for payloads on unknown links or that no body can be; `KeyError` for a cut-off that the
+    evidence does not have.
     """
     drives, rows = evidence.drives, evidence.rows[cutoff]
     unknown = np.flatnonzero(np.isnan(drives.constants))
@@ -68,8 +68,8 @@ def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
 def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
     """The log, a `JointLog`, with joint torques, N m (N for a prismatic joint), by the torque constants that were
     found: `constants` (r,), N m (N) for a unit of each motor's torque column, take the place of those unknown in
-    `drives`, which the log's torques took as 1. Raises `InputError` for torques that do not fit to the drives,
-    `NonFiniteError` for constants that are not finite."""
+    `drives`, which the log's torques took as 1. Raises `ValueError` for another number of joints, `NonFiniteError` for
+    constants that are not finite."""
     factors = np.where(np.isnan(drives.constants), constants, 1.0)
     motors = log.torque @ np.linalg.inv(drives.transmission)
     return replace(log, torque=drives.torque(motors * factors))
