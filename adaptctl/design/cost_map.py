@@ -44,7 +44,7 @@ class CostMap:
     matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
     combinations of inertial parameters that matter (J). Made by `cost_map`. Raises `InputError` at construction for a
     mass that is not positive and finite, for an unknown objective and for a cost that is zero without the mass,
-    `RankError` for "components" where the mechanism's rank cannot be certified.
+    `RankError` for "components" where the number of identifiable parameters cannot be certified.
     """
 
     task: DesignTask
@@ -102,7 +102,7 @@ def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> 
     of the mass matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
     combinations of inertial parameters that matter (J). Raises `InputError` for a mass that is not positive and finite,
     for an unknown objective, for a cost that is zero without the mass and for a task with constant energy, and
-    `RankError` for "components" where the mechanism's rank cannot be certified.
+    `RankError` for "components" where the number of identifiable parameters cannot be certified.
     """
     task.require_energy()
     return CostMap(task, mass, objective)

@@ -99,7 +99,8 @@ class Counterweights:
         diagonal, kg m^2 ("coupling"), or the number of essential components (combinations of inertial parameters) that
         keep the energy to an error of `percent` % ("components"). Raises `InputError` for an unknown objective and, for
         "components", for a percentage that is no finite number of at least 0, `NonFiniteError` where the cost is too
-        large for numbers, `RankError` for "components" where the mechanism's rank cannot be certified."""
+        large for numbers, `RankError` for "components" where the number of identifiable parameters cannot be
+        certified."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
@@ -110,7 +111,7 @@ class Counterweights:
         keep the energy to an error of `percent` % ("components"). Raises `InputError` for a counterweight on an unknown
         link, for a link's inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for
         a percentage that is no finite number of at least 0, `NonFiniteError` where the cost is too large for numbers,
-        `RankError` for "components" where the mechanism's rank cannot be certified."""
+        `RankError` for "components" where the number of identifiable parameters cannot be certified."""
         return _cost(self.balanced, self.objective, self.percent)
 
     @property
@@ -120,8 +121,8 @@ class Counterweights:
         (combinations of inertial parameters that keep the energy to an error of `percent` %). Raises `InputError` for a
         counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for an unknown
         objective and, for "components", for a percentage that is no finite number of at least 0, `NonFiniteError` where
-        the cost is too large for numbers, `RankError` for "components" where the mechanism's rank cannot be
-        certified."""
+        the cost is too large for numbers, `RankError` for "components" where the number of identifiable parameters
+        cannot be certified."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
@@ -157,7 +158,7 @@ def optimal_counterweights(
     bounds (SciPy's `least_squares`): it is global as far as the sample is dense. Raises `InputError` for an unknown
     objective or link, for no links or one given twice, for a `percent` that is no finite number of at least 0, a
     density not positive and finite, a `seed` other than a whole number from 0 to 2^32 - 1 and a task with constant
-    energy, `RankError` where the mechanism's rank cannot be certified.
+    energy, `RankError` where the number of identifiable parameters cannot be certified.
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")

@@ -66,7 +66,7 @@ class DesignStudy:
     def added(self) -> tuple[AddedMass, ...]:
         """Effects, one `AddedMass` for each link, of the body added to that link alone, the body's centre of mass at
         the link's. Raises `InputError` for a task with constant energy and for a percentage that is no finite number of
-        at least 0, `RankError` where the mechanism's rank cannot be certified."""
+        at least 0, `RankError` where the number of identifiable parameters cannot be certified."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
@@ -112,7 +112,7 @@ def design_study(
     default). `seed` draws the designs that the search starts from. Raises `InputError` for unknown links or one given
     twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a `seed` other
     than a whole number from 0 to 2^32 - 1, a body whose mass is not above zero, and a task with constant energy,
-    `NotFoundError` for an unknown body, `RankError` where the mechanism's rank cannot be certified.
+    `NotFoundError` for an unknown body, `RankError` where the number of identifiable parameters cannot be certified.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)

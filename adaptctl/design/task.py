@@ -119,14 +119,15 @@ class DesignTask:
         """The essential space of the mechanism's P inertial parameters, an `EssentialSpace`: the directions that change
         energies and torques. Its singular values and its right singular vectors V1 (P, k), k its rank, are those of the
         task's energies about their mean, in J (root mean square over the states) per SI unit of each parameter. Raises
-        `RankError` where the rank cannot be certified."""
+        `RankError` where the number of identifiable parameters cannot be certified."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
 
     @cached_property
     def basis(self) -> FundamentalBasis:
         """The fundamental basis of the mechanism, a `FundamentalBasis`: its k fundamental (base) parameters, and the
         regrouping equations that add the other inertial parameters to them. Dependent parameters are removed in the
-        default order (`Priority.default`). Raises `RankError` where the mechanism's rank cannot be certified."""
+        default order (`Priority.default`). Raises `RankError` where the number of identifiable parameters cannot be
+        certified."""
         return fundamental_basis(self.space, Priority())
 
     @cached_property
@@ -165,7 +166,8 @@ class DesignTask:
         "coupling" that of the mass matrix's entries off the diagonal, those of prismatic joints times the
         characteristic length (m). For "components" it is that of the energy, by M = S V1' (k, P): the k singular values
         S of the energies that are not zero, times their right singular vectors V1 (P, k). Read-only. Raises
-        `InputError` for another objective, and for "components" `RankError` where the rank cannot be certified.
+        `InputError` for another objective, and for "components" `RankError` where the number of identifiable parameters
+        cannot be certified.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,
@@ -183,7 +185,7 @@ class DesignTask:
         about its mean (J), "torque" of the torques as shares of their limits (unitless), "coupling" of the mass
         matrix's entries off the diagonal (kg m^2). Raises `InputError` for another objective or shape of parameters,
         `NonFiniteError` where one is not finite or the cost is too large for numbers, and for "components" `RankError`
-        where the rank cannot be certified."""
+        where the number of identifiable parameters cannot be certified."""
         return float(np.linalg.norm(self._applied(self.matrix(objective), parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
@@ -199,7 +201,7 @@ class DesignTask:
         mechanism's own. Essential components are combinations of the inertial parameters, the right singular vectors of
         the task's energies. Raises `InputError` for a percentage that is no finite number of at least 0 or another
         shape of parameters, `NonFiniteError` where a parameter is not finite or the energy is too large for numbers,
-        `RankError` where the mechanism's rank cannot be certified."""
+        `RankError` where the number of identifiable parameters cannot be certified."""
         return int(component_counts(self._applied(self._components, parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
@@ -207,7 +209,7 @@ class DesignTask:
         the root mean square energy about its mean over the task's states, for P inertial parameters (P,) in SI units,
         by default (None) the mechanism's own. Raises `InputError` for another shape of parameters and a share that is
         no number, `NonFiniteError` where a parameter is not finite or the energy is too large for numbers, `RankError`
-        where the mechanism's rank cannot be certified."""
+        where the number of identifiable parameters cannot be certified."""
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
@@ -218,8 +220,8 @@ class DesignTask:
         """Shares (k,), unitless, of the root mean square energy about its mean over the task's states that each of the
         k fundamental (base) parameters makes alone, in the order of `basis`, for P inertial parameters (P,) in SI
         units, by default (None) the mechanism's own. Raises `InputError` for another shape of parameters,
-        `NonFiniteError` where one is not finite or the energy is too large for numbers, `RankError` where the
-        mechanism's rank cannot be certified."""
+        `NonFiniteError` where one is not finite or the energy is too large for numbers, `RankError` where the number of
+        identifiable parameters cannot be certified."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)

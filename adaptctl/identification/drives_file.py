@@ -98,14 +98,14 @@ class Drives:
     offsets), and joint torque = transmission' motor torque, with the transpose.
 
     `joints` are the names of the r joints; `transmission` (r, r) is each motor's speed (row) for a unit of each joint's
-    speed (column); `offsets` (r,) are the joint positions, rad (m), where the motors are at zero. `motors`, r of them,
-    are the names of each motor's columns in a log (position, torque, velocity), and its torque constant in N m for a
-    unit of its torque column; `time` is the name of the log's column of time, `units` are the factors from the columns'
-    units to SI units. `payloads` are known bodies (mass, kg, centre of mass, m, inertia, kg m^2) that a link holds
-    throughout one log, none unless given, and `source` is where the numbers come from, as text. Raises `InputError` for
-    another number of motors, a transmission or offsets of another shape or not finite, a motor that does not turn its
-    own joint, and a transmission from which the joints do not follow (of condition 1e6 or more); `read_drives` checks
-    the rest.
+    speed (column); `offsets` (r,) are the joint positions, rad (m if prismatic), where the motors are at zero.
+    `motors`, r of them, are the names of each motor's columns in a log (position, torque, velocity), and its torque
+    constant in N m (N if linear) for a unit of its torque column; `time` is the name of the log's column of time,
+    `units` are the factors from the columns' units to SI units. `payloads` are known bodies (mass, kg, centre of mass,
+    m, inertia, kg m^2) that a link holds throughout one log, none unless given, and `source` is where the numbers come
+    from, as text. Raises `InputError` for another number of motors, a transmission or offsets of another shape or not
+    finite, a motor that does not turn its own joint, and a transmission from which the joints do not follow (of
+    condition 1e6 or more); `read_drives` checks the rest.
     """
 
     joints: tuple[str, ...]
@@ -129,20 +129,21 @@ class Drives:
         object.__setattr__(self, "offsets", frozen_array(self.offsets, (r,), "drives: offsets"))
 
     def position(self, motor: ArrayLike) -> Array:
-        """Joint positions (..., r), rad (m), of the positions `motor` (..., r) of r motors, rad (m): transmission^-1
-        motor + offsets, with `transmission` (r, r) from joint to motor speeds and `offsets` (r,), the joint positions
-        where the motors are at zero. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Joint positions (..., r), rad (m if prismatic), of the positions `motor` (..., r) of r motors, rad (m if
+        linear): transmission^-1 motor + offsets, with `transmission` (r, r) from joint to motor speeds and `offsets`
+        (r,), the joint positions where the motors are at zero. Raises `InputError` on a wrong shape, `NonFiniteError`
+        on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: positions") @ self._inverse.T + self.offsets
 
     def velocity(self, motor: ArrayLike) -> Array:
-        """Joint velocities (..., r), rad/s (m/s), of the velocities `motor` (..., r) of r motors, rad/s (m/s):
-        transmission^-1 motor, with `transmission` (r, r) from joint to motor speeds. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity."""
+        """Joint velocities (..., r), rad/s (m/s if prismatic), of the velocities `motor` (..., r) of r motors, rad/s
+        (m/s if linear): transmission^-1 motor, with `transmission` (r, r) from joint to motor speeds. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: velocities") @ self._inverse.T
 
     def torque(self, motor: ArrayLike) -> Array:
-        """Joint torques (..., r), N m (N for a prismatic joint), of the torques `motor` (..., r) of r motors, N m (N):
-        transmission' motor, with the transpose of `transmission` (r, r), from joint to motor speeds. Raises
+        """Joint torques (..., r), N m (N for a prismatic joint), of the torques `motor` (..., r) of r motors, N m (N if
+        linear): transmission' motor, with the transpose of `transmission` (r, r), from joint to motor speeds. Raises
         `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: torques") @ self.transmission
 

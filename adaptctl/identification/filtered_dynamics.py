@@ -174,8 +174,8 @@ class RowFilter:
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
         """The regressor (n, r, P), N m per SI unit of each of P parameters, of n rows of filtered equations from a
-        chunk of a motion: the chunk's `momentum` (l, r, P), N m s per unit, through the filter's derivative, less its
-        `forces` (l, r, P), N m per unit, through the filter, for r primary joints.
+        chunk of l samples of a motion: its `momentum` (l, r, P), N m s per unit, through the filter's derivative, less
+        its `forces` (l, r, P), N m per unit, through the filter, for r primary joints.
 
         The rows are those that begin at the motion's samples from index `start` on, in the first `length` samples of
         the chunk, which has up to `taps` - 1 samples more (the filter's length less one). n is 0 where the chunk is

@@ -57,8 +57,8 @@ def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None 
     `noise` is the standard deviation of the torque residuals, N m (N for a prismatic joint), above zero: one number for
     all of r joints, or (r,). By default (None) it is 2 % of each joint's largest torque on the motion, which is taken
     as at least 1 % of the largest of any joint. Raises `InputError` for noise of another shape, `NonFiniteError` for
-    NaN, `RankError` where the mechanism's rank cannot be certified, `SingularityError` near locked loops; noise of 0
-    raises NumPy's `LinAlgError`, and negative or infinite noise is not refused.
+    NaN, `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked
+    loops; noise of 0 raises NumPy's `LinAlgError`, and negative or infinite noise is not refused.
     """
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     _, p, v, a, _ = motion.sampled(RATE)

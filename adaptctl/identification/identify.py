@@ -48,11 +48,11 @@ class Identification:
     `mechanism` has the identified parameters, physically consistent links, and drives coupled as they are; `model` is
     its reduced model on the fundamental parameters. `deviations` (k,), SI units, are standard deviations by the block
     jackknife and what the prior (first guess of the links) leaves open, `nominal_deviations` (k,), SI units, as if
-    residuals were white. `load` (r,), without a unit, is load-dependent friction's share of the rigid torque of each of
-    r drives, zero where it was not chosen. `validation` compares torques on rows (filtered equations) that the fit
-    which it judges has not seen, `alternatives` are simpler models' validations on the same rows, by name; `choice` is
-    the choice of the fit's settings (friction, low-pass cut-off, prior's weight), `steps` are those of the logs'
-    preparation and `remarks` texts on logs and prior.
+    torque residuals were white (uncorrelated). `load` (r,), without a unit, is load-dependent friction's share of the
+    rigid torque of each of r drives, zero where it was not chosen. `validation` compares torques on rows (filtered
+    equations) that the fit which it judges has not seen, `alternatives` are simpler models' validations on the same
+    rows, by name; `choice` is the choice of the fit's settings (friction, low-pass cut-off, prior's weight), `steps`
+    are those of the logs' preparation and `remarks` texts on logs and prior.
 
     `misfit_ratio`, without a unit, is the root mean square of the fitted rows' torque residuals, each over its joint's
     standard deviation, over that of plain least squares. `space` is the essential space (directions of the inertial
@@ -105,7 +105,7 @@ class Identification:
     @property
     def inflation(self) -> float:
         """Median ratio, without a unit, over the identified fundamental (base) parameters, of their standard deviations
-        to those that white residuals would give; 1 where the latter are all zero."""
+        to those that white (uncorrelated) torque residuals would give; 1 where the latter are all zero."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known])) if known.any() else 1.0
 
@@ -118,10 +118,10 @@ class Identification:
 
     def adaptation_gain(self, rate: float = 0.6) -> Array:
         """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental (base) parameters, as in
-        estimate' = -Gamma Y' s with the regressor Y and the velocity error s, in units of the parameters squared per J:
-        `rate` (1/J, 0.6 by default, larger adapts faster) times the square of each parameter's prior range
-        (`prior_ranges`), taken as at least 1e-9 of the greatest number. Raises `InputError` for a rate that is not
-        positive and finite."""
+        d(estimate)/dt = -Gamma Y' s with the transpose Y' of the torque regressor Y (r, k) and the velocity error s
+        (r,) of r joints, in units of the parameters squared per J: `rate` (1/J, 0.6 by default, larger adapts faster)
+        times the square of each parameter's prior range (`prior_ranges`), taken as at least 1e-9 of the greatest
+        number. Raises `InputError` for a rate that is not positive and finite."""
         rate = positive_number(rate, "adaptation gain: rate: expected a positive number")
         return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
@@ -172,9 +172,10 @@ def identify(
     for loops that do not fit together, `MissingExtraError` for ROS bags without rosbags, and `InputError` for no logs,
     drives of other joints, missing or unknown columns or units and those given beside `drives`, unknown names in `skip`
     or `friction`, a `rate`, `cutoff` or `weight` that is not positive and finite, a `cutoff` that the logs do not
-    allow, a link without mass, and logs that are at rest, too short or slow, or not this robot's; `RankError` where the
-    robot's rank, the number of its identifiable parameters, cannot be certified, and `AdaptctlError` where no
-    consistent estimate is found.
+    allow, a link without mass, payloads of unknown links or that no body can be, torque constants that the logs do not
+    tell, and logs that are at rest, too short or slow, or not this robot's; `RankError` where the robot's rank, the
+    number of its identifiable parameters, cannot be certified, `SingularityError` near locked loops, and
+    `AdaptctlError` where no consistent estimate is found.
     """
     given = _paths(logs)
     if not given:
@@ -240,9 +241,9 @@ def identified(
 
     Raises `InputError` for a cutoff or weight that is not positive and finite, a cutoff that the logs do not allow,
     unknown steps, a link without mass, payloads of unknown links or that no body can be, logs that are at rest, too
-    short or slow, or not this robot's, and unknown torque constants that they do not tell; `RankError` where the
-    mechanism's rank cannot be certified, `SingularityError` near locked loops, `AdaptctlError` where no consistent
-    estimate is found.
+    short or slow, or not this robot's, and unknown torque constants that they do not tell; `RankError` where the number
+    of identifiable parameters cannot be certified, `SingularityError` near locked loops, `AdaptctlError` where no
+    consistent estimate is found.
     """
     _require_settings(cutoff, weight)
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
@@ -288,12 +289,12 @@ def gathered(
     physically consistent.
 
     `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary joints,
-    `logs` are at least one. `skip` names steps of preparation to leave out, none by default; `cutoff` (Hz) is one of
-    the low-pass filter besides the usual 12.5, 25 and 50 Hz, as far as the logs allow these, or None. Payloads are
-    subtracted where all torque constants are known. Raises `InputError` for unknown steps, a cutoff that the logs do
-    not allow, a link without mass, payloads of unknown links or that no body can be, and logs that are at rest, too
-    short or slow, or not this robot's; `RankError` where the mechanism's rank cannot be certified, `SingularityError`
-    near locked loops.
+    `logs` are at least one. `skip` names steps of preparation to leave out, none by default; `cutoff` (Hz) is a cut-off
+    of the low-pass filter that is added to the usual 12.5, 25 and 50 Hz, or to those of them that the logs allow; None
+    adds none. Payloads are subtracted where all torque constants are known. Raises `InputError` for unknown steps, a
+    cutoff that the logs do not allow, a link without mass, payloads of unknown links or that no body can be, and logs
+    that are at rest, too short or slow, or not this robot's; `RankError` where the number of identifiable parameters
+    cannot be certified, `SingularityError` near locked loops.
     """
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]

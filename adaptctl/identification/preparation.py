@@ -42,12 +42,12 @@ class PreparationStep(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PreparedLog:
-    """Piece of a log of a robot's r joints, without holes: n samples, evenly spaced at a `rate` in Hz (unless that step
-    was skipped).
+    """Piece of a log of a robot's r joints, without holes: n samples, evenly spaced at a `rate` in Hz (unless the step
+    "resample" was skipped).
 
-    `time` (n,) is in s, as in the log; `position` (n, r) in rad (m for a prismatic joint), without jumps of a turn;
-    `torque` (n, r) in N m (N); `moving` (n,) is true where the arm moves. `source` is the log's file, as text. Made by
-    `prepare`; nothing is checked at construction.
+    `time` (n,) is in s, as in the log; `position` (n, r) in rad (m for a prismatic joint), without jumps of a turn
+    (unless "unwrap" was); `torque` (n, r) in N m (N); `moving` (n,) is true where the arm moves. `source` is the log's
+    file, as text. Made by `prepare`; nothing is checked at construction.
     """
 
     source: str

@@ -58,10 +58,10 @@ def _each(limit: ArrayLike | None, dof: int, what: str) -> Array:
 class RobotMotion:
     """Motion of a robot with r joints: a periodic reference, entered from rest at one pose and left to rest at another.
 
-    p(t) = (1 - b) pose + b s, where s is the `reference` (rad, or m for a prismatic joint) without its own fade, from
-    its time zero on after the blend-in, and b a polynomial that goes from 0 to 1 in the first `fade` s and back in the
-    last; the pose is `start` (r,) in the first half and `end` (r,) in the second, rad (m). `period` (s) is the time
-    between these blends, and all of it is `slower` (unitless, 1 by default) times slower. Nothing is checked at
+    p(t) = (1 - b) pose + b s, where s is the `reference` (rad, or m for a prismatic joint) without its own fade-in, its
+    time beginning as the first blend ends, and b is a polynomial that goes from 0 to 1 in the first `fade` s and back
+    in the last; the pose is `start` (r,) in the first half and `end` (r,) in the second, rad (m). `period` (s) is the
+    time between these blends, and all of it is `slower` (unitless, 1 by default) times slower. Nothing is checked at
     construction.
     """
 
@@ -147,7 +147,7 @@ def exciting_motion(
     Raises `InputError` for a fade that is not above 0 and below half the duration, harmonics and iterations other than
     whole numbers of at least 1, a seed other than one of at least 0, a share not above 0 and up to 1, poses of a wrong
     shape, outside the joints' ranges, not allowed, or not held within the torque limits, and where no motion is found;
-    `NonFiniteError` for poses not finite, `RankError` where the mechanism's rank cannot be certified.
+    `NonFiniteError` for poses not finite, `RankError` where the number of identifiable parameters cannot be certified.
     """
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")

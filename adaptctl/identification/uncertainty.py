@@ -15,9 +15,9 @@ from adaptctl.identification.fit import Fit, LogEvidence
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
     """Uncertainty of a fit of P parameters of a mechanism and r shares of load-dependent friction: their `covariance`
-    (P + r, P + r), SI units, and for comparison `nominal` (P + r, P + r), the covariance if residuals were white and
-    the model right. Rows of parameters that the fit does not have are zero. Made by `uncertainty`; nothing is checked
-    at construction."""
+    (P + r, P + r), SI units, and for comparison `nominal` (P + r, P + r), the covariance if residuals were white
+    (uncorrelated) and the model right. Rows of parameters that the fit does not have are zero. Made by `uncertainty`;
+    nothing is checked at construction."""
 
     covariance: Array
     """(P + r, P + r)"""
@@ -31,9 +31,9 @@ class Uncertainty:
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
 
     def nominal_of(self, combinations: Array) -> Array:
-        """Standard deviations (k,) that k combinations of the fit's parameters would have if residuals were white, in
-        the combinations' units; `combinations` (k, P + r) are their coefficients on its P + r parameters. Raises
-        `ValueError` for another shape."""
+        """Standard deviations (k,) that k combinations of the fit's parameters would have if torque residuals were
+        white (uncorrelated), in the combinations' units; `combinations` (k, P + r) are their coefficients on its P + r
+        parameters. Raises `ValueError` for another shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
 
 

@@ -51,7 +51,7 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
     """Those of the combinations `found` that a log leaves about as uncertain as they were before it, a list of
     `Combination`: their `strength` is below 3 times `inflation`, the factor (unitless) by which standard deviations for
-    white residuals are too small."""
+    white (uncorrelated) residuals are too small."""
     return [c for c in found if c.strength < WEAK * inflation]
 
 
@@ -60,7 +60,8 @@ def essential_components(mechanism: Mechanism, p: Array, v: Array) -> tuple[Esse
     energies and torques), with a log's motion as its states, and the number of essential components of the mechanism's
     parameters that carry the motion's energy but for 1 % (Sheu and Walker 1991, section 3.2). The motion has positions
     `p`, rad (m for a prismatic joint), and velocities `v`, rad/s (m/s), both (n, r). Raises `InputError` for a motion
-    of other shapes or without energy differences, `RankError` where the mechanism's rank cannot be certified."""
+    of other shapes or without energy differences, `RankError` where the number of identifiable parameters cannot be
+    certified."""
     space = essential_space(mechanism, states=States(p, v, "the log's motion"))
     return space, reduce(space, mechanism, energy_error=ENERGY_ERROR).kept
 

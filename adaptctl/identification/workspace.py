@@ -46,10 +46,10 @@ def workspace(
     frame, None for no bound, and collisions of the robot with itself by the <collision> geometry of its file, `robot`,
     a URDF without loops.
 
-    Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken to be made so. For
-    other files and built-in robots, or a URDF without such geometry, collisions are not checked (`collides` is None).
-    Warns with `SimplificationWarning`, and checks none, where the geometry cannot be read, as where meshes are not
-    found.
+    Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken to touch by design
+    and not checked. `mechanism` is the robot. For other files and built-in robots, or a URDF without such geometry,
+    collisions are not checked (`collides` is None). Warns with `SimplificationWarning`, and checks none, where the
+    geometry cannot be read, as where meshes are not found.
     """
     box = (np.full(3, -np.inf) if lower is None else lower, np.full(3, np.inf) if upper is None else upper)
     return ReachableSpace(mechanism, *box, _self_collision(mechanism, robot))
