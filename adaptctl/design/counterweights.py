@@ -58,11 +58,12 @@ class Counterweights:
     """Result of `optimal_counterweights`: the counterweights that make a cost of a mechanism's motion least, within
     bounds, and the costs with and without them.
 
-    `task`, `objective` (the cost: "energy", "torque", "coupling" or "components"), `within` (the bounds of masses and
-    places, one `PlaceBounds` for each link) and `percent` are those asked for. `percent` is the energy error (%) that,
-    for "components", the number of essential components allows; these are combinations of the inertial parameters.
-    `weights` are the counterweights found, without those of at most 1e-6 of the mass allowed on their link, and
-    `evaluations` is the number of designs evaluated. Nothing is refused at construction.
+    `task`, `objective` (the cost: "energy", "torque", "coupling", which is the mass matrix's entries off the diagonal,
+    or "components", which is the number of essential components), `within` (the bounds of masses and places, one
+    `PlaceBounds` for each link) and `percent` are those asked for. Essential components are combinations of the
+    inertial parameters; `percent` is the energy error (%) that their number allows. `weights` are the counterweights
+    found, without those of at most 1e-6 of the mass allowed on their link, and `evaluations` is the number of designs
+    evaluated. Nothing is refused at construction.
     """
 
     task: DesignTask
@@ -128,8 +129,9 @@ class Counterweights:
     @property
     def inconsistent(self) -> tuple[str, ...]:
         """Names of the links whose ten inertial parameters, with the counterweights, no rigid body can have, since
-        their pseudo-inertia (4, 4) is not positive definite. A link whose pseudo-inertia is positive definite without
-        the counterweights is not among them. Raises `InputError` for a counterweight on an unknown link."""
+        their pseudo-inertia (4, 4), the matrix of second moments, first moments and mass, is not positive definite. A
+        link whose pseudo-inertia is positive definite without the counterweights is not among them. Raises `InputError`
+        for a counterweight on an unknown link."""
         names, tens = self.task.mechanism.description.body_names, self.parameters
         pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
         return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
@@ -153,12 +155,13 @@ def optimal_counterweights(
     components ("components"). Essential components are combinations of the inertial parameters, the right singular
     vectors of the task's energies; the fewest are counted that keep the energy to an error of `percent`, by default 1
     %, and of designs with equally few, the one with the least error is taken. Balls, of a density in kg/m^3 (steel's
-    7850 by default), have a positive definite pseudo-inertia, so that links that are physically consistent stay so. The
-    search starts from the best of an even sample of designs, drawn by `seed`, and goes on by trust regions within
-    bounds (SciPy's `least_squares`): it is global as far as the sample is dense. Raises `InputError` for an unknown
-    objective or link, for no links or one given twice, for a `percent` that is no finite number of at least 0, a
-    density not positive and finite, a `seed` other than a whole number from 0 to 2^32 - 1 and a task with constant
-    energy, `RankError` where the number of identifiable parameters cannot be certified.
+    7850 by default), have a positive definite pseudo-inertia (the matrix of second moments, first moments and mass), so
+    that links that are physically consistent stay so. The search starts from the best of an even sample of designs,
+    drawn by `seed`, and goes on by trust regions within bounds (SciPy's `least_squares`): it is global as far as the
+    sample is dense. Raises `InputError` for an unknown objective or link, for no links or one given twice, for a
+    `percent` that is no finite number of at least 0, a density not positive and finite, a `seed` other than a whole
+    number from 0 to 2^32 - 1 and a task with constant energy, `RankError` where the number of identifiable parameters
+    cannot be certified.
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")

@@ -74,10 +74,10 @@ class DesignStudy:
     @cached_property
     def worthwhile(self) -> tuple[tuple[Removal, int], ...]:
         """Pairs (removal, number) of a change of design that removes fundamental (base) parameters, a `Removal`, and of
-        the number of floating-point operations that it saves an adaptive controller each control tick. First come at
-        most six changes by symmetry, then at most six by added or moved mass, of each kind those that leave the fewest
-        parameters, the fewest first. Of changes of one kind that remove the same parameters, the one with the least
-        mass is taken."""
+        the number of floating-point operations that it saves an adaptive controller in each control period. First come
+        at most six changes by symmetry, then at most six by added or moved mass, of each kind those that leave the
+        fewest parameters, the fewest first. Of changes of one kind that remove the same parameters, the one with the
+        least mass is taken."""
         lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
         for removal in self.removals:
             lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)

@@ -86,9 +86,10 @@ class DesignTask:
         Accelerations are normal with a standard deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are
         times L (m/s, m/s^2). At a `speed` (unitless) of 1 kinetic and potential energy weigh alike; an arm at work
         moves at about a quarter of it, 0.25, the default. With loops, positions are on the assembly branch of the
-        reference configuration. Raises `InputError` for `samples` other than a whole number from 2 to 100000, a seed
-        other than one from 0 to 2^32 - 1, a speed other than a number from 0 to 1e100, a mechanism with relations that
-        bind some of its inertial parameters, states that are all alike, and loops that reach hardly any state.
+        reference configuration (the loops closed in the same of several ways). Raises `InputError` for `samples` other
+        than a whole number from 2 to 100000, a seed other than one from 0 to 2^32 - 1, a speed other than a number from
+        0 to 1e100, a mechanism with relations that bind some of its inertial parameters, states that are all alike, and
+        loops that reach hardly any state.
         """
         samples, seed = whole_number(samples, "task: samples", 2, MOST), whole_number(seed, "task: seed", 0, 2**32 - 1)
         speed = real_number(speed, "task: speed")
@@ -104,11 +105,11 @@ class DesignTask:
 
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
-        """The task of following a reference: its states at evenly spaced times from 0 to a duration (s), 1000 of them
-        by default. Raises `InputError` for `samples` other than a whole number from 2 to 100000, for a duration that is
-        not positive and finite, for a reference of another number of joints or one that stands still, and for a
-        mechanism with relations that bind some of its inertial parameters; `NonFiniteError` for a reference that is not
-        finite."""
+        """The task, a `DesignTask`, of following a reference (positions, velocities and accelerations of the joints by
+        time): its states at evenly spaced times from 0 to a duration (s), 1000 of them by default. Raises `InputError`
+        for `samples` other than a whole number from 2 to 100000, for a duration that is not positive and finite, for a
+        reference of another number of joints or one that stands still, and for a mechanism with relations that bind
+        some of its inertial parameters; `NonFiniteError` for a reference that is not finite."""
         whole_number(samples, "task: samples", 2, MOST)
         positive_number(duration, "task: duration: expected a positive number of s")
         p, v, a = reference(np.linspace(0.0, duration, samples))
@@ -117,9 +118,9 @@ class DesignTask:
     @cached_property
     def space(self) -> EssentialSpace:
         """The essential space of the mechanism's P inertial parameters, an `EssentialSpace`: the directions that change
-        energies and torques. Its singular values and its right singular vectors V1 (P, k), k its rank, are those of the
-        task's energies about their mean, in J (root mean square over the states) per SI unit of each parameter. Raises
-        `RankError` where the number of identifiable parameters cannot be certified."""
+        energies and torques. Its singular values and its right singular vectors V1 (P, k), for k identifiable
+        parameters, are those of the task's energies about their mean, in J (root mean square over the states) per SI
+        unit of each parameter. Raises `RankError` where the number of identifiable parameters cannot be certified."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
 
     @cached_property
