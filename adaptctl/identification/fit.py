@@ -128,8 +128,9 @@ class LogEvidence:
         return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
 
     def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
-        """Indices (c,), among P + r parameters, of those that least squares is solved for: the fundamental (base)
-        parameters, which the motion can tell apart, and those of a friction model."""
+        """Indices (c,), among the mechanism's P parameters and the r shares of load-dependent friction, of those that
+        least squares is solved for: the fundamental (base) parameters, which the motion can tell apart, and those of a
+        friction model."""
         energetic = self.mechanism.energetic
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
@@ -179,10 +180,10 @@ class LogEvidence:
         return {}
 
     def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
-        """The fit, a `Fit`, of physically consistent parameters with some settings to summed normal `equations` on P +
-        r parameters, each joint's weighted by its residual's standard deviation in least squares. `start` (P + r,), SI
-        units, is where the search begins, None for the prior. Raises `AdaptctlError` where the search does not
-        converge."""
+        """The fit, a `Fit`, of physically consistent parameters with some settings to summed normal `equations` on the
+        mechanism's P parameters and r shares of load-dependent friction, each joint's weighted by its residual's
+        standard deviation in least squares. `start` (P + r,), SI units, is where the search begins, None for the prior.
+        Raises `AdaptctlError` where the search does not converge."""
         mask = self.mask(settings.friction)
         _, deviations = weighted_least_squares(equations, self.independent(settings.friction))
         A, b = equations.whitened(deviations)
@@ -203,10 +204,10 @@ class LogEvidence:
         return EntropicPrior(self.prior.tens, positive, scales)
 
     def ordinary(self, friction: FrictionModel, cutoff: float, blocks: Sequence[int]) -> Array:
-        """Parameters (P + r,), SI units, by weighted least squares with a friction model on some of the blocks of time
-        (numbers from 0), at a `cutoff` (Hz), without a prior: links need not be physically consistent, and shares of
-        load-dependent friction are zero. Raises `KeyError` for a cut-off that the evidence does not have, `IndexError`
-        for a block that there is not."""
+        """Parameters (P + r,), SI units, P of the mechanism and r shares of load-dependent friction, by weighted least
+        squares with a friction model on some of the blocks of time (numbers from 0), at a `cutoff` (Hz), without a
+        prior: links need not be physically consistent, and the shares are zero. Raises `KeyError` for a cut-off that
+        the evidence does not have, `IndexError` for a block that there is not."""
         return weighted_least_squares(self.equations(cutoff, blocks), self.independent(friction))[0]
 
 

@@ -46,8 +46,8 @@ class PreparedLog:
     "resample" was skipped).
 
     `time` (n,) is in s, as in the log; `position` (n, r) in rad (m for a prismatic joint), without jumps of a turn
-    (unless "unwrap" was); `torque` (n, r) in N m (N); `moving` (n,) is true where the arm moves. `source` is the log's
-    file, as text. Made by `prepare`; nothing is checked at construction.
+    (unless the step "unwrap" was skipped); `torque` (n, r) in N m (N); `moving` (n,) is true where the arm moves.
+    `source` is the log's file, as text. Made by `prepare`; nothing is checked at construction.
     """
 
     source: str

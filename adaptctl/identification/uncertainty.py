@@ -26,14 +26,14 @@ class Uncertainty:
 
     def of(self, combinations: Array) -> Array:
         """Standard deviations (k,) of k combinations of the fit's parameters, in the combinations' units;
-        `combinations` (k, P + r) are their coefficients on its P + r parameters. Raises `ValueError` for another
-        shape."""
+        `combinations` (k, P + r) are their coefficients on the mechanism's P parameters and r shares of load-dependent
+        friction. Raises `ValueError` for another shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
 
     def nominal_of(self, combinations: Array) -> Array:
         """Standard deviations (k,) that k combinations of the fit's parameters would have if torque residuals were
-        white (uncorrelated), in the combinations' units; `combinations` (k, P + r) are their coefficients on its P + r
-        parameters. Raises `ValueError` for another shape."""
+        white (uncorrelated), in the combinations' units; `combinations` (k, P + r) are their coefficients on the
+        mechanism's P parameters and r shares of load-dependent friction. Raises `ValueError` for another shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
 
 
