@@ -32,7 +32,7 @@ class AddedMass:
     (kg, kg m, kg m^2), and rotor inertias (kg m^2, kg for a prismatic joint); friction is left out. Made by
     `added_mass`; nothing is refused at construction. An unknown link or a percentage that is no finite number of at
     least 0 raises `InputError` where it is first used. `essential`, `components`, `changed` and `becomes_essential`
-    raise `RankError` where the mechanism's rank cannot be certified.
+    raise `RankError` where the number of identifiable parameters cannot be certified.
     """
 
     task: DesignTask
@@ -62,7 +62,7 @@ class AddedMass:
         """The projection V1 V1' c (P,), in SI units, of the change c (P,) of the P inertial parameters by the added
         body: the part of c that changes energies and torques. V1 (P, k) is an orthonormal basis of the essential space:
         the k right singular vectors of the task's energies whose singular values are not zero. Raises `InputError` for
-        an unknown link, `RankError` where the mechanism's rank cannot be certified. Read-only."""
+        an unknown link, `RankError` where the number of identifiable parameters cannot be certified. Read-only."""
         return frozen(self.task.space.project(self.change))
 
     @property
@@ -100,15 +100,16 @@ class AddedMass:
         """Least number of essential components that keep the mechanism's energy, with the added body, to an error of
         `percent` (%; Sheu and Walker 1991, equation 23). Essential components are combinations of the inertial
         parameters, the right singular vectors of the task's energies. Raises `InputError` for an unknown link and for a
-        percentage that is no finite number of at least 0, `RankError` where the mechanism's rank cannot be
-        certified."""
+        percentage that is no finite number of at least 0, `RankError` where the number of identifiable parameters
+        cannot be certified."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def becomes_essential(self) -> tuple[str, ...]:
         """Names of the fundamental (base) parameters that matter only with the added body: alone they make more than
         1e-6 (unitless) of the root mean square energy with the body, and no more than that without it. Raises
-        `InputError` for an unknown link, `RankError` where the mechanism's rank cannot be certified."""
+        `InputError` for an unknown link, `RankError` where the number of identifiable parameters cannot be
+        certified."""
         before = set(self.task.carried())
         return tuple(name for name in self.task.carried(self.parameters) if name not in before)
 
@@ -116,8 +117,8 @@ class AddedMass:
     def changed(self) -> tuple[tuple[str, float], ...]:
         """Pairs (name, change) of the fundamental (base) parameters that the added body changes, the changes in SI
         units (kg, kg m or kg m^2). Left out are changes whose number is at most 1e-9 of the greatest change of one of
-        the link's ten inertial parameters. Raises `InputError` for an unknown link, `RankError` where the mechanism's
-        rank cannot be certified."""
+        the link's ten inertial parameters. Raises `InputError` for an unknown link, `RankError` where the number of
+        identifiable parameters cannot be certified."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
@@ -139,7 +140,7 @@ def added_mass(
     mean square energy, kinetic plus potential, that the result's number of essential components allows. Raises
     `InputError` for links that do not exist, masses out of range, percentages that are no finite number of at least 0,
     places that are not three finite numbers, bodies with inertial parameters above 1e20 and tasks with constant energy,
-    `RankError` where the mechanism's rank cannot be certified.
+    `RankError` where the number of identifiable parameters cannot be certified.
     """
     loaded = Payload.of(body) if isinstance(body, Payload | Mapping) else point(body)
     if place is not None:
@@ -151,7 +152,10 @@ def added_mass(
 
 
 def change_of(task: DesignTask, link: str, body: Payload) -> Array:
-    """The change (P,) of inertial parameters by a body on a link. Raises `InputError` where a number overflows."""
+    """The change (P,) of a mechanism's P inertial parameters by a `body` fixed to the link named `link`: that of the
+    link's mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz,
+    I_zz (kg m^2), about the origin of its frame, and zero for all others. P counts ten parameters a link and rotor
+    inertias. Raises `InputError` for an unknown link and where a number overflows."""
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():

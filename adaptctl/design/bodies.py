@@ -110,8 +110,8 @@ def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> 
     """The ten inertial parameters (..., 10) of solid balls of masses (...), kg, with centres at places (..., 3), m in a
     link's frame, and one density (kg/m^3): mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's
     entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the frame's origin. By default the density is infinite:
-    points. Masses and places broadcast, `ValueError` where they do not; the numbers are not checked, a negative mass at
-    a finite density gives NaN."""
+    point masses. Masses and places broadcast, `ValueError` where they do not; the numbers are not checked, a negative
+    mass at a finite density gives NaN."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
     own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * EVEN)

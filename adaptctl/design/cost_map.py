@@ -19,9 +19,10 @@ EACH = 9
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """Cost of a point mass on a link named `link`: its `least` and `most` relative changes of the arm's cost (unitless,
-    0.1 for 10 % more), at the places `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`,
-    at the link's centre of mass. Made by `CostMap.over`; nothing is refused at construction."""
+    """Cost of a point mass on a link named `link`: the `least` and the `most` of the relative changes (unitless, 0.1
+    for 10 % more) that it makes of a cost of the mechanism's motion, such as its root mean square energy, at the places
+    `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`, at the link's centre of mass. Made
+    by `CostMap.over`; nothing is refused at construction."""
 
     link: str
     least: float
@@ -43,7 +44,7 @@ class CostMap:
     matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
     combinations of inertial parameters that matter (J). Made by `cost_map`. Raises `InputError` at construction for a
     mass that is not positive and finite, for an unknown objective and for a cost that is zero without the mass,
-    `RankError` for "components" where the mechanism's rank cannot be certified.
+    `RankError` for "components" where the number of identifiable parameters cannot be certified.
     """
 
     task: DesignTask
@@ -101,7 +102,7 @@ def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> 
     of the mass matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
     combinations of inertial parameters that matter (J). Raises `InputError` for a mass that is not positive and finite,
     for an unknown objective, for a cost that is zero without the mass and for a task with constant energy, and
-    `RankError` for "components" where the mechanism's rank cannot be certified.
+    `RankError` for "components" where the number of identifiable parameters cannot be certified.
     """
     task.require_energy()
     return CostMap(task, mass, objective)

@@ -58,11 +58,12 @@ class Counterweights:
     """Result of `optimal_counterweights`: the counterweights that make a cost of a mechanism's motion least, within
     bounds, and the costs with and without them.
 
-    `task`, `objective` (the cost: "energy", "torque", "coupling" or "components"), `within` (the bounds of masses and
-    places, one `PlaceBounds` for each link) and `percent` (the energy error, %, that the number of essential components
-    allows, for "components") are those asked for. `weights` are the counterweights found, without those of at most 1e-6
-    of the mass allowed on their link, and `evaluations` is the number of designs evaluated. Nothing is refused at
-    construction.
+    `task`, `objective` (the cost: "energy", "torque", "coupling", which is the mass matrix's entries off the diagonal,
+    or "components", which is the number of essential components), `within` (the bounds of masses and places, one
+    `PlaceBounds` for each link) and `percent` are those asked for. Essential components are combinations of the
+    inertial parameters; `percent` is the energy error (%) that their number allows. `weights` are the counterweights
+    found, without those of at most 1e-6 of the mass allowed on their link, and `evaluations` is the number of designs
+    evaluated. Nothing is refused at construction.
     """
 
     task: DesignTask
@@ -94,35 +95,43 @@ class Counterweights:
 
     @property
     def cost_before(self) -> float:
-        """The cost, which `objective` names, of the motion without counterweights: J ("energy"), share of torque
-        limits, unitless ("torque"), kg m^2 ("coupling") or number of essential components ("components"). Raises
-        `InputError` for an unknown objective and, for "components", for a percentage that is no finite number of at
-        least 0, `RankError` for "components" where the mechanism's rank cannot be certified."""
+        """The cost, which `objective` names, of the motion without counterweights: root mean square energy about its
+        mean, J ("energy"), torques as a share of their limits, unitless ("torque"), entries of the mass matrix off the
+        diagonal, kg m^2 ("coupling"), or the number of essential components (combinations of inertial parameters) that
+        keep the energy to an error of `percent` % ("components"). Raises `InputError` for an unknown objective and, for
+        "components", for a percentage that is no finite number of at least 0, `NonFiniteError` where the cost is too
+        large for numbers, `RankError` for "components" where the number of identifiable parameters cannot be
+        certified."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
     def cost_after(self) -> float:
-        """The cost, which `objective` names, of the motion with the counterweights: J ("energy"), share of torque
-        limits, unitless ("torque"), kg m^2 ("coupling") or number of essential components ("components"). Raises
-        `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for
-        an unknown objective and, for "components", for a percentage that is no finite number of at least 0, `RankError`
-        for "components" where the mechanism's rank cannot be certified."""
+        """The cost, which `objective` names, of the motion with the counterweights: root mean square energy about its
+        mean, J ("energy"), torques as a share of their limits, unitless ("torque"), entries of the mass matrix off the
+        diagonal, kg m^2 ("coupling"), or the number of essential components (combinations of inertial parameters) that
+        keep the energy to an error of `percent` % ("components"). Raises `InputError` for a counterweight on an unknown
+        link, for a link's inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for
+        a percentage that is no finite number of at least 0, `NonFiniteError` where the cost is too large for numbers,
+        `RankError` for "components" where the number of identifiable parameters cannot be certified."""
         return _cost(self.balanced, self.objective, self.percent)
 
     @property
     def saved(self) -> float:
         """Share (unitless) of the cost of the motion, which `objective` names, that the counterweights found remove,
-        from 0 to 1; 0 where the cost without them is zero. Raises `InputError` for a counterweight on an unknown link,
-        for a link's inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for a
-        percentage that is no finite number of at least 0, `RankError` for "components" where the mechanism's rank
+        from 0 to 1; 0 where the cost without them is zero. The cost "components" is a number of essential components
+        (combinations of inertial parameters that keep the energy to an error of `percent` %). Raises `InputError` for a
+        counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for an unknown
+        objective and, for "components", for a percentage that is no finite number of at least 0, `NonFiniteError` where
+        the cost is too large for numbers, `RankError` for "components" where the number of identifiable parameters
         cannot be certified."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
         """Names of the links whose ten inertial parameters, with the counterweights, no rigid body can have, since
-        their pseudo-inertia (4, 4) is not positive definite. A link whose pseudo-inertia is positive definite without
-        the counterweights is not among them. Raises `InputError` for a counterweight on an unknown link."""
+        their pseudo-inertia (4, 4), the matrix of second moments, first moments and mass, is not positive definite. A
+        link whose pseudo-inertia is positive definite without the counterweights is not among them. Raises `InputError`
+        for a counterweight on an unknown link."""
         names, tens = self.task.mechanism.description.body_names, self.parameters
         pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
         return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
@@ -146,12 +155,13 @@ def optimal_counterweights(
     components ("components"). Essential components are combinations of the inertial parameters, the right singular
     vectors of the task's energies; the fewest are counted that keep the energy to an error of `percent`, by default 1
     %, and of designs with equally few, the one with the least error is taken. Balls, of a density in kg/m^3 (steel's
-    7850 by default), have a positive definite pseudo-inertia, so that links that are physically consistent stay so. The
-    search starts from the best of an even sample of designs, drawn by `seed`, and goes on by trust regions within
-    bounds (SciPy's `least_squares`): it is global as far as the sample is dense. Raises `InputError` for an unknown
-    objective or link, for no links or one given twice, for a `percent` that is no finite number of at least 0, a
-    density not positive and finite, a `seed` other than a whole number from 0 to 2^32 - 1 and a task with constant
-    energy, `RankError` where the mechanism's rank cannot be certified.
+    7850 by default), have a positive definite pseudo-inertia (the matrix of second moments, first moments and mass), so
+    that links that are physically consistent stay so. The search starts from the best of an even sample of designs,
+    drawn by `seed`, and goes on by trust regions within bounds (SciPy's `least_squares`): it is global as far as the
+    sample is dense. Raises `InputError` for an unknown objective or link, for no links or one given twice, for a
+    `percent` that is no finite number of at least 0, a density not positive and finite, a `seed` other than a whole
+    number from 0 to 2^32 - 1 and a task with constant energy, `RankError` where the number of identifiable parameters
+    cannot be certified.
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")

@@ -93,7 +93,11 @@ class PlaceBounds:
 def bounds(
     mechanism: Mechanism, links: Iterable[str], share: float = SHARE, beyond: float = BEYOND
 ) -> tuple[PlaceBounds, ...]:
-    """The default bounds on some links. Raises `InputError` for unknown links, and for a link given twice."""
+    """Default bounds of counterweights, a tuple of one `PlaceBounds` for each of the `links` named, in their order: a
+    greatest mass (kg) of a `share` (unitless, by default 0.2) of the link's own, and a box of places, m in its frame,
+    around its joints and centre of mass, widened on all sides by a share `beyond` (unitless, by default 0.5) of the
+    box's diagonal, and by 0.1 m at least. Raises `InputError` for no links or one given twice, links that are unknown
+    or own no inertia, and shares that are no numbers, below zero or not finite."""
     names = tuple(links)
     if len(set(names)) < len(names) or not names:
         raise InputError(f"links: expected at least one, each once, got {', '.join(names) or 'none'}")

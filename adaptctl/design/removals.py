@@ -116,7 +116,10 @@ class Removal:
 
 
 def operations_saved(task: DesignTask, removal: Removal) -> int:
-    """Number of floating-point operations that an adaptive tick's equations save with the parameters that are left."""
+    """Number of floating-point operations that an adaptive controller saves in each control period after a change of
+    design, a `removal`: it needs fewer parameters in the equations of the task's mechanism (torques and powers; sines,
+    cosines and roots are not counted). Friction's parameters stay. Raises `RankError` where the number of identifiable
+    parameters cannot be certified, `LoopError` where loops do not fit together."""
     mechanism = task.mechanism
     friction = range(mechanism.energetic, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
@@ -130,10 +133,10 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
 
     By symmetry: a link becomes its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
     (steel's 7850 by default), added to a link, makes a fundamental parameter zero that is not zero before. By
-    relocation: a part of the link's own mass, taken from its centre of mass and placed as such a ball, does so. Each
-    is one change alone; where links have symmetries already, one more takes all of these at once. Raises `InputError`
-    for an unknown link or one given twice and a density that is not positive and finite, `RankError` where the
-    mechanism's rank cannot be certified.
+    relocation: a part of the link's own mass, taken from its centre of mass and placed as such a ball, does so. Each is
+    one change alone; where links have symmetries already, one more takes all of these at once. Raises `InputError` for
+    an unknown link or one given twice and a density that is not positive and finite, `RankError` where the number of
+    identifiable parameters cannot be certified.
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
     within = tuple(within)
@@ -149,7 +152,10 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
 
 
 def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Removal | None:
-    """The removal by inertial parameters that are zero by symmetry, of a link or of several; None without effect."""
+    """The change of a design, a `Removal`, by which the inertial parameters named in `known`, such as "link3.I_xy", are
+    zero by symmetry; None where as many parameters are needed as before. `link` is the name of the link to change,
+    empty, the default, for several. Raises `InputError` for the name of no inertial parameter of the task's mechanism,
+    `RankError` where the number of identifiable parameters cannot be certified."""
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
     if wrong:

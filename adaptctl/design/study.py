@@ -34,9 +34,9 @@ class DesignStudy:
     """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a `task`.
 
     `body` is the `Payload` to add, `within` holds the bounds (`PlaceBounds`) of masses and places on every link,
-    `percent` is the energy error (%) that numbers of essential components allow, `counterweights` has the optimal
-    counterweights, and `removals` has all changes of design that remove fundamental (base) parameters, those that leave
-    the fewest first. Made by `design_study`; nothing is refused at construction.
+    `percent` is the energy error (%) that numbers of essential components (combinations of inertial parameters) allow,
+    `counterweights` has the optimal counterweights, and `removals` has all changes of design that remove fundamental
+    (base) parameters, those that leave the fewest first. Made by `design_study`; nothing is refused at construction.
     """
 
     task: DesignTask
@@ -66,7 +66,7 @@ class DesignStudy:
     def added(self) -> tuple[AddedMass, ...]:
         """Effects, one `AddedMass` for each link, of the body added to that link alone, the body's centre of mass at
         the link's. Raises `InputError` for a task with constant energy and for a percentage that is no finite number of
-        at least 0, `RankError` where the mechanism's rank cannot be certified."""
+        at least 0, `RankError` where the number of identifiable parameters cannot be certified."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
@@ -74,10 +74,10 @@ class DesignStudy:
     @cached_property
     def worthwhile(self) -> tuple[tuple[Removal, int], ...]:
         """Pairs (removal, number) of a change of design that removes fundamental (base) parameters, a `Removal`, and of
-        the number of floating-point operations that it saves an adaptive controller each control tick. First come at
-        most six changes by symmetry, then at most six by added or moved mass, of each kind those that leave the fewest
-        parameters, the fewest first. Of changes of one kind that remove the same parameters, the one with the least
-        mass is taken."""
+        the number of floating-point operations that it saves an adaptive controller in each control period. First come
+        at most six changes by symmetry, then at most six by added or moved mass, of each kind those that leave the
+        fewest parameters, the fewest first. Of changes of one kind that remove the same parameters, the one with the
+        least mass is taken."""
         lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
         for removal in self.removals:
             lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)
@@ -112,7 +112,7 @@ def design_study(
     default). `seed` draws the designs that the search starts from. Raises `InputError` for unknown links or one given
     twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a `seed` other
     than a whole number from 0 to 2^32 - 1, a body whose mass is not above zero, and a task with constant energy,
-    `NotFoundError` for an unknown body, `RankError` where the mechanism's rank cannot be certified.
+    `NotFoundError` for an unknown body, `RankError` where the number of identifiable parameters cannot be certified.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)
@@ -122,8 +122,9 @@ def design_study(
 
 
 def named_body(body: Payload | str | float) -> Payload:
-    """A body by name, or a point by its mass in kg, above zero. Raises `InputError` for a mass that is not positive,
-    `NotFoundError` for an unknown name."""
+    """The body to add to a link, a `Payload`: one given by its name, "gripper", "camera" or "motor", a point mass (kg)
+    in the origin of the link's frame, given as a number, or the given `Payload` itself. Raises `InputError` for a mass
+    that is not above 0 and at most 1e20 kg, `NotFoundError` for another name."""
     if isinstance(body, str):
         if body not in CATALOGUE:
             raise NotFoundError(f"there is no body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")

@@ -86,9 +86,10 @@ class DesignTask:
         Accelerations are normal with a standard deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are
         times L (m/s, m/s^2). At a `speed` (unitless) of 1 kinetic and potential energy weigh alike; an arm at work
         moves at about a quarter of it, 0.25, the default. With loops, positions are on the assembly branch of the
-        reference configuration. Raises `InputError` for `samples` other than a whole number from 2 to 100000, a seed
-        other than one from 0 to 2^32 - 1, a speed other than a number from 0 to 1e100, a mechanism with relations that
-        bind some of its inertial parameters, states that are all alike, and loops that reach hardly any state.
+        reference configuration (the loops closed in the same of several ways). Raises `InputError` for `samples` other
+        than a whole number from 2 to 100000, a seed other than one from 0 to 2^32 - 1, a speed other than a number from
+        0 to 1e100, a mechanism with relations that bind some of its inertial parameters, states that are all alike, and
+        loops that reach hardly any state.
         """
         samples, seed = whole_number(samples, "task: samples", 2, MOST), whole_number(seed, "task: seed", 0, 2**32 - 1)
         speed = real_number(speed, "task: speed")
@@ -104,11 +105,11 @@ class DesignTask:
 
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
-        """The task of following a reference: its states at evenly spaced times from 0 to a duration (s), 1000 of them
-        by default. Raises `InputError` for `samples` other than a whole number from 2 to 100000, for a duration that is
-        not positive and finite, for a reference of another number of joints or one that stands still, and for a
-        mechanism with relations that bind some of its inertial parameters; `NonFiniteError` for a reference that is not
-        finite."""
+        """The task, a `DesignTask`, of following a reference (positions, velocities and accelerations of the joints by
+        time): its states at evenly spaced times from 0 to a duration (s), 1000 of them by default. Raises `InputError`
+        for `samples` other than a whole number from 2 to 100000, for a duration that is not positive and finite, for a
+        reference of another number of joints or one that stands still, and for a mechanism with relations that bind
+        some of its inertial parameters; `NonFiniteError` for a reference that is not finite."""
         whole_number(samples, "task: samples", 2, MOST)
         positive_number(duration, "task: duration: expected a positive number of s")
         p, v, a = reference(np.linspace(0.0, duration, samples))
@@ -117,16 +118,17 @@ class DesignTask:
     @cached_property
     def space(self) -> EssentialSpace:
         """The essential space of the mechanism's P inertial parameters, an `EssentialSpace`: the directions that change
-        energies and torques. Its singular values and its right singular vectors V1 (P, k), k its rank, are those of the
-        task's energies about their mean, in J (root mean square over the states) per SI unit of each parameter. Raises
-        `RankError` where the rank cannot be certified."""
+        energies and torques. Its singular values and its right singular vectors V1 (P, k), for k identifiable
+        parameters, are those of the task's energies about their mean, in J (root mean square over the states) per SI
+        unit of each parameter. Raises `RankError` where the number of identifiable parameters cannot be certified."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
 
     @cached_property
     def basis(self) -> FundamentalBasis:
         """The fundamental basis of the mechanism, a `FundamentalBasis`: its k fundamental (base) parameters, and the
         regrouping equations that add the other inertial parameters to them. Dependent parameters are removed in the
-        default order (`Priority.default`). Raises `RankError` where the mechanism's rank cannot be certified."""
+        default order (`Priority.default`). Raises `RankError` where the number of identifiable parameters cannot be
+        certified."""
         return fundamental_basis(self.space, Priority())
 
     @cached_property
@@ -165,7 +167,8 @@ class DesignTask:
         "coupling" that of the mass matrix's entries off the diagonal, those of prismatic joints times the
         characteristic length (m). For "components" it is that of the energy, by M = S V1' (k, P): the k singular values
         S of the energies that are not zero, times their right singular vectors V1 (P, k). Read-only. Raises
-        `InputError` for another objective, and for "components" `RankError` where the rank cannot be certified.
+        `InputError` for another objective, and for "components" `RankError` where the number of identifiable parameters
+        cannot be certified.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,
@@ -183,7 +186,7 @@ class DesignTask:
         about its mean (J), "torque" of the torques as shares of their limits (unitless), "coupling" of the mass
         matrix's entries off the diagonal (kg m^2). Raises `InputError` for another objective or shape of parameters,
         `NonFiniteError` where one is not finite or the cost is too large for numbers, and for "components" `RankError`
-        where the rank cannot be certified."""
+        where the number of identifiable parameters cannot be certified."""
         return float(np.linalg.norm(self._applied(self.matrix(objective), parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
@@ -199,7 +202,7 @@ class DesignTask:
         mechanism's own. Essential components are combinations of the inertial parameters, the right singular vectors of
         the task's energies. Raises `InputError` for a percentage that is no finite number of at least 0 or another
         shape of parameters, `NonFiniteError` where a parameter is not finite or the energy is too large for numbers,
-        `RankError` where the mechanism's rank cannot be certified."""
+        `RankError` where the number of identifiable parameters cannot be certified."""
         return int(component_counts(self._applied(self._components, parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
@@ -207,7 +210,7 @@ class DesignTask:
         the root mean square energy about its mean over the task's states, for P inertial parameters (P,) in SI units,
         by default (None) the mechanism's own. Raises `InputError` for another shape of parameters and a share that is
         no number, `NonFiniteError` where a parameter is not finite or the energy is too large for numbers, `RankError`
-        where the mechanism's rank cannot be certified."""
+        where the number of identifiable parameters cannot be certified."""
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
@@ -218,8 +221,8 @@ class DesignTask:
         """Shares (k,), unitless, of the root mean square energy about its mean over the task's states that each of the
         k fundamental (base) parameters makes alone, in the order of `basis`, for P inertial parameters (P,) in SI
         units, by default (None) the mechanism's own. Raises `InputError` for another shape of parameters,
-        `NonFiniteError` where one is not finite or the energy is too large for numbers, `RankError` where the
-        mechanism's rank cannot be certified."""
+        `NonFiniteError` where one is not finite or the energy is too large for numbers, `RankError` where the number of
+        identifiable parameters cannot be certified."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
@@ -299,10 +302,11 @@ class DesignTask:
 
 
 def component_counts(weights: Array, percent: float) -> Array:
-    """Numbers (...) of components that keep the energy to an error in percent, from weights beta (..., k).
-
-    Raises `InputError` for an error that is not a percentage of at least 0.
-    """
+    """The least numbers (...) of essential components that keep the root mean square energy to an error of `percent`
+    (%; Sheu and Walker 1991, equation 23). `weights` (..., k), in J, are the root mean square energies of each of k
+    essential components, which are combinations of the inertial parameters, the right singular vectors of the energies;
+    of those left out, the squares' sum has a root of at most the error. Raises `InputError` for a percentage that is no
+    finite number of at least 0."""
     percent = real_number(percent, "percent")
     if not 0.0 <= percent < np.inf:
         raise InputError(f"percent: expected a percentage of at least 0, got {percent}")

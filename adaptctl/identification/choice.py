@@ -31,7 +31,13 @@ ALLOWED_MISFIT = 1.03
 
 
 class FrictionTrial(NamedTuple):
-    """Trial of a setting of the fit, and how it predicted blocks left out."""
+    """Trial of one setting of a fit: `what` names the kind of setting ("friction", "load-dependent friction", "cut-off,
+    Hz" or "weight of the prior") and `candidate` the value tried, both as text.
+
+    `rms` is the root mean square error (N m, or N for prismatic joints) of the joint torques, over all joints, that
+    fits with it predict on blocks of time left out of them, and `taken` is true for the candidate chosen of its kind.
+    Made by `choose`; nothing is checked at construction.
+    """
 
     what: str
     candidate: str
@@ -42,7 +48,9 @@ class FrictionTrial(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Choice of a fit's settings: those that predicted best, and all that were tried."""
+    """Choice of a fit's settings: `settings`, the `FitSettings` that were chosen (friction model, weight of the prior,
+    cut-off of the low-pass filter in Hz), and `trials`, one `FrictionTrial` for each candidate in the order of trying.
+    `trials` is empty where all settings were given. Made by `choose`; nothing is checked at construction."""
 
     settings: FitSettings
     trials: tuple[FrictionTrial, ...]
@@ -54,10 +62,19 @@ def choose(
     weight: float | None = None,
     cutoff: float | None = None,
 ) -> Choice:
-    """The choice of friction, then its load-dependence, the cut-off, and the prior's weight, one after the other.
+    """The choice, a `Choice`, of a fit's settings by how well fits predict the joint torques of blocks of time left out
+    of them: the friction model, then its load dependence, the cut-off of the low-pass filter, and the weight of the
+    prior, one after the other.
 
-    What is given is not chosen. Raises `InputError` for a weight that is not positive, and a cut-off (Hz) that the
-    evidence has no rows at.
+    `evidence` holds the filtered equations of motion of the logs, in blocks of time. What is given is not chosen:
+    `friction`, a `FrictionModel`; `weight` (unitless) of the prior, a first guess of the links, against the logs;
+    `cutoff` (Hz), one of those that the evidence has. Where they are None, the candidates are: viscous and Coulomb
+    friction with or without a square root or Stribeck term and an offset, and, unless loops are closed, with or without
+    load-dependent friction; the evidence's cut-offs, that of `judged_at` first; weights from 0.5 to 100 whose fit has a
+    misfit of at most 1.03 times that of least squares (`misfit_ratio`), or 0.5 if there are none. A later candidate is
+    taken where its error is less than the best one's by more than 1 % (0.3 % for weights). Raises `InputError` for a
+    weight that is not positive and finite and a cut-off that the evidence does not have, `AdaptctlError` where a fit is
+    not found.
     """
     judged = judged_at(evidence)
     first = FIRST_WEIGHT if weight is None else positive_number(weight, "weight: expected a positive number")
@@ -81,17 +98,22 @@ def choose(
 
 
 def judged_at(evidence: LogEvidence) -> float:
-    """The cut-off (Hz) that predictions are compared at: 25 Hz, or what a slow log allows."""
+    """The cut-off (Hz) of the low-pass filter at which predictions of joint torques are compared, one of those that the
+    evidence (filtered equations of logs) has: the highest up to 25 Hz, or the lowest where all are higher."""
     return max((c for c in evidence.rows if c <= JUDGED_AT), default=min(evidence.rows))
 
 
 def cutoffs_for(rate: float) -> tuple[float, ...]:
-    """Candidate cut-offs (Hz) that logs at a rate (Hz) allow."""
+    """Candidate cut-offs (Hz) of a low-pass filter for logs at a sampling `rate` (Hz): those of 12.5, 25 and 50 Hz that
+    are at most a tenth of the rate, or a tenth of it where none is. The rate is not checked."""
     return tuple(c for c in CUTOFFS if c <= 0.1 * rate) or (0.1 * rate,)
 
 
 def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
-    """Root mean square error (N m, all joints) of predicting each fold's torques from a fit on the other blocks."""
+    """Root mean square error (N m, or N for prismatic joints), over all joints, of the torques that fits with some
+    settings predict on blocks of time left out of them. The evidence's blocks (filtered equations of logs) are left out
+    in five groups of neighbours, one at a time, and compared at the cut-off of `judged_at`. Raises `KeyError` for
+    settings with a cut-off that the evidence does not have, `AdaptctlError` where a fit is not found."""
     squares = rows = 0.0
     for fold in np.array_split(np.arange(evidence.blocks), FOLDS):
         rest = [b for b in range(evidence.blocks) if b not in fold]
@@ -104,12 +126,17 @@ def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
 
 
 def is_allowed(evidence: LogEvidence, settings: FitSettings) -> bool:
-    """True if the consistent estimate fits the training rows nearly as well as least squares does."""
+    """True if the physically consistent fit with some settings to all of the evidence (filtered equations of logs) has
+    a root mean square residual of at most 1.03 times that of least squares (`misfit_ratio`). Raises `KeyError` for
+    settings with a cut-off that the evidence does not have, `AdaptctlError` where the fit is not found."""
     return misfit_ratio(evidence, evidence.fit(settings, range(evidence.blocks))) <= ALLOWED_MISFIT
 
 
 def misfit_ratio(evidence: LogEvidence, fit: Fit) -> float:
-    """The fit's root mean square, whitened, over that of least squares on the same rows and columns."""
+    """Ratio, without a unit, of the root mean square torque residual of a fit to that of weighted least squares on the
+    same equations and parameters, over all blocks of the evidence (filtered equations of logs). Each joint's residual
+    is divided by its standard deviation in the fit. Raises `KeyError` for a fit at a cut-off that the evidence does not
+    have."""
     settings, every = fit.settings, range(evidence.blocks)
     equations = evidence.equations(settings.cutoff, every, evidence.load_from(settings, every))
     least, _ = weighted_least_squares(equations, evidence.independent(settings.friction))

@@ -29,11 +29,17 @@ def joint_columns(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Drives:
-    """Drives of joints that are measured themselves, without gears between: a log's columns by joint.
+    """The `Drives` of a robot whose joints are measured directly, without gears between: for each primary joint of a
+    mechanism the names of its columns in a log, the identity as transmission, offsets of zero, and the columns' units.
 
-    `columns` gives patterns of names by "position", "torque", "velocity" and "time", in which `{joint}` stands for
-    the joint's name and `{}` for its number from 1; `units` likewise, and what the log states itself need not be
-    given. Raises `InputError` asking for what is missing, by name.
+    `columns` gives names by "position", "torque", "velocity" and "time"; in the first three `{joint}` stands for a
+    joint's name and `{}` for its number from 1. Where names are not given, the first usual pattern that fits is taken,
+    such as "position.{joint}" with "effort.{joint}" or "torque.{joint}", or "{joint}_position" with "{joint}_torque",
+    and "time"; velocities are left out where the log has none. `units` gives symbols, such as "deg" or "N m", by the
+    same four keys; where they are not given, the units that the log itself states are taken. Raises `InputError` for
+    other keys, for columns of time, positions or torques that are not found, for units that are unknown or stated
+    nowhere, and for units of torque that are none (A, mA, %, 1), which need torque constants; `FileError`, a subclass
+    of it, for given names of columns that do not exist.
     """
     given, stated = _checked("columns", columns), _checked("units", units)
     joints = [joint.name for joint in mechanism.primary_joints]

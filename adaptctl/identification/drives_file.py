@@ -25,7 +25,13 @@ SCHEMA = "adaptctl/drives/1"
 
 
 class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A motor's columns in the log; `torque_constant` is N m for a unit of its torque column (an ampere, say)."""
+    """Entry of a motor in a drives file (TOML): its `name`, and the names of the columns of a log with its `position`,
+    its `torque` and, if it is logged, its `velocity`.
+
+    `torque_constant` is N m (N for a linear motor) for a unit of the torque column, such as an ampere; "unknown" where
+    it is to be identified, None where the column is a torque already. Entries are checked where `read_drives` reads a
+    file (names of 1 to 128 characters, a positive constant); nothing is checked at construction.
+    """
 
     name: Name
     position: Name
@@ -35,7 +41,10 @@ class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The units of the log's columns."""
+    """Entry of the units of a log's columns in a drives file (TOML), as symbols: `time` one of s, ms, us, ns;
+    `position` one of rad, deg, rev, m, mm; `velocity` one of rad/s, deg/s, rpm, m/s, mm/s, or None where it is not
+    logged; `torque` one of N m, mN m, N, or A, mA, %, 1 for a quantity that is only proportional to it. `read_drives`
+    refuses other symbols; nothing is checked at construction."""
 
     time: str
     position: str
@@ -44,7 +53,13 @@ class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """A known body that a link carries throughout one log, in the link's frame."""
+    """Entry of a known payload in a drives file (TOML): a rigid body that the link named `link` carries throughout one
+    log, whose path or file name is `log`.
+
+    `mass` is in kg, `center_of_mass` (3 numbers) in m in the link's frame, and `inertia_at_center` (xx, xy, yy, xz, yz,
+    zz) in kg m^2 about that centre, along the frame's axes. Nothing is checked at construction; `identify` refuses
+    unknown links and an inertia that no body has.
+    """
 
     log: Name
     link: Name
@@ -54,7 +69,16 @@ class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Contents of a whole drives file. Row i of `transmission` says how fast motor i turns with each of `joints`."""
+    """Contents of a drives file (TOML, `schema` "adaptctl/drives/1"): the transmission between an arm's motors and its
+    joints, and the columns of a log that are the motors'.
+
+    `joints` are the names of r joints; row i of `transmission` (r rows of r numbers) is the speed of motor i for a unit
+    of each joint's speed; `motors` has a `MotorEntry` for each row. `time` is the name of the column of time, `units`
+    are the columns' units. The joint positions where the motors are at zero are `joint_offsets` (r numbers, rad, or m
+    for a prismatic joint) or `joint_offsets_deg` (degrees), zero without either. `payloads` are known bodies that links
+    carry, and `source` is where the numbers come from, as text. Only types are checked on reading; `read_drives` checks
+    that the entries fit together, and nothing is checked at construction.
+    """
 
     schema: Literal["adaptctl/drives/1"]
     joints: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
@@ -74,13 +98,14 @@ class Drives:
     offsets), and joint torque = transmission' motor torque, with the transpose.
 
     `joints` are the names of the r joints; `transmission` (r, r) is each motor's speed (row) for a unit of each joint's
-    speed (column); `offsets` (r,) are the joint positions, rad (m), where the motors are at zero. `motors` (r) are the
-    names of each motor's columns in a log (position, torque, velocity), and its torque constant in N m for a unit of
-    its torque column; `time` is the name of the log's column of time, `units` are the factors from the columns' units
-    to SI units. `payloads` are known bodies (mass, kg, centre of mass, m, inertia, kg m^2) that a link holds throughout
-    one log, none unless given, and `source` is where the numbers come from, in words. Raises `InputError` for another
-    number of motors, arrays of another shape, numbers that are not finite, a motor that does not turn its own joint,
-    and a transmission from which the joints do not follow (of condition 1e6 or more); `read_drives` checks the rest.
+    speed (column); `offsets` (r,) are the joint positions, rad (m if prismatic), where the motors are at zero.
+    `motors`, r of them, are the names of each motor's columns in a log (position, torque, velocity), and its torque
+    constant in N m (N if linear) for a unit of its torque column; `time` is the name of the log's column of time,
+    `units` are the factors from the columns' units to SI units. `payloads` are known bodies (mass, kg, centre of mass,
+    m, inertia, kg m^2) that a link holds throughout one log, none unless given, and `source` is where the numbers come
+    from, as text. Raises `InputError` for another number of motors, a transmission or offsets of another shape or not
+    finite, a motor that does not turn its own joint, and a transmission from which the joints do not follow (of
+    condition 1e6 or more); `read_drives` checks the rest.
     """
 
     joints: tuple[str, ...]
@@ -104,20 +129,21 @@ class Drives:
         object.__setattr__(self, "offsets", frozen_array(self.offsets, (r,), "drives: offsets"))
 
     def position(self, motor: ArrayLike) -> Array:
-        """Joint positions (..., r), rad (m), of the positions `motor` (..., r) of r motors, rad (m): transmission^-1
-        motor + offsets, with `transmission` (r, r) from joint to motor speeds and `offsets` (r,), the joint positions
-        where the motors are at zero. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Joint positions (..., r), rad (m if prismatic), of the positions `motor` (..., r) of r motors, rad (m if
+        linear): transmission^-1 motor + offsets, with `transmission` (r, r) from joint to motor speeds and `offsets`
+        (r,), the joint positions where the motors are at zero. Raises `InputError` on a wrong shape, `NonFiniteError`
+        on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: positions") @ self._inverse.T + self.offsets
 
     def velocity(self, motor: ArrayLike) -> Array:
-        """Joint velocities (..., r), rad/s (m/s), of the velocities `motor` (..., r) of r motors, rad/s (m/s):
-        transmission^-1 motor, with `transmission` (r, r) from joint to motor speeds. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity."""
+        """Joint velocities (..., r), rad/s (m/s if prismatic), of the velocities `motor` (..., r) of r motors, rad/s
+        (m/s if linear): transmission^-1 motor, with `transmission` (r, r) from joint to motor speeds. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: velocities") @ self._inverse.T
 
     def torque(self, motor: ArrayLike) -> Array:
-        """Joint torques (..., r), N m (N for a prismatic joint), of the torques `motor` (..., r) of r motors, N m (N):
-        transmission' motor, with the transpose of `transmission` (r, r), from joint to motor speeds. Raises
+        """Joint torques (..., r), N m (N for a prismatic joint), of the torques `motor` (..., r) of r motors, N m (N if
+        linear): transmission' motor, with the transpose of `transmission` (r, r), from joint to motor speeds. Raises
         `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: torques") @ self.transmission
 
@@ -133,8 +159,8 @@ class Drives:
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """The same drives with their joints and motors in the order of a mechanism's primary joints. Raises
-        `InputError` unless the drives are of just these joints, by name."""
+        """The same drives, a `Drives`, with their joints and motors in the order of a mechanism's primary joints.
+        Raises `InputError` unless the drives are of just these joints, by name."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(

@@ -25,9 +25,14 @@ OVERLAPPING = 10
 def by_energy(
     motions: Sequence[SmoothMotion], mechanism: Mechanism, window: float, columns: NDArray[np.int64]
 ) -> Array:
-    """Parameters (P,) by least squares on energy differences over windows (s), zero off the given columns.
+    """The parameters (P,), SI units, of a mechanism by least squares on energy differences over windows of time: the
+    work of the joint torques in a window is the rise of the energy plus friction's losses, both linear in the P
+    parameters.
 
-    Factored as it is, columns scaled: the square of its condition would leave no digits.
+    `motions` are the smoothed motions of logs, `window` is the windows' length (s), `columns` (c,) are the indices of
+    the parameters that are fitted; the others are zero. No accelerations are needed. The columns are scaled and
+    factored, not squared, which would leave no digits. Raises `ValueError` without a motion, `InputError` for motions
+    of another number of joints, `SingularityError` near locked loops.
     """
     H, work = energy_rows(motions, mechanism, window)
     own = H[:, columns]
@@ -39,7 +44,14 @@ def by_energy(
 
 
 def energy_rows(motions: Sequence[SmoothMotion], mechanism: Mechanism, window: float) -> tuple[Array, Array]:
-    """Energy differences H (n, P) and the torques' work (n,), J, over overlapping windows (s) of each motion."""
+    """Energy differences H (n, P), J per SI unit of each of a mechanism's P parameters, and the joint torques' work
+    (n,), J, over n windows of time, so that H D = work for its parameters D (P,). A parameter of friction has the
+    energy that it takes in its column.
+
+    `motions` are the smoothed motions of logs, `window` is the windows' length (s), ten of which begin within the
+    length of one; a motion shorter than a window has no rows. Raises `ValueError` without a motion, `InputError` for
+    motions of another number of joints, `SingularityError` near locked loops.
+    """
     parts = [_of_motion(motion, mechanism, window) for motion in motions]
     return np.concatenate([H for H, _ in parts]), np.concatenate([work for _, work in parts])
 

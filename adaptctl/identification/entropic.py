@@ -37,9 +37,14 @@ RIDGE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class EntropicPrior:
-    """Entropic prior of N links and of positive parameters, before any log is read.
+    """Entropic prior of a robot's parameters, as it is before any log is read: first guesses of N links, and rough
+    sizes of parameters that must be positive, such as viscous and Coulomb friction (Lee, Wensing and Park 2020).
 
-    `tens` (N, 10) are consistent links, the first 10N columns; `positive` are columns, and `scales` their rough sizes.
+    `tens` (N, 10) are the links' inertial parameters m (kg), mc_x, mc_y, mc_z (kg m), I_xx, I_xy, I_yy, I_xz, I_yz,
+    I_zz (kg m^2), about the origins of their frames; in vectors x (P,) of all P parameters they are the first 10 N.
+    `positive` (c,) are the indices of the other positive parameters, `scales` (c,), SI units, their rough sizes. Raises
+    `InputError` for a link whose pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is not
+    positive definite: no rigid body has its ten.
     """
 
     tens: Array
@@ -53,18 +58,25 @@ class EntropicPrior:
 
     @cached_property
     def inverses(self) -> Array:
-        """Inverses (N, 4, 4) of the links' pseudo-inertias in the prior."""
+        """Inverses (N, 4, 4) of the pseudo-inertias of the prior's N links. A link's pseudo-inertia is the positive
+        definite matrix [[S, mc], [mc', m]] of its second moments S (3, 3), kg m^2, first moments mc (3,), kg m, and
+        mass m, kg."""
         return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
 
     def start(self, size: int) -> Array:
-        """The prior's own parameters (P,), other columns zero."""
+        """The prior's own parameters (P,), SI units, for `size` = P parameters: the links' ten each, the rough sizes of
+        the other positive parameters, and zero for all others. Raises `ValueError` or `IndexError` for a size that is
+        too small."""
         x = np.zeros(size)
         x[: self.tens.size] = self.tens.ravel()
         x[self.positive] = self.scales
         return x
 
     def divergence(self, x: Array, weight: float) -> float:
-        """Weighted divergence of parameters x (P,) from the prior; infinite where no rigid bodies have x."""
+        """Divergence, without a unit, of the parameters `x` (P,), SI units, from the prior, up to a constant: `weight`
+        times the sum of tr(P0^-1 P) - log det P over the links, with a link's pseudo-inertia P (4, 4) by x and P0 by
+        the prior, plus 0.01 times the sum of z - log z over the other positive parameters, z each over its rough size.
+        Infinite where no rigid bodies have x, or a positive parameter is not positive."""
         matrices = self._matrices(x)
         sign, determinants = np.linalg.slogdet(matrices)
         ratios = x[self.positive] / self.scales
@@ -74,12 +86,17 @@ class EntropicPrior:
         return float(weight * links + SLIGHT * np.sum(ratios - np.log(ratios)))
 
     def distance(self, x: Array) -> float:
-        """The links' divergence from the prior: 0 at the prior itself."""
+        """Divergence, without a unit, of the links in `x` (P,), SI units, from the prior's: the sum over the links of
+        tr(P0^-1 P) - log det(P0^-1 P) - 4, with a link's pseudo-inertia P (4, 4) by x and P0 by the prior. It is 0 at
+        the prior itself, and greater elsewhere; `x` must be of links that rigid bodies can have, which is not
+        checked."""
         _, logarithms = np.linalg.slogdet(self.inverses @ self._matrices(x))
         return float(np.sum(self.inverses * self._matrices(x)) - np.sum(logarithms) - 4 * len(self.tens))
 
     def gradient(self, x: Array, weight: float) -> Array:
-        """Gradient (P,) of the divergence at x (P,)."""
+        """Gradient (P,), per SI unit of each parameter, of `divergence` with the same `weight` (unitless) at the
+        parameters `x` (P,), SI units. Parameters that are neither a link's nor positive ones have zero. Raises NumPy's
+        `LinAlgError` where a link's pseudo-inertia is singular; other impossible links are not refused."""
         out = np.zeros_like(x)
         slopes = self.inverses - np.linalg.inv(self._matrices(x))
         out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNITS, slopes).ravel()
@@ -87,7 +104,10 @@ class EntropicPrior:
         return out
 
     def curvature(self, x: Array, weight: float) -> Array:
-        """Second derivatives of the divergence (P, P): a block a link."""
+        """Second derivatives (P, P), per SI units of two parameters, of `divergence` with the same `weight` (unitless)
+        at the parameters `x` (P,), SI units: a block (10, 10) for each link, diagonal entries for the other positive
+        parameters, and zero elsewhere. Raises NumPy's `LinAlgError` where a link's pseudo-inertia is singular; other
+        impossible links are not refused."""
         inverse = np.linalg.inv(self._matrices(x))[:, None]
         bent = inverse @ UNITS @ inverse
         blocks = weight * np.einsum("naij,bij->nab", bent, UNITS)
@@ -102,12 +122,15 @@ class EntropicPrior:
 
 
 def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
-    """The physically consistent parameters x (P,) that minimise x'A x/2 - b'x plus `weight` times the divergence from
-    the prior.
+    """The physically consistent parameters x (P,), SI units, that minimise x' A x/2 - b' x plus the divergence of x
+    from a prior: least squares with a normal matrix A (P, P) and a moment b (P,), weighted so that both are without a
+    unit, and links that rigid bodies can have.
 
-    Columns of A that are zero keep what the prior says, or zero. Where the data outweigh the prior by far, Newton's
-    steps are short; the weight is then brought down to what is asked, from where they are not. Raises `AdaptctlError`
-    where that does not come to an end either, which is not expected.
+    `weight` (unitless) is that of the prior's links in the divergence, `start` (P,), within what is possible, is where
+    the search begins, None for the prior's own parameters. Parameters without data, whose rows and columns of A are
+    zero, keep what the prior says, or zero. The search is Newton's, damped. Where the data outweigh the prior so far
+    that its steps become short, it begins again with a larger weight, which is brought down to the one asked for.
+    Raises `AdaptctlError` where that does not converge either, as for parameters scaled beyond reason.
     """
     begun = prior.start(len(b)) if start is None else start
     x, done = _newton(A, b, prior, weight, 1.0, begun)

@@ -33,8 +33,14 @@ CHUNK = 1500
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of filtered equations, n instants of r each: torque = regressor D, all of them through one low-pass filter
-    of `cutoff` Hz."""
+    """Rows of a robot's filtered equations of motion at n instants: torque = regressor D, with the robot's P parameters
+    D (P,) in SI units, torques and regressor through one low-pass filter of `cutoff` Hz.
+
+    `time` (n,) is in s, as in the logs; `regressor` (n, r, P) in N m per SI unit of each parameter; `torque` (n, r) the
+    torques of r primary joints, N m (N for a prismatic joint); `velocity` (n, r) their filtered velocities, rad/s
+    (m/s); and `log` (n,) the number of the log, from 0, that each instant is of. `len` gives n. Nothing is checked at
+    construction.
+    """
 
     cutoff: float
     time: Array
@@ -52,21 +58,30 @@ class Rows:
         return len(self.time)
 
     def chosen(self, which: NDArray[np.bool_]) -> Rows:
-        """The rows of some of the instants, by a mask (n,)."""
+        """The rows, a `Rows`, of those of the n instants where a mask `which` (n,) is true. Raises `IndexError` for a
+        mask of another length."""
         t, Y, torque, v = (part[which] for part in (self.time, self.regressor, self.torque, self.velocity))
         return Rows(self.cutoff, t, Y, torque, v, self.log[which])
 
     @classmethod
     def joined(cls, parts: Sequence[Rows]) -> Rows:
-        """The rows of several parts, one after the other."""
+        """The rows, a `Rows`, of several parts one after the other, with the first part's `cutoff`; that the others
+        have the same is not checked. Raises `IndexError` without a part, `ValueError` for parts of other joints or
+        parameters."""
         names = ("time", "regressor", "torque", "velocity", "log")
         return cls(parts[0].cutoff, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothMotion:
-    """A smoothed motion of a log, at a rate at which the equations are evaluated, and its torques as they were
-    logged."""
+    """Smoothed motion of one stretch of a log, at the rate at which its equations of motion are evaluated; its torques
+    are those of the log, unfiltered.
+
+    `log` is the `PreparedLog` (evenly sampled) and `number` its number from 0. The motion has every `every`-th of the
+    log's samples, from the sample of index `first` on, m in all: `position` (m, r), rad (m for a prismatic joint), and
+    `velocity` (m, r), rad/s (m/s), of r primary joints, both through one low-pass filter of at most 50 Hz. Made by
+    `SmoothMotion.of`; nothing is checked at construction.
+    """
 
     log: PreparedLog
     number: int
@@ -81,13 +96,16 @@ class SmoothMotion:
 
     @property
     def rate(self) -> float:
-        """Sampling rate, Hz."""
+        """Sampling rate of the smoothed motion, Hz: the log's rate over `every`, the number of its samples from one of
+        the motion to the next."""
         return self.log.rate / self.every
 
     @classmethod
     def of(cls, log: PreparedLog, number: int) -> SmoothMotion:
-        """The smoothed motion of a log, through a filter that is shorter where the log is slow. Raises `InputError` for
-        logs too short for it."""
+        """The smoothed motion of a prepared log, the one of a `number` (from 0) among several: positions and velocities
+        through a low-pass filter of 50 Hz, or a fifth of the log's sampling rate if that is less. The motion's rate is
+        about ten times this cut-off, or the log's own where that is lower. Raises `InputError` for a log too short for
+        the filter."""
         cutoff = min(MOTION_CUTOFF, 0.2 * log.rate)
         kernel = low_pass(cutoff, log.rate)
         rate_kernel = derivative(kernel, log.rate)
@@ -99,12 +117,16 @@ class SmoothMotion:
         return cls(log, number, every, len(rate_kernel) // 2, position, velocity)
 
     def acceleration(self) -> Array:
-        """Accelerations (m - 2 AROUND, r), rad/s^2 or m/s^2, of all but the samples at the ends."""
+        """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary joints at all of the motion's m
+        samples but the first two and the last two, from differences of the velocities."""
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-        """Rows of filtered equations at each cut-off (Hz) where the arm moves, on all P columns. Raises `InputError`
-        where too few samples are left to filter."""
+        """Rows of filtered equations of motion, one `Rows` for each of the low-pass filters' `cutoffs` (Hz), at the
+        instants at which the arm moves; their regressors are on all P parameters of a mechanism, about four instants in
+        a period of the cut-off. Raises `InputError` where too few samples are left to filter and for a mechanism with
+        relations that fix parameters at values other than zero, `ValueError` without a cut-off or for one not below
+        half the motion's rate, `SingularityError` near locked loops."""
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
@@ -125,7 +147,10 @@ class SmoothMotion:
 
 @dataclass(frozen=True, eq=False)
 class RowFilter:
-    """Low-pass filter of a motion's equations, from its rate to that of the rows."""
+    """Low-pass filter, of `cutoff` Hz, that makes rows of filtered equations from a smoothed motion: `kernel` (t,),
+    symmetric weights that sum to 1, `change` (t,), 1/s, the kernel of the filtered signal's time derivative, and
+    `every`, the number of the motion's samples from one row to the next. Made by `RowFilter.of`; nothing is checked at
+    construction."""
 
     cutoff: float
     kernel: Array
@@ -135,19 +160,27 @@ class RowFilter:
 
     @property
     def taps(self) -> int:
-        """Length of the filter, in samples of the motion."""
+        """Length of the filter's kernel, in samples of the motion that it is for."""
         return len(self.kernel)
 
     @classmethod
     def of(cls, motion: SmoothMotion, cutoff: float) -> RowFilter:
-        """The low-pass filter with a cut-off (Hz) for a motion."""
+        """The low-pass filter, a `RowFilter`, with a `cutoff` (Hz) for a smoothed motion: it makes about four rows in a
+        period of the cut-off, at most one for each of the motion's samples. Raises `ValueError` for a negative cut-off
+        or one not below half the motion's rate, `ZeroDivisionError` for 0."""
         kernel = low_pass(cutoff, motion.rate)
         every = max(1, int(motion.rate / (ROWS * cutoff)))
         return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), every)
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
-        """Filtered rows (n, r, P) of the regressor that begin in a chunk of the motion, from `start` on and `length`
-        samples long."""
+        """The regressor (n, r, P), N m per SI unit of each of P parameters, of n rows of filtered equations from a
+        chunk of l samples of a motion: its `momentum` (l, r, P), N m s per unit, through the filter's derivative, less
+        its `forces` (l, r, P), N m per unit, through the filter, for r primary joints.
+
+        The rows are those that begin at the motion's samples from index `start` on, in the first `length` samples of
+        the chunk, which has up to `taps` - 1 samples more (the filter's length less one). n is 0 where the chunk is
+        shorter than the filter.
+        """
         skipped = -start % self.every
         end = length + self.taps - 1
         h, f = momentum[skipped:end], forces[skipped:end]
@@ -156,12 +189,14 @@ class RowFilter:
         return filtered(h, self.change, self.every) - filtered(f, self.kernel, self.every)
 
     def signal(self, values: Array) -> Array:
-        """Filtered rows (n, ...) of a motion's signal (m, ...)."""
+        """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter, (n, ...) at n rows, in
+        its own unit. A signal shorter than the filter is not refused."""
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
-        """Rows of a filtered regressor with the torques, which are filtered alike at the log's own rate, where the arm
-        moves."""
+        """Rows of filtered equations, a `Rows`, at those instants of a filtered `regressor` (n, r, P) at which the arm
+        moves: with the torques, filtered alike at the log's own rate, and the motion's filtered velocities. The
+        regressor, N m per SI unit of each of P parameters, is that of all of the motion's n rows."""
         log, n = motion.log, len(regressor)
         at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)
@@ -170,7 +205,8 @@ class RowFilter:
         return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number).chosen(self.moving(motion))
 
     def moving(self, motion: SmoothMotion) -> NDArray[np.bool_]:
-        """Mask (n,) of the rows that the filter makes of motion alone, not of rest before or after it."""
+        """Mask (n,) of the n rows of filtered equations that the filter makes of a motion: true where the arm moves at
+        the row's instant and at both ends of the filter's kernel around it."""
         at = self._centers(motion, len(range(0, len(motion.position) - self.taps + 1, self.every)))
         around, moving = motion.every * (self.taps // 2), motion.log.moving
         return np.asarray(moving[at - around] & moving[at] & moving[at + around])
@@ -181,11 +217,16 @@ class RowFilter:
 
 
 def rows_of(motions: Sequence[SmoothMotion], mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-    """Rows of all logs at each cut-off (Hz)."""
+    """Rows of filtered equations of several logs, a list with one `Rows` for each of the low-pass filters' `cutoffs`
+    (Hz): those of all smoothed `motions`, one log after the other, with regressors on all parameters of a mechanism.
+    Empty without a motion. Raises `InputError` where a motion is too short to filter and for a mechanism with relations
+    that fix parameters at values other than zero, `ValueError` without a cut-off or for one not below half a motion's
+    rate, `SingularityError` near locked loops."""
     each = [motion.rows(mechanism, cutoffs) for motion in motions]
     return [Rows.joined(parts) for parts in zip(*each, strict=True)]
 
 
 def motions_of(logs: Sequence[PreparedLog]) -> Iterator[SmoothMotion]:
-    """The logs' motions, numbered."""
+    """An iterator of the smoothed motions, one `SmoothMotion` for each of several prepared logs, numbered from 0 in
+    their order. The iterator raises `InputError` at a log too short to be filtered."""
     return (SmoothMotion.of(log, number) for number, log in enumerate(logs))

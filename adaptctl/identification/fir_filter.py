@@ -16,25 +16,32 @@ AROUND = len(DIFFERENCE) // 2
 
 
 def low_pass(cutoff: float, rate: float) -> Array:
-    """A symmetric kernel of odd length that halves a sine of `cutoff` Hz at a sampling rate (Hz)."""
+    """The kernel (t,) of a low-pass filter without phase lag: t = 2 round(rate/cutoff) + 1 symmetric weights that sum
+    to 1 and halve the amplitude of a sine of `cutoff` Hz in a signal sampled at `rate` Hz. Raises `ValueError` for a
+    cut-off below zero or not below half the rate, `ZeroDivisionError` for 0."""
     taps = 2 * round(0.5 * WIDTH * rate / cutoff) + 1
     return np.asarray(firwin(taps, cutoff, window=("kaiser", 5.0), fs=rate))
 
 
 def padded(kernel: Array) -> Array:
-    """The kernel (t,) with zeros around it, as long as that of its derivative."""
+    """A kernel (t + 4,): the weights of a filter's kernel (t,) with two zeros before and after, so that it is as long
+    as that of `derivative`."""
     return np.pad(kernel, AROUND)
 
 
 def derivative(kernel: Array, rate: float) -> Array:
-    """The kernel of `padded(kernel)`'s derivative in time, at a sampling rate (Hz)."""
+    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by a kernel (t,), by central
+    differences of fourth order; `rate` is the signal's sampling rate (Hz). It fits to `padded(kernel)` sample by
+    sample."""
     return np.convolve(kernel, DIFFERENCE) * rate
 
 
 def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
-    """The signal (n, ...) through a kernel (t,), every so many samples of the n - t + 1 where it fits wholly.
+    """A signal (n, ...) through a filter's kernel (t,): an array (m, ...) of every `every`-th (1 by default) of the n -
+    t + 1 values at which the kernel lies wholly within the signal, in the signal's unit times the kernel's.
 
-    Nothing is assumed of the signal beyond its ends, so there is no transient.
+    Nothing is assumed of the signal beyond its ends, so there is no transient. The signal must be at least as long as
+    the kernel, which is not checked.
     """
     values = np.asarray(signal, dtype=np.float64)
     flat = values.reshape(len(values), -1)

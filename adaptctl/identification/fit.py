@@ -21,12 +21,14 @@ from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 
 ROTOR, LOAD = 0.1, 0.1
-"""Rough sizes of a rotor's inertia over that of the first link, and of load-dependent friction's share."""
+"""Rough sizes of a rotor's inertia over the links' mean moment, and of load-dependent friction's share."""
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Settings of a fit: friction, the prior's weight, and the rows' cut-off (Hz)."""
+    """Settings of a fit of a robot's parameters to logs: the `friction` model, the `weight` (unitless) of the prior, a
+    first guess of the links, against the logs, and the `cutoff` (Hz) of the low-pass filter that the equations of
+    motion go through. Nothing is checked at construction."""
 
     friction: FrictionModel
     weight: float
@@ -35,7 +37,14 @@ class FitSettings:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fit: the parameters of all columns, and the settings that they were fitted with."""
+    """Fit of a robot's parameters to logs, and the `settings` that it was made with.
+
+    `x` (P + r,), SI units, are the P parameters of the mechanism with all kinds of friction, zero for those that the
+    friction model does not have, then the shares (unitless) of load-dependent friction in the torques of r primary
+    joints. `deviations` (r,) are the standard deviations of the joints' torque residuals, N m (N for a prismatic
+    joint). `curvature` (P + r, P + r), per SI units of two parameters, is the normal matrix of the equations with each
+    joint's divided by its deviation. Made by `LogEvidence.fit`; nothing is checked at construction.
+    """
 
     x: Array
     """(P + r,): the mechanism's, then load-dependent friction's shares"""
@@ -48,7 +57,16 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class LogEvidence:
-    """Evidence that fits are made from: rows at each cut-off, summed by blocks of time."""
+    """Evidence of logs that fits are made from: rows of filtered equations of motion, at each of several cut-offs of a
+    low-pass filter, in B blocks of time.
+
+    `mechanism` is the robot with every kind of friction, P parameters and r primary joints; `basis` are its fundamental
+    (base) parameters, `drives` its transmission, and `prior` its parameters before the logs. `motions` are the logs'
+    smoothed motions, `rows` the `Rows` (equations) by cut-off (Hz), and `edges` the beginning of each block: the number
+    of its log, from 0, and a time (s). `kept` holds, by cut-off, masks of those of the motions' rows that belong to the
+    evidence, None where all do. Methods raise `KeyError` for a cut-off that it does not have. Nothing is checked at
+    construction.
+    """
 
     mechanism: Mechanism
     """with all kinds of friction"""
@@ -62,7 +80,9 @@ class LogEvidence:
     """which of the motions' rows these are, where not all"""
 
     def part(self, blocks: Sequence[int]) -> LogEvidence:
-        """The evidence of some of the blocks alone."""
+        """The evidence, a `LogEvidence`, of some of the blocks of time alone, given by their numbers from 0. It is to
+        be made of whole evidence: a part of a part raises `IndexError` where load-dependent friction is asked for.
+        Raises `IndexError` for a block that there is not."""
         kept = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
         rows = {cutoff: rows.chosen(kept[cutoff]) for cutoff, rows in self.rows.items()}
         return replace(self, rows=rows, edges=[self.edges[b] for b in blocks], kept=kept)
@@ -78,17 +98,24 @@ class LogEvidence:
 
     @property
     def blocks(self) -> int:
-        """Number of blocks, B."""
+        """Number B of the blocks of time that the evidence is grouped in."""
         return len(self.edges)
 
     def load(self, cutoff: float, x: Array) -> Array:
-        """The columns (n, r, r) of load-dependent friction at the rigid torques of x."""
+        """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in the n rows of filtered
+        equations at a `cutoff` (Hz): the torques of r joints by each drive's friction, if that were the whole rigid
+        torque at its joint. The rigid torques are those of the first P of the parameters `x`, SI units, without
+        friction. Raises `InputError` for parameters that no mechanism may have (not finite, above 1e20, or a rotor's
+        inertia below zero)."""
         columns = load_columns(self.motions, self.mechanism, x, cutoff, self.drives)
         return columns if self.kept is None else columns[self.kept[cutoff]]
 
     def equations(self, cutoff: float, blocks: Sequence[int], load: Array | None = None) -> NormalEquations:
-        """Normal equations of some blocks, summed, on P + r columns; those of load-dependent friction are zero unless
-        given."""
+        """Normal equations, a `NormalEquations` of one block, of the rows at a `cutoff` (Hz) in some of the blocks of
+        time (numbers from 0), summed, on P + r parameters: the mechanism's P, and the r shares of load-dependent
+        friction. The columns `load` (n, r, r), N m (N), of the latter are those of all n rows at the cut-off, as
+        `load_from` gives them; None for zeros. Raises `KeyError` for a cut-off that the evidence does not have,
+        `IndexError` for a block that there is not."""
         plain = self._plain[cutoff].over(blocks)
         if load is None:
             return plain.with_blank_columns(self.mechanism.dof)
@@ -96,17 +123,23 @@ class LogEvidence:
         return plain.with_columns(self.rows[cutoff].chosen(here), load[here])
 
     def mask(self, friction: FrictionModel) -> Array:
-        """Mask (P + r,) of 0 and 1: the columns that a friction model has."""
+        """Mask (P + r,) of zeros and ones: 1 for those of the mechanism's P parameters and r shares of load-dependent
+        friction that a friction model has. Links' parameters and rotor inertias always have 1."""
         return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
 
     def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
-        """Indices (c,) of the columns that least squares is made on: the fundamental ones, and friction's."""
+        """Indices (c,), among the mechanism's P parameters and the r shares of load-dependent friction, of those that
+        least squares is solved for: the fundamental (base) parameters, which the motion can tell apart, and those of a
+        friction model."""
         energetic = self.mechanism.energetic
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
 
     def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
-        """The fit of consistent parameters to some of the blocks, sought from where the last search on them ended."""
+        """The fit, a `Fit`, of physically consistent parameters with some settings to some of the blocks of time
+        (numbers from 0). The search begins where the last one on the same blocks ended. Raises `KeyError` for a cut-off
+        that the evidence does not have, `IndexError` for a block that there is not, `AdaptctlError` where the search
+        does not converge."""
         load, key = self.load_from(settings, blocks), tuple(blocks)
         found = self.fitted(self.equations(settings.cutoff, blocks, load), settings, self._ends.get(key))
         self._ends[key] = found.x
@@ -117,8 +150,11 @@ class LogEvidence:
         return {}
 
     def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
-        """Columns (n, r, r) of load-dependent friction at a cut-off, the settings' own by default, from some blocks: at
-        the rigid torques of a fit to them without it. None where it is not modelled."""
+        """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in all n rows of filtered
+        equations at a `cutoff` (Hz; None for the settings' own), or None where the settings' friction model has none.
+        The rigid torques that it grows with are those of a fit without it to some of the blocks of time (numbers from
+        0). Raises `KeyError` for a cut-off that the evidence does not have, `AdaptctlError` where that fit is not
+        found."""
         if not settings.friction.load:
             return None
         at = settings.cutoff if cutoff is None else cutoff
@@ -144,7 +180,10 @@ class LogEvidence:
         return {}
 
     def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
-        """The fit of consistent parameters to summed normal equations."""
+        """The fit, a `Fit`, of physically consistent parameters with some settings to summed normal `equations` on the
+        mechanism's P parameters and r shares of load-dependent friction, each joint's weighted by its residual's
+        standard deviation in least squares. `start` (P + r,), SI units, is where the search begins, None for the prior.
+        Raises `AdaptctlError` where the search does not converge."""
         mask = self.mask(settings.friction)
         _, deviations = weighted_least_squares(equations, self.independent(settings.friction))
         A, b = equations.whitened(deviations)
@@ -154,8 +193,9 @@ class LogEvidence:
         return Fit(x, deviations, A, settings)
 
     def prior_of(self, friction: FrictionModel) -> EntropicPrior:
-        """The prior for a friction model: the shares of load-dependent friction are positive too, where it is
-        modelled."""
+        """The prior, an `EntropicPrior`, of the parameters that a friction model has: the evidence's own without other
+        terms of friction, and with the r shares of load-dependent friction, which are positive too and of about 0.1,
+        where the model has them."""
         r, P = self.mechanism.dof, len(self.mechanism.parameter_names)
         kept = self.mask(friction)[self.prior.positive] > 0.0
         loads = np.arange(P, P + r) if friction.load else np.arange(0)
@@ -164,7 +204,10 @@ class LogEvidence:
         return EntropicPrior(self.prior.tens, positive, scales)
 
     def ordinary(self, friction: FrictionModel, cutoff: float, blocks: Sequence[int]) -> Array:
-        """Parameters x (P + r,) by weighted least squares alone, which need not be physically consistent."""
+        """Parameters (P + r,), SI units, P of the mechanism and r shares of load-dependent friction, by weighted least
+        squares with a friction model on some of the blocks of time (numbers from 0), at a `cutoff` (Hz), without a
+        prior: links need not be physically consistent, and the shares are zero. Raises `KeyError` for a cut-off that
+        the evidence does not have, `IndexError` for a block that there is not."""
         return weighted_least_squares(self.equations(cutoff, blocks), self.independent(friction))[0]
 
 
@@ -176,7 +219,10 @@ def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
 
 
 def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
-    """Indices (c,) of the drives' columns that must be positive, and their rough sizes (c,)."""
+    """Indices (c,), among a mechanism's parameters, of the drives' parameters that must be positive (rotor inertias,
+    viscous and Coulomb friction), and their rough sizes (c,), SI units. The size of a rotor inertia is a tenth of the
+    mean moment of inertia, at least 1e-6, of the N links whose ten inertial parameters are `tens` (N, 10); others have
+    1."""
     first = 10 * len(mechanism.description.bodies)
     drives = mechanism.description.drive_parameters
     own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]

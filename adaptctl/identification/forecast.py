@@ -24,7 +24,15 @@ LEAST = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Forecast of an identification: standard deviations to be expected of the fundamental parameters."""
+    """Forecast of an identification before it is run: the standard deviations to be expected of a robot's k fundamental
+    (base) parameters from one motion.
+
+    `model` is the reduced model on these parameters, and `deviations` (k,), SI units, are in its order. `condition`,
+    without a unit, is the condition number of the torque regressor along the motion, each joint's rows divided by its
+    expected residual and columns scaled to one length. `combinations` are k directions of the parameters in words, each
+    with its `strength`, without a unit (the plausible range along it over the deviation), the least excited first. Made
+    by `forecast`; nothing is checked at construction.
+    """
 
     model: ReducedModel
     condition: float
@@ -36,14 +44,22 @@ class Forecast:
 
     @property
     def relative(self) -> Array:
-        """Relative deviations (k,), over the parameters' own sizes as the robot's file has them; infinite where these
-        are 0."""
+        """Relative standard deviations (k,), without a unit, of the k fundamental (base) parameters: each over the
+        parameter's own size as the robot's file has it; infinite where that is 0."""
         with np.errstate(divide="ignore"):
             return np.asarray(self.deviations / np.abs(self.model.fundamental_parameters))
 
 
 def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None = None) -> Forecast:
-    """Forecast of least squares on a motion's rows, with torque residuals of `noise` N m, one number or one a joint."""
+    """The forecast, a `Forecast`, of the standard deviations of a mechanism's fundamental (base) parameters that least
+    squares finds from a motion, sampled at 50 Hz.
+
+    `noise` is the standard deviation of the torque residuals, N m (N for a prismatic joint), above zero: one number for
+    all of r joints, or (r,). By default (None) it is 2 % of each joint's largest torque on the motion, which is taken
+    as at least 1 % of the largest of any joint. Raises `InputError` for noise of another shape, `NonFiniteError` for
+    NaN, `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked
+    loops; noise of 0 raises NumPy's `LinAlgError`, and negative or infinite noise is not refused.
+    """
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     _, p, v, a, _ = motion.sampled(RATE)
     largest = np.abs(mechanism.inverse_dynamics(p, v, a)).max(axis=0)

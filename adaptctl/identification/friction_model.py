@@ -23,10 +23,12 @@ OFFSETS = ((), (DriveParameter.OFFSET,))
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """A friction model: the terms of `Drive` that are modelled, and whether friction grows with the load besides.
+    """Friction model of a robot's drives: `kinds`, the terms of `Drive` that are modelled (viscous and Coulomb by
+    default), and `load`, whether friction grows with the load besides (False by default).
 
-    Load-dependent friction is mu |rigid torque| sign(s) a drive (Hamon, Gautier and Garrec 2010): linear in mu once
-    the rigid torques are known, so it is found in a second round. Mechanisms do not have it.
+    Load-dependent friction is a torque mu |rigid torque| sign(s) of each drive, with a share mu (unitless) and the
+    shaft's speed s (Hamon, Gautier and Garrec 2010). It is linear in mu once the rigid torques are known, so it is
+    found in a second round; a `Mechanism` cannot have it. Nothing is checked at construction.
     """
 
     kinds: tuple[DriveParameter, ...] = ALWAYS
@@ -34,13 +36,15 @@ class FrictionModel:
 
     @property
     def words(self) -> str:
-        """Names of the model's terms, separated by commas."""
+        """Names of the friction model's terms, separated by commas, such as "viscous, coulomb, load"; empty for
+        none."""
         return ", ".join([*(kind.value for kind in self.kinds), *(["load"] if self.load else [])])
 
     @classmethod
     def named(cls, words: str) -> FrictionModel:
-        """The friction model with these terms, named and separated by commas. Raises `InputError` for an unknown
-        name."""
+        """The friction model, a `FrictionModel`, with the terms that `words` names, separated by commas: some of
+        "viscous", "coulomb", "square_root", "stribeck", "offset" and "load"; none for an empty text. Raises
+        `InputError` for another name."""
         names = [name.strip() for name in words.split(",") if name.strip()]
         known = {kind.value: kind for kind in DriveParameter if kind.is_friction}
         if unknown := [name for name in names if name not in (*known, "load")]:
@@ -49,7 +53,8 @@ class FrictionModel:
         return cls(kinds, "load" in names)
 
     def columns(self, mechanism: Mechanism) -> Array:
-        """Mask (P,) of 0 and 1: the parameters of a mechanism with all kinds of friction that belong to the model."""
+        """Mask (P,) of zeros and ones over the P parameters of a mechanism with all kinds of friction: 1 for the links'
+        parameters, rotor inertias and the model's terms of friction, 0 for other terms."""
         drives = mechanism.description.drive_parameters
         kept = [float(kind in (*self.kinds, DriveParameter.ROTOR_INERTIA)) for _, kind in drives]
         return np.concatenate([np.ones(len(mechanism.parameter_names) - len(drives)), np.array(kept)])
@@ -59,8 +64,10 @@ CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES
 
 
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
-    """The mechanism with a rotor and every kind of friction in every primary joint, zero each, coupled as its drives
-    are; other joints keep what they have."""
+    """The mechanism, a `Mechanism`, with a rotor and every kind of friction in the drive of each primary joint, all
+    zero, and the drives coupled with other joints as `drives` (transmission) has them. Other joints keep their drives.
+    Raises `InputError` for drives that turn with joints unknown to the mechanism, or in ratios too large for
+    numbers."""
     terms = dict.fromkeys(DriveParameter, 0.0)
     own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.on_joints(), strict=True)}
     each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]
@@ -70,8 +77,15 @@ def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
 def load_columns(
     motions: Sequence[SmoothMotion], mechanism: Mechanism, x: Array, cutoff: float, drives: Drives
 ) -> Array:
-    """The columns (n, r, r) of every drive's load-dependent friction, with rigid torques of parameters x (P,), in the
-    motions' rows at a cut-off (Hz)."""
+    """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in the n rows of filtered equations
+    that a low-pass filter of `cutoff` Hz makes of smoothed motions: the torques of r joints (second axis) by the
+    friction of each drive (third axis), if that were the whole rigid torque at its joint.
+
+    `mechanism` has all kinds of friction and `x` its P parameters, SI units (more are ignored); rigid torques are those
+    without friction. `drives` is the transmission, which couples drives with joints. Raises `InputError` for parameters
+    that no mechanism may have (not finite, above 1e20, or a rotor's inertia below zero), `ValueError` without a motion
+    or for a cut-off not below half its rate.
+    """
     rigid = mechanism.with_parameters(np.where(_friction(mechanism), 0.0, x[: len(mechanism.parameter_names)]))
     parts = []
     for motion in motions:

@@ -42,23 +42,25 @@ HELD_OUT = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """Result of an identification: a robot's k fundamental parameters as its logs show them, with their standard
+    """Result of an identification: a robot's k fundamental (base) parameters as its logs show them, with their standard
     deviations and a validation.
 
     `mechanism` has the identified parameters, physically consistent links, and drives coupled as they are; `model` is
     its reduced model on the fundamental parameters. `deviations` (k,), SI units, are standard deviations by the block
-    jackknife and what the prior leaves open, `nominal_deviations` (k,), SI units, as if residuals were white. `load`
-    (r,), without a unit, is load-dependent friction's share of the rigid torque of each of r drives, zero where it was
-    not chosen. `validation` compares torques on rows that the fit which it judges has not seen, `alternatives` are
-    simpler models' validations on the same rows, by name; `choice` is the choice of the fit's settings (friction,
-    cut-off, prior's weight), `steps` are those of the logs' preparation and `remarks` words on logs and prior.
+    jackknife and what the prior (first guess of the links) leaves open, `nominal_deviations` (k,), SI units, as if
+    torque residuals were white (uncorrelated). `load` (r,), without a unit, is load-dependent friction's share of the
+    rigid torque of each of r drives, zero where it was not chosen. `validation` compares torques on rows (filtered
+    equations) that the fit which it judges has not seen, `alternatives` are simpler models' validations on the same
+    rows, by name; `choice` is the choice of the fit's settings (friction, low-pass cut-off, prior's weight), `steps`
+    are those of the logs' preparation and `remarks` texts on logs and prior.
 
     `misfit_ratio`, without a unit, is the root mean square of the fitted rows' torque residuals, each over its joint's
-    standard deviation, over that of plain least squares. `space` is the essential space of the logs' motion,
-    `components` the number of its components that carry the motion's energy but for 1 %. `combinations` are k
-    directions of the fundamental parameters in words, each with its `strength`, without a unit (the plausible range by
-    kind of parameter, `PriorRanges`, over the deviation that the logs leave), the weakest first. `motions` are the
-    logs' motions, and `drives` those used. Made by `identify`; nothing is checked at construction.
+    standard deviation, over that of plain least squares. `space` is the essential space (directions of the inertial
+    parameters that change energies and torques) with the logs' motion as its states, `components` the number of its
+    components that carry the motion's energy but for 1 %. `combinations` are k directions of the fundamental parameters
+    in words, each with its `strength`, without a unit (the plausible range by kind of parameter, `PriorRanges`, over
+    the deviation that the logs leave), the weakest first. `motions` are the logs' smoothed motions, and `drives` those
+    used. Made by `identify`; nothing is checked at construction.
     """
 
     mechanism: Mechanism
@@ -90,44 +92,45 @@ class Identification:
 
     @property
     def estimate(self) -> Array:
-        """The identified fundamental parameters (k,), SI units, in the order of `names`: a first estimate for an
+        """The identified fundamental (base) parameters (k,), SI units, in the order of `names`: a first estimate for an
         adaptive controller."""
         return self.model.fundamental_parameters
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names, k of them, of the identified fundamental parameters, such as ``link2.mc_x``, in the order of
+        """Names, k of them, of the identified fundamental (base) parameters, such as ``link2.mc_x``, in the order of
         `estimate`."""
         return self.model.names
 
     @property
     def inflation(self) -> float:
-        """Median ratio, without a unit, over the identified fundamental parameters, of their standard deviations to
-        those that white residuals would give; 1 where the latter are all zero."""
+        """Median ratio, without a unit, over the identified fundamental (base) parameters, of their standard deviations
+        to those that white (uncorrelated) torque residuals would give; 1 where the latter are all zero."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known])) if known.any() else 1.0
 
     @cached_property
     def prior_ranges(self) -> Array:
-        """Prior ranges (k,) of the k fundamental parameters for an adaptive controller, SI units, the greatest
-        distances of the truth expected from the estimate: two standard deviations, and at least a twentieth of the
-        estimate's size."""
+        """Prior ranges (k,) of the k identified fundamental (base) parameters for an adaptive controller, SI units, the
+        greatest distances of the truth expected from the estimate: two standard deviations, and at least a twentieth of
+        the estimate's size."""
         return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
 
     def adaptation_gain(self, rate: float = 0.6) -> Array:
-        """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental parameters, as in estimate' =
-        -Gamma Y' s with the regressor Y and the velocity error s, in units of the parameters squared per J: `rate`
-        (1/J, larger adapts faster) times the square of each parameter's prior range (`prior_ranges`), taken as at least
-        1e-9 of the greatest number. Raises `InputError` for a rate that is not positive and finite."""
+        """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental (base) parameters, as in
+        d(estimate)/dt = -Gamma Y' s with the transpose Y' of the torque regressor Y (r, k) and the velocity error s
+        (r,) of r joints, in units of the parameters squared per J: `rate` (1/J, 0.6 by default, larger adapts faster)
+        times the square of each parameter's prior range (`prior_ranges`), taken as at least 1e-9 of the greatest
+        number. Raises `InputError` for a rate that is not positive and finite."""
         rate = positive_number(rate, "adaptation gain: rate: expected a positive number")
         return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
     @property
     def unexcited(self) -> list[Combination]:
-        """Combinations of the fundamental parameters that the logs hardly excite, the least excited first: those whose
-        plausible range before the logs, by kind of parameter (`PriorRanges`), is below 3 standard deviations after
-        them, `inflation` included. Each has `words` and `strength`, that range over the deviation for white residuals,
-        without a unit."""
+        """Combinations of the fundamental (base) parameters that the logs hardly excite, a list of `Combination`, the
+        least excited first: those whose plausible range before the logs, by kind of parameter (`PriorRanges`), is below
+        3 standard deviations after them, `inflation` (the factor by which deviations for white residuals are too small)
+        included. Each has `words` and `strength`, that range over the deviation for white residuals, without a unit."""
         return unexcited(self.combinations, self.inflation)
 
 
@@ -169,8 +172,10 @@ def identify(
     for loops that do not fit together, `MissingExtraError` for ROS bags without rosbags, and `InputError` for no logs,
     drives of other joints, missing or unknown columns or units and those given beside `drives`, unknown names in `skip`
     or `friction`, a `rate`, `cutoff` or `weight` that is not positive and finite, a `cutoff` that the logs do not
-    allow, and logs that are at rest, too short or slow, or not this robot's; `AdaptctlError` where no consistent
-    estimate is found.
+    allow, a link without mass, payloads of unknown links or that no body can be, torque constants that the logs do not
+    tell, and logs that are at rest, too short or slow, or not this robot's; `RankError` where the robot's rank, the
+    number of its identifiable parameters, cannot be certified, `SingularityError` near locked loops, and
+    `AdaptctlError` where no consistent estimate is found.
     """
     given = _paths(logs)
     if not given:
@@ -224,8 +229,22 @@ def identified(
     weight: float | None = None,
     instruments: bool = False,
 ) -> Identification:
-    """The identification from logs that are read already, in the drives' order of joints; arguments as in
-    `identify`."""
+    """The identification, an `Identification`, of a robot's inertial and friction parameters from logs that are read
+    already.
+
+    `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary joints,
+    as `Drives.of` makes it. `train` are the logs to fit, at least one, `test` those to validate on; without any the
+    last 40 % of the former are held out for it. `skip` names steps of the logs' preparation to leave out ("resample",
+    "unwrap", "velocities", "limits", "standstill"), none by default. `friction`, the low-pass filter's `cutoff` (Hz)
+    and the `weight` (unitless) of the first guess of the links against the logs are chosen by an inner validation where
+    None. With `instruments` regressors are freed of encoder noise by instrumental variables (False by default).
+
+    Raises `InputError` for a cutoff or weight that is not positive and finite, a cutoff that the logs do not allow,
+    unknown steps, a link without mass, payloads of unknown links or that no body can be, logs that are at rest, too
+    short or slow, or not this robot's, and unknown torque constants that they do not tell; `RankError` where the number
+    of identifiable parameters cannot be certified, `SingularityError` near locked loops, `AdaptctlError` where no
+    consistent estimate is found.
+    """
     _require_settings(cutoff, weight)
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
     measured, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
@@ -265,8 +284,18 @@ def gathered(
     skip: Collection[str] = (),
     cutoff: float | None = None,
 ) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
-    """The evidence that fits are made from, the steps of preparation, and remarks in words on the logs and the prior.
-    `cutoff` in Hz. Raises `InputError` for one that the logs do not allow, and for logs too short."""
+    """The evidence of logs, a `LogEvidence` (filtered equations of motion in blocks of time), the steps of their
+    preparation, a tuple of `PreparationStep`, and remarks, a tuple of texts on links of the robot's file that were not
+    physically consistent.
+
+    `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary joints,
+    `logs` are at least one. `skip` names steps of preparation to leave out, none by default; `cutoff` (Hz) is a cut-off
+    of the low-pass filter that is added to the usual 12.5, 25 and 50 Hz, or to those of them that the logs allow; None
+    adds none. Payloads are subtracted where all torque constants are known. Raises `InputError` for unknown steps, a
+    cutoff that the logs do not allow, a link without mass, payloads of unknown links or that no body can be, and logs
+    that are at rest, too short or slow, or not this robot's; `RankError` where the number of identifiable parameters
+    cannot be certified, `SingularityError` near locked loops.
+    """
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]
     steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
@@ -289,8 +318,10 @@ def gathered(
 
 
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
-    """The evidence with regressors by instrumental variables: even samples' on odd samples'. Raises `InputError` where
-    the log is too slow to be split."""
+    """The evidence, a `LogEvidence` (filtered equations of logs), with regressors freed of encoder noise by
+    instrumental variables: those of the logs' even samples, regressed on those of the odd samples, which have the same
+    motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate. Raises `InputError`
+    where there are none, the logs being too slow, and where they are too short."""
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:
@@ -373,7 +404,10 @@ def _result(
 
 
 def identified_mechanism(evidence: LogEvidence, fit: Fit) -> Mechanism:
-    """The mechanism with a fit's parameters, and with the drives' terms that the fit has."""
+    """The mechanism, a `Mechanism`, with a fit's links, and drives with those terms of friction that the fit's friction
+    model has, without load-dependent friction. `evidence` is what the fit was made from. Raises `InputError` for
+    parameters that no mechanism may have (not finite, above 1e20, or a rotor inertia, viscous or Coulomb friction below
+    zero)."""
     full = evidence.mechanism
     mask = evidence.mask(fit.settings.friction)
     names = [name for name, kept in zip(full.parameter_names, mask, strict=False) if kept]

@@ -19,7 +19,10 @@ FEWEST = 100
 
 @dataclass(frozen=True, eq=False)
 class JointLog:
-    """A log of joint positions and torques, n samples; time as in the log."""
+    """Log of a robot's joints, n samples of r joints in SI units: `time` (n,) in s, rising, as logged; `position` (n,
+    r), rad (m for a prismatic joint); `torque` (n, r), N m (N), where a motor's torque constant is unknown as if it
+    were 1; and `velocity` (n, r), rad/s (m/s), as logged, None where it was not. `source` is the log's file, as text;
+    `len` gives n. Nothing is checked at construction."""
 
     source: str
     time: Array
@@ -36,9 +39,14 @@ class JointLog:
 
 
 def joint_log(log: LogTable, drives: Drives, mechanism: Mechanism, rate: float | None = None) -> JointLog:
-    """The joints' log of a table's motors. With `rate` (Hz), rows are taken as that evenly spaced, stamps or not.
+    """The log of a robot's joints, a `JointLog`, from a table of its motors' positions, torques and, if logged,
+    velocities: their columns and units, and the transmission from motors to joints, are those of `drives`, and its
+    joints are in their order.
 
-    Raises `FileError`, naming the column, for what is missing, constant, not finite or not rising in time.
+    With a sampling `rate` (Hz, not checked) rows are taken as evenly spaced from time 0, else (None) by their stamps.
+    `mechanism` is not used. Raises `FileError`, naming the column, for a column that is missing or not finite in every
+    row, fewer than 100 samples, positions or torques that are the same in every row, and times that do not rise from
+    row to row or only count rows.
     """
     time = _time(log, drives, rate)
     position = np.stack([log.column(m.position, f"position of {m.name}") for m in drives.motors], axis=-1)
@@ -95,5 +103,6 @@ def _require_change(log: LogTable, names: list[str], values: Array, meaning: str
 
 
 def same_place(first: str | Path, second: str | Path) -> bool:
-    """True if two names mean one log: the same file, or the same file's name."""
+    """True if two paths mean one log: they are equal, or their last parts, the file names, are. No file is looked
+    up."""
     return Path(first) == Path(second) or Path(first).name == Path(second).name

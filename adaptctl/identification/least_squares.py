@@ -15,8 +15,10 @@ ROUNDS = 3
 
 
 def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
-    """The parameters x (P,) that minimise x'A x/2 - b'x on some columns, the others zero; the shortest where they are
-    not unique."""
+    """The parameters x (P,) that minimise x' A x/2 - b' x, with a normal matrix A (P, P) and a moment b (P,), over
+    those of indices `columns` (c,), the others being zero. Where they are not unique, eigenvalues of the scaled matrix
+    being below 1e-10 of the largest, the shortest scaled ones are taken. Raises `ValueError` for numbers that are not
+    finite, `IndexError` for no index."""
     own, wanted = A[np.ix_(columns, columns)], b[columns]
     size = np.sqrt(np.diag(own))
     size[size == 0.0] = 1.0
@@ -28,8 +30,13 @@ def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
 
 
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
-    """The parameters x (P,), and the joints' standard deviations (r,) by which their equations are weighted (Gautier
-    1997)."""
+    """The parameters (P,), SI units, by weighted least squares over those of indices `columns` (c,), the others being
+    zero, and the standard deviations (r,), N m (N for a prismatic joint), of the torque residuals of r joints, by which
+    the joints' equations are weighted (Gautier 1997).
+
+    `equations` are normal equations on P parameters. Weights and parameters are found in three rounds. Raises
+    `ValueError` for numbers that are not finite, as where there is no row, `IndexError` for no index.
+    """
     deviations = np.sqrt(equations.square.sum(axis=0) / equations.count.sum())
     x = np.zeros(equations.moment.shape[-1])
     for _ in range(ROUNDS):

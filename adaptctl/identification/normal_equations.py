@@ -14,7 +14,10 @@ from adaptctl.identification.filtered_dynamics import Rows
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """Normal equations of B blocks of rows, joint by joint: Y'Y, Y'tau, tau'tau, and the number of rows."""
+    """Normal equations of rows torque = Y x with P parameters x (P,), summed over each of B blocks of time, for each of
+    r joints: `normal` (B, r, P, P) are the sums of Y' Y, (N m)^2 per SI units of two parameters, `moment` (B, r, P) of
+    Y' torque, (N m)^2 per SI unit of each, `square` (B, r) of torque^2, (N m)^2 (N for N m if a joint is prismatic),
+    and `count` (B,) the numbers of instants. Nothing is checked at construction."""
 
     normal: Array
     """(B, r, P, P)"""
@@ -27,18 +30,22 @@ class NormalEquations:
 
     @classmethod
     def of(cls, rows: Rows, block: NDArray[np.int64]) -> NormalEquations:
-        """Normal equations of rows that belong to blocks (n,) numbered from 0."""
+        """Normal equations, a `NormalEquations`, of rows of filtered equations at n instants, summed by the blocks that
+        they belong to: `block` (n,) are the blocks' numbers from 0. Raises `ValueError` without an instant."""
         parts = [_sums(rows.regressor[block == b], rows.torque[block == b]) for b in range(int(block.max()) + 1)]
         return cls(*(np.stack(part) for part in zip(*parts, strict=True)))
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
-        """The sum over some of the blocks, as a single block."""
+        """Normal equations, a `NormalEquations` of one block: the sums over some of these blocks, given by their
+        numbers from 0. Raises `IndexError` for a block that there is not."""
         which = np.asarray(blocks, dtype=np.int64)
         parts = (self.normal, self.moment, self.square, self.count)
         return NormalEquations(*(part[which].sum(axis=0, keepdims=True) for part in parts))
 
     def with_columns(self, rows: Rows, more: Array) -> NormalEquations:
-        """These equations of a single block, whose rows are given, with more columns (n, r, c)."""
+        """These normal equations, of one block, on c more parameters, a `NormalEquations`: `rows` are the n rows of
+        filtered equations that they are the sums of, and `more` (n, r, c), N m (N for a prismatic joint) per unit of
+        each parameter, is the regressor of the new ones. Raises `ValueError` for arrays that do not fit together."""
         Y, L = rows.regressor.transpose(1, 0, 2), more.transpose(1, 0, 2)
         across, own = Y.mT @ L, L.mT @ L
         moment = np.concatenate([self.moment[0], (L.mT @ rows.torque.T[..., None])[..., 0]], axis=-1)
@@ -46,24 +53,30 @@ class NormalEquations:
         return NormalEquations(normal[None], moment[None], self.square, self.count)
 
     def with_blank_columns(self, count: int) -> NormalEquations:
-        """These equations with `count` more columns that are zero."""
+        """These normal equations on `count` more parameters, a `NormalEquations`, whose regressor is zero. Raises
+        `ValueError` for a count below zero."""
         wider = (0, count)
         normal = np.pad(self.normal, ((0, 0), (0, 0), wider, wider))
         return NormalEquations(normal, np.pad(self.moment, ((0, 0), (0, 0), wider)), self.square, self.count)
 
     def whitened(self, deviations: Array) -> tuple[Array, Array]:
-        """Whitened normal matrix (P, P) and moment (P,) of all blocks and joints, each joint's equations over its
-        standard deviation (r,)."""
+        """The normal matrix (P, P) and the moment (P,) of P parameters, summed over all blocks and joints, with each
+        joint's equations divided by its standard deviation in `deviations` (r,), N m (N for a prismatic joint), above
+        zero, which is not checked: x' A x/2 - b' x, with these A and b, is least where the weighted residuals of
+        parameters x are."""
         weight = 1.0 / deviations**2
         return np.einsum("brij,r->ij", self.normal, weight), np.einsum("bri,r->i", self.moment, weight)
 
     def misfit(self, x: Array) -> Array:
-        """Sums (r,) of the squared residuals tau - Y x over all blocks, (N m)^2."""
+        """Sums (r,) of the squared torque residuals of the parameters `x` (P,), SI units, over all blocks, for each of
+        r joints, (N m)^2 (N^2 for a prismatic joint); at least 0. Raises `ValueError` for another number of
+        parameters."""
         normal, moment = self.normal.sum(axis=0), self.moment.sum(axis=0)
         return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
 
     def rms(self, x: Array) -> float:
-        """Root mean square of all joints' residuals, N m."""
+        """Root mean square, N m (N for prismatic joints), of the torque residuals of the parameters `x` (P,), SI units,
+        over all joints and instants. Raises `ValueError` for another number of parameters."""
         return float(np.sqrt(self.misfit(x).sum() / (self.count.sum() * self.square.shape[1])))
 
 
@@ -75,15 +88,18 @@ def _sums(Y: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
-    """Edges of about `count` blocks of equally many rows, each within one log: the log and the time (s) at the
-    beginning of each."""
+    """Edges of blocks of time of filtered equations, `rows`: a list of pairs of the number of a log, from 0, and the
+    time (s) at which a block begins in it. There are about `count` blocks of equally many rows, and each is within one
+    log, so that there are more blocks where there are several logs. Raises `IndexError` without a row."""
     starts = [int(start) for start in np.linspace(0, len(rows), count, endpoint=False)]
     firsts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
     return [(int(rows.log[i]), float(rows.time[i])) for i in sorted({*starts, *firsts})]
 
 
 def blocks_of(rows: Rows, edges: Sequence[tuple[int, float]]) -> NDArray[np.int64]:
-    """Block numbers (n,) of every row."""
+    """Numbers (n,), from 0, of the blocks of time that n rows of filtered equations belong to. `edges` are pairs of the
+    number of a log, from 0, and the time (s) at which a block begins in it, in rising order, as `block_edges` gives
+    them."""
     keys = np.array(edges)
     found = np.zeros(len(rows), dtype=np.int64)
     for b, (log, time) in enumerate(keys.tolist()):

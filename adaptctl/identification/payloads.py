@@ -17,8 +17,10 @@ from adaptctl.identification.joint_log import same_place
 
 
 def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Array:
-    """The torques (n, r) N m that known payloads take of the rows' torques. Raises `InputError` for links without
-    names."""
+    """The share (n, r), N m (N for a prismatic joint), that known payloads, bodies that links carry, have in the joint
+    torques of n rows of filtered equations. The payloads are those of `drives`, each in the rows of the logs that it
+    names; `motions` are the logs' smoothed motions, and the rows' regressors are on the parameters of `mechanism`.
+    Raises `InputError` for a payload on an unknown link, and for a mass, centre and inertia that no body has."""
     out = np.zeros_like(rows.torque)
     for payload in drives.payloads:
         columns, ten = _columns(payload, mechanism), _ten(payload)
@@ -30,7 +32,10 @@ def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mech
 
 
 def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Rows:
-    """The rows with the torques that are the robot's own."""
+    """The rows of filtered equations, a `Rows`, with the torques that the robot alone takes: those of known payloads of
+    `drives`, bodies that links carry, are subtracted (see `payload_torques`). `motions` are the logs' smoothed motions,
+    and the rows' regressors are on the parameters of `mechanism`. Raises `InputError` for a payload on an unknown link,
+    and for a mass, centre and inertia that no body has."""
     return replace(rows, torque=rows.torque - payload_torques(rows, motions, mechanism, drives))
 
 

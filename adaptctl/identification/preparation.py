@@ -32,7 +32,9 @@ STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
 
 
 class PreparationStep(NamedTuple):
-    """One step of the preparation, and what it found or did, in words."""
+    """Step of a log's preparation: its `name` ("resample", "unwrap", "velocities", "limits" or "standstill") and its
+    `outcome`, a text of what it found or did, "skipped" where it was left out. Made by `prepare`; nothing is checked at
+    construction."""
 
     name: str
     outcome: str
@@ -40,7 +42,13 @@ class PreparationStep(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PreparedLog:
-    """A piece of a log, evenly sampled at `rate` Hz, without holes."""
+    """Piece of a log of a robot's r joints, without holes: n samples, evenly spaced at a `rate` in Hz (unless the step
+    "resample" was skipped).
+
+    `time` (n,) is in s, as in the log; `position` (n, r) in rad (m for a prismatic joint), without jumps of a turn
+    (unless the step "unwrap" was skipped); `torque` (n, r) in N m (N); `moving` (n,) is true where the arm moves.
+    `source` is the log's file, as text. Made by `prepare`; nothing is checked at construction.
+    """
 
     source: str
     rate: float
@@ -57,9 +65,15 @@ class PreparedLog:
 def prepare(
     log: JointLog, mechanism: Mechanism, skip: Collection[str] = ()
 ) -> tuple[list[PreparedLog], list[PreparationStep]]:
-    """The log's pieces between its holes, and what was done, step by step, those in `skip` left out.
+    """The pieces of a log between holes in time, a list of `PreparedLog`, and the steps of their preparation, a list of
+    `PreparationStep`, with those named in `skip` left out (none by default).
 
-    Raises `InputError` naming the joint for units that cannot be, a log of another robot, and a log at rest.
+    "resample" makes samples evenly spaced, by straight lines between those logged; "unwrap" takes jumps of a turn out
+    of angles; "velocities" compares logged velocities with differentiated positions; "limits" compares positions,
+    speeds and torques with the joints' limits in `mechanism`; "standstill" marks where the whole arm is at rest. Raises
+    `InputError` for an unknown step, a log without 50 samples in a row, a sampling rate not from 20 Hz to 100 kHz,
+    velocities of a joint that differ from its positions' derivative by more than 10 %, positions more than 0.25 rad (m)
+    beyond limits, speeds or torques above three times theirs, and a log with fewer than 50 samples of motion.
     """
     _require_known(skip)
     steps = [PreparationStep(name, "skipped") for name in STEPS if name in skip]

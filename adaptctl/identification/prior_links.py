@@ -14,11 +14,13 @@ DENSITY = 2700.0
 
 
 def prior_links(mechanism: Mechanism) -> tuple[Array, list[str]]:
-    """The links' prior inertial parameters (N, 10), and texts on what had to be made consistent.
+    """The inertial parameters (N, 10) that a mechanism's N links have before any log is read, and a list of remarks, as
+    text, on links that were changed. A link's ten are m (kg), mc_x, mc_y, mc_z (kg m), I_xx, I_xy, I_yy, I_xz, I_yz,
+    I_zz (kg m^2), about its frame's origin.
 
-    A link whose mass is spread less than a ball of solid aluminium would be, which a file without tensors says, or
-    that no body can have, gets that ball's second moments where its own are less. Raises `InputError` for a link
-    without mass: it must be guessed by somebody.
+    They are the mechanism's own, but physically consistent. Where a link's least principal second moment of mass about
+    its centre is below 1 % of that of a solid ball of aluminium of its mass, as in files without inertia tensors, those
+    below the ball's are raised to it. Raises `InputError` for a link without mass.
     """
     tens, remarks = [], []
     for i in mechanism.description.bodies:

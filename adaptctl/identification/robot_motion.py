@@ -28,7 +28,9 @@ Allowed = Callable[[Array], bool]
 
 @dataclass(frozen=True, eq=False)
 class RobotLimits:
-    """Limits that a motion must keep: (r,) each in SI units, infinite where there is none."""
+    """Limits that a robot's motion must keep, (r,) each for r joints, infinite where there is none: `velocity` (rad/s,
+    or m/s for a prismatic joint), `acceleration` (rad/s^2 or m/s^2), `jerk`, the acceleration's rate (rad/s^3 or
+    m/s^3), and `torque` (N m or N). Nothing is checked at construction."""
 
     velocity: Array
     acceleration: Array
@@ -39,8 +41,10 @@ class RobotLimits:
     def of(
         cls, mechanism: Mechanism, share: float, acceleration: ArrayLike | None = None, jerk: ArrayLike | None = None
     ) -> RobotLimits:
-        """Limits at a share of the robot's own speeds and torques; accelerations (rad/s^2) and jerks (rad/s^3) as
-        given."""
+        """The limits, a `RobotLimits`, at a `share` (unitless, not checked) of a mechanism's own speeds and torques;
+        those of `acceleration` (rad/s^2, or m/s^2 for a prismatic joint) and `jerk` (rad/s^3 or m/s^3) are as given,
+        one number for all r joints or (r,), None for no limit. Raises `InputError` for another shape, `NonFiniteError`
+        for NaN."""
         speeds = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
         bends = _each(acceleration, mechanism.dof, "acceleration")
         return cls(share * speeds, bends, _each(jerk, mechanism.dof, "jerk"), share * mechanism.effort_limits)
@@ -52,10 +56,13 @@ def _each(limit: ArrayLike | None, dof: int, what: str) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RobotMotion:
-    """A motion for a robot: a periodic reference, entered from rest at one pose and left to rest at another.
+    """Motion of a robot with r joints: a periodic reference, entered from rest at one pose and left to rest at another.
 
-    p(t) = (1 - b) pose + b s, with s the reference and b a polynomial blend over `fade` s at either end; all of it
-    `slower` times slower than the reference was made.
+    p(t) = (1 - b) pose + b s, where s is the `reference` (rad, or m for a prismatic joint) without its own fade-in, its
+    time beginning as the first blend ends, and b is a polynomial that goes from 0 to 1 in the first `fade` s and back
+    in the last; the pose is `start` (r,) in the first half and `end` (r,) in the second, rad (m). `period` (s) is the
+    time between these blends, and all of it is `slower` (unitless, 1 by default) times slower. Nothing is checked at
+    construction.
     """
 
     reference: Sinusoids
@@ -68,11 +75,14 @@ class RobotMotion:
 
     @property
     def duration(self) -> float:
-        """Duration of the whole motion, s."""
+        """Duration of the whole motion, s: `slower` times the sum of `period` and of both blends, `fade` each."""
         return self.slower * (self.period + 2.0 * self.fade)
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """Positions, velocities, accelerations and jerks (n, r) at times (n,) s from its start."""
+        """Positions (rad, or m for a prismatic joint), velocities (rad/s, m/s), accelerations (rad/s^2, m/s^2) and
+        jerks (rad/s^3, m/s^3), (n, r) each for r joints, at times (n,) in s from the motion's start. Before and after
+        the motion the robot rests at its first and last pose. Raises `IndexError` for a single time instead of an
+        array."""
         t = np.asarray(time, dtype=np.float64) / self.slower
         whole = self.period + 2.0 * self.fade
         entering, leaving = _blend(t / self.fade, 1.0 / self.fade), _blend((whole - t) / self.fade, -1.0 / self.fade)
@@ -86,7 +96,9 @@ class RobotMotion:
         return pose + p, v, a, jerk
 
     def sampled(self, rate: float = RATE) -> tuple[Array, Array, Array, Array, Array]:
-        """Times (n,) in s, evenly to the end, and the motion there as `at` has it, (n, r) each."""
+        """Times (n,) in s, evenly from 0 to the motion's end, about `rate` a second (Hz, 250 by default), and the
+        motion there, (n, r) each for r joints: positions (rad, or m for a prismatic joint), velocities (rad/s, m/s),
+        accelerations (rad/s^2, m/s^2) and jerks (rad/s^3, m/s^3). n is at least 3; the rate is not checked."""
         time = np.linspace(0.0, self.duration, max(2, round(self.duration * rate)) + 1)
         return time, *self.at(time)
 
@@ -121,11 +133,21 @@ def exciting_motion(
     iterations: int = 10,
     allowed: Allowed | None = None,
 ) -> RobotMotion:
-    """A motion that excites a mechanism's parameters, from `start` (r,) to `end`, by default the middle of its ranges.
+    """A motion, a `RobotMotion`, that excites a mechanism's parameters for an identification, within limits: an
+    exciting periodic reference, entered from rest at a pose `start` (r,) and left to rest at `end` (r,), rad (m for a
+    prismatic joint), by default (None) the middle of the joints' ranges.
 
-    An exciting reference within a `share` of the positions, made smaller until every position is `allowed`, and slower
-    until speeds, accelerations, jerks and torques, friction included, keep to their limits. Raises `InputError` where
-    no motion can.
+    The reference has `harmonics` (5 by default) and is the best of a search of at most `iterations` (10) steps, begun
+    from references drawn by `seed`, within a `share` (unitless, 0.8) of the joints' own ranges, speeds and torques.
+    `duration` (s, 14) is that of the whole motion, `fade` (s, 2) of each blend; the motion takes longer where it must
+    be slowed until its speeds, accelerations, jerks and torques, friction included, keep to `limits`. `allowed` is a
+    function that is true if all positions (n, r) are allowed, such as free of collisions: the reference is made smaller
+    until it is true. None allows all.
+
+    Raises `InputError` for a fade that is not above 0 and below half the duration, harmonics and iterations other than
+    whole numbers of at least 1, a seed other than one of at least 0, a share not above 0 and up to 1, poses of a wrong
+    shape, outside the joints' ranges, not allowed, or not held within the torque limits, and where no motion is found;
+    `NonFiniteError` for poses not finite, `RankError` where the number of identifiable parameters cannot be certified.
     """
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
@@ -201,7 +223,8 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
 
 
 def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
-    """The same motion on the same path, slower by a factor."""
+    """The motion, a `RobotMotion`, on the same path at another pace: `slower` (unitless) times slower than its
+    reference was made, whatever the motion's own pace. The number is not checked."""
     return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
 
 

@@ -14,8 +14,10 @@ from adaptctl.identification.robot_motion import RobotMotion
 
 
 def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """Write a motion as CSV: `time` (s), then `position.J`, `velocity.J`, `acceleration.J` of every joint J, evenly at
-    a rate (Hz)."""
+    """Write a robot's motion as CSV, sampled evenly at about a `rate` (Hz): `time` (s), then `position.J` (rad, or m
+    for a prismatic joint), `velocity.J` (rad/s, m/s) and `acceleration.J` (rad/s^2, m/s^2) of each joint J in `joints`,
+    the names in the motion's order. Raises `FileError` where the file cannot be written; names and rate are not
+    checked."""
     time, p, v, a, _ = motion.sampled(rate)
     names = [f"{what}.{joint}" for what in ("position", "velocity", "acceleration") for joint in joints]
     rows = np.column_stack([time, p, v, a])
@@ -24,7 +26,10 @@ def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate
 
 
 def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) -> dict[str, Any]:
-    """The fields of a trajectory_msgs/JointTrajectory."""
+    """The fields of a ROS 2 trajectory_msgs/JointTrajectory message, a dictionary of JSON's types, of a robot's motion
+    sampled evenly at about a `rate` (Hz): `header`, `joint_names`, which are `joints`, and `points`, each with its time
+    from the start and the joints' positions (rad, or m for a prismatic joint), velocities (rad/s, m/s) and
+    accelerations (rad/s^2, m/s^2). Names and rate are not checked."""
     time, p, v, a, _ = motion.sampled(rate)
     points = [
         {
@@ -40,8 +45,10 @@ def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) ->
 
 
 def write_trajectory(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """Write a motion's trajectory as JSON, or by the suffix .yaml as YAML, which `ros2 topic pub` takes; `rate` in
-    Hz."""
+    """Write a robot's motion, sampled evenly at about a `rate` (Hz), as the fields of a ROS 2
+    trajectory_msgs/JointTrajectory message: as JSON to a path with the suffix .json, else as YAML, which `ros2 topic
+    pub` takes. `joints` are the joints' names in the motion's order. Raises `FileError` where the file cannot be
+    written; names and rate are not checked."""
     content = joint_trajectory(motion, joints, rate)
     as_json = Path(path).suffix == ".json"
     write_text(path, json.dumps(content, indent=1) + "\n" if as_json else _yaml(content))

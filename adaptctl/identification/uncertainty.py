@@ -14,7 +14,10 @@ from adaptctl.identification.fit import Fit, LogEvidence
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Uncertainty of a fit: the covariance of all columns' parameters."""
+    """Uncertainty of a fit of P parameters of a mechanism and r shares of load-dependent friction: their `covariance`
+    (P + r, P + r), SI units, and for comparison `nominal` (P + r, P + r), the covariance if residuals were white
+    (uncorrelated) and the model right. Rows of parameters that the fit does not have are zero. Made by `uncertainty`;
+    nothing is checked at construction."""
 
     covariance: Array
     """(P + r, P + r)"""
@@ -22,23 +25,28 @@ class Uncertainty:
     """(P + r, P + r) as if residuals were white and the model right, for comparison"""
 
     def of(self, combinations: Array) -> Array:
-        """Standard deviations (k,) of combinations (k, P + r) of the parameters."""
+        """Standard deviations (k,) of k combinations of the fit's parameters, in the combinations' units;
+        `combinations` (k, P + r) are their coefficients on the mechanism's P parameters and r shares of load-dependent
+        friction. Raises `ValueError` for another shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
 
     def nominal_of(self, combinations: Array) -> Array:
-        """Standard deviations (k,) of combinations (k, P + r) as if residuals were white."""
+        """Standard deviations (k,) that k combinations of the fit's parameters would have if torque residuals were
+        white (uncorrelated), in the combinations' units; `combinations` (k, P + r) are their coefficients on the
+        mechanism's P parameters and r shares of load-dependent friction. Raises `ValueError` for another shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
 
 
 def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
-    """Uncertainty of a fit by the block jackknife (Kuensch 1989): the fit without each block of time in turn, a Newton
-    step away.
+    """The uncertainty, an `Uncertainty`, of a fit to evidence (filtered equations of logs), by the block jackknife
+    (Kuensch 1989) and by what the prior, the first guess of the links, leaves open.
 
-    The step is as if nothing had to be positive, so that an estimate at the edge of that is not taken for certain. The
-    jackknife sees what the log's noise does, not how far the prior holds the estimate back. With the prior's curvature
-    H_p within the fit's H, and C the spread of the truth about the prior, that is H^-1 H_p C H_p H^-1, which is added.
-    C is taken as the prior's shape (1/H_p at a weight of one) times how far the logs moved what they tell: where they
-    tell nothing, it is all that is left.
+    The jackknife makes the fit without each block of time in turn, by one Newton step in which nothing has to be
+    positive, so that an estimate at the edge of what is possible is not taken for certain. It sees the log's noise, not
+    how far the prior holds the estimate back. With the fit's curvature H, the prior's share H_p of it, and the spread C
+    of the truth about the prior, H^-1 H_p C H_p H^-1 is added for that. C is taken as the inverse of the prior's
+    curvature at a weight of one times how far the logs moved the parameters that they tell: where they tell nothing, it
+    is all that is left. `evidence` is what the fit was made from.
     """
     kept = np.flatnonzero(evidence.mask(fit.settings.friction))
     prior, weight = evidence.prior_of(fit.settings.friction), fit.settings.weight

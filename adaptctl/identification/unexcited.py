@@ -21,7 +21,10 @@ ENERGY_ERROR = 1.0
 
 
 class Combination(NamedTuple):
-    """A combination of fundamental parameters, each over its prior range, and how strongly the log excites it."""
+    """Combination of fundamental (base) parameters, and how strongly a log excites it: `words`, such as "0.89
+    link2.mc_x -0.45 link3.m", coefficients (unitless) of parameters each over its prior range, up to four of them, and
+    `strength` (unitless), the prior range along the combination over the standard deviation that the log leaves. Made
+    by `combinations`; nothing is checked at construction."""
 
     words: str
     strength: float
@@ -29,7 +32,14 @@ class Combination(NamedTuple):
 
 
 def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | None = None) -> list[Combination]:
-    """Directions of a whitened normal matrix (k, k) as combinations of parameters, the least excited first."""
+    """Combinations of k parameters, a list of k `Combination`, the least excited first: the eigenvectors of a normal
+    matrix `curvature` (k, k), per SI units of two parameters, of equations each divided by its standard deviation, once
+    parameters are scaled by their prior ranges.
+
+    `names` are the parameters' full names, such as `link1.m`, and `ranges` their greatest plausible distances from a
+    first guess, by kind, `PriorRanges()` by default (None). Raises `NotFoundError` for a name of unknown kind,
+    `ValueError` for a matrix of another size.
+    """
     scale = (ranges or PriorRanges()).of(tuple(names))
     values, vectors = np.linalg.eigh(curvature * np.outer(scale, scale))
     return [
@@ -39,14 +49,19 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 
 
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
-    """The combinations that the log leaves about as uncertain as they were; `inflation` is the factor by which white
-    deviations are too small."""
+    """Those of the combinations `found` that a log leaves about as uncertain as they were before it, a list of
+    `Combination`: their `strength` is below 3 times `inflation`, the factor (unitless) by which standard deviations for
+    white (uncorrelated) residuals are too small."""
     return [c for c in found if c.strength < WEAK * inflation]
 
 
 def essential_components(mechanism: Mechanism, p: Array, v: Array) -> tuple[EssentialSpace, int]:
-    """The essential space with a log's motion as its states, and how many of the parameters' components carry that
-    motion's energy to a percent (Sheu and Walker 1991, section 3.2)."""
+    """The essential space of a mechanism, an `EssentialSpace` (directions of the inertial parameters that change
+    energies and torques), with a log's motion as its states, and the number of essential components of the mechanism's
+    parameters that carry the motion's energy but for 1 % (Sheu and Walker 1991, section 3.2). The motion has positions
+    `p`, rad (m for a prismatic joint), and velocities `v`, rad/s (m/s), both (n, r). Raises `InputError` for a motion
+    of other shapes or without energy differences, `RankError` where the number of identifiable parameters cannot be
+    certified."""
     space = essential_space(mechanism, states=States(p, v, "the log's motion"))
     return space, reduce(space, mechanism, energy_error=ENERGY_ERROR).kept
 

@@ -17,7 +17,9 @@ OTHER_TORQUE = ("A", "mA", "%", "1")
 
 @dataclass(frozen=True)
 class Units:
-    """Factors to s, rad (or m), N m (or N) and rad/s (or m/s)."""
+    """Units of a log's columns, as factors to SI units: of `time` to s, of `position` to rad (or m), of `torque` to N m
+    (or N), None where the column is only proportional to a torque, and of `velocity` to rad/s (or m/s), None, the
+    default, where it is not logged. Nothing is checked at construction."""
 
     time: float
     position: float
@@ -27,7 +29,10 @@ class Units:
 
     @classmethod
     def checked(cls, time: str, position: str, torque: str, velocity: str | None = None) -> Units:
-        """Units by their symbols. Raises `InputError`, which lists those that are known."""
+        """The units, a `Units`, of columns by symbols: `time` one of s, ms, us, ns; `position` one of rad, deg, rev, m,
+        mm; `torque` one of N m (or Nm), mN m, N, or A, mA, %, 1 for a quantity that is only proportional to it;
+        `velocity` one of rad/s, deg/s, rpm, m/s, mm/s, or None where it is not logged. Raises `InputError`, which lists
+        those that are known, for another symbol."""
         return cls(
             _factor("time", time, TIME),
             _factor("position", position, POSITION),

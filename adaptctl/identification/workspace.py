@@ -18,7 +18,10 @@ from adaptctl.errors import SimplificationWarning
 
 @dataclass(frozen=True, eq=False)
 class ReachableSpace:
-    """Reachable space of a robot: a box (m) that the links' frames stay in, and its collision geometry."""
+    """Reachable space of a robot: the box from `lower` (3,) to `upper` (3,), m in the ground frame, that the origins of
+    the frames of a `mechanism`'s links stay in, and `collides`, a function that is true if the robot collides with
+    itself at positions (r,), rad (m for a prismatic joint), of its r joints, or None where no geometry is known.
+    Nothing is checked at construction."""
 
     mechanism: Mechanism
     lower: Array
@@ -27,7 +30,9 @@ class ReachableSpace:
     """of one configuration (r,); None where no geometry is known"""
 
     def allows(self, p: Array) -> bool:
-        """True if all positions (n, r), rad or m, are inside the box and free of collisions."""
+        """True if at all of n positions `p` (n, r), rad (m for a prismatic joint), the origins of the links' frames are
+        inside the box and the robot does not collide with itself, as far as its geometry is known. Raises `InputError`
+        on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         places = link_poses(self.mechanism, p).translations
         if np.any(places < self.lower) or np.any(places > self.upper):
             return False
@@ -37,11 +42,14 @@ class ReachableSpace:
 def workspace(
     mechanism: Mechanism, robot: str | Path, lower: Array | None = None, upper: Array | None = None
 ) -> ReachableSpace:
-    """Reachable space of a robot's file, by the <collision> geometry of URDF as far as its meshes are found; no box
-    unless given, its corners (3,) in m.
+    """The reachable space of a robot, a `ReachableSpace`: a box from `lower` (3,) to `upper` (3,), m in the ground
+    frame, None for no bound, and collisions of the robot with itself by the <collision> geometry of its file, `robot`,
+    a URDF without loops.
 
-    Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken as made so. Warns
-    (SimplificationWarning) where no geometry is known, so that nothing is checked.
+    Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken to touch by design
+    and not checked. `mechanism` is the robot. For other files and built-in robots, or a URDF without such geometry,
+    collisions are not checked (`collides` is None). Warns with `SimplificationWarning`, and checks none, where the
+    geometry cannot be read, as where meshes are not found.
     """
     box = (np.full(3, -np.inf) if lower is None else lower, np.full(3, np.inf) if upper is None else upper)
     return ReachableSpace(mechanism, *box, _self_collision(mechanism, robot))

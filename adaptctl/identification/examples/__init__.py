@@ -14,7 +14,9 @@ NAMES = ("tx40",)
 
 
 class Example(NamedTuple):
-    """An example: the files of one robot."""
+    """Example of an identification: paths of the files of one robot. `log` is its log (Parquet), `robot` its URDF, and
+    `drives` its drives file (TOML: transmission, motors and the log's columns). Made by `example`; nothing is checked
+    at construction."""
 
     log: Path
     robot: Path
@@ -23,7 +25,9 @@ class Example(NamedTuple):
 
 @contextmanager
 def example(name: str) -> Iterator[Example]:
-    """The files of an example, there for as long as the block runs. Raises `NotFoundError` for an unknown name."""
+    """A context manager that gives the files, an `Example` of paths, of the example of a name: "tx40", a log of a
+    Staubli TX40 arm. The files are there for as long as the `with` block runs. Raises `NotFoundError` for another name,
+    as the block begins."""
     if name not in NAMES:
         raise NotFoundError(f"unknown example {name!r}; there is {', '.join(NAMES)}")
     with as_file(files(__name__) / name) as folder:

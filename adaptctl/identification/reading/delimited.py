@@ -13,10 +13,13 @@ from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 
 def read_delimited(path: str | Path) -> LogTable:
-    """The columns of a text file separated by commas, semicolons or tabs, whichever its first line has most of.
+    """The table of a log in a text file, a `LogTable`: a line of column names, then a line of numbers for each sample,
+    separated by commas, semicolons or tabs, whichever the first line has most of. Names lose spaces around them; no
+    units are read.
 
-    Cells may be empty or words, which become NaN and are refused where the column is needed. Raises `FileError` for a
-    file that is no table, or too long.
+    An empty cell, NaN, nan, NA or null becomes NaN, and all of a column in which some other cell is no number. Raises
+    `FileError` for a file that cannot be read, is no table, has no rows or more than 20 million, or two columns of one
+    name.
     """
     from pyarrow import ArrowInvalid
     from pyarrow.csv import ConvertOptions, ParseOptions, read_csv

@@ -18,11 +18,13 @@ FIELDS = (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m"))
 
 
 def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
-    """Columns `time`, `position.J`, `velocity.J`, `effort.J` of a bag's JointState messages, for every joint J.
+    """The table of a log in a ROS 1 or ROS 2 bag, a `LogTable`: from its JointState messages the columns `time` (s),
+    `position.J` (rad), and, where all messages have them, `velocity.J` (rad/s) and `effort.J` (N m), for every joint J.
 
-    Time is the messages' own stamp where they have one, else when they were recorded, in s from the first. With
-    several such topics one must be named. Messages must speak of the same joints. Raises `FileError`, and
-    `MissingExtraError` where rosbags is not installed.
+    Time is the messages' own stamp where they have one, else when they were recorded, in s from the first. `topic`
+    names the topic of the messages; None takes the only one. Raises `FileError` for a bag that cannot be read, has no
+    such topic, or several where none is named, has no messages or more than 20 million, or messages of different
+    joints, and `MissingExtraError` where rosbags is not installed.
     """
     rosbags = _rosbags()
     try:

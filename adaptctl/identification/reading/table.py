@@ -18,7 +18,9 @@ MAX_BYTES = 4 * 2**30
 
 @dataclass(frozen=True, eq=False)
 class LogTable:
-    """A table of a log: columns (n,) by name, and the units that the file itself states of them, if any."""
+    """Table of a log as it was written: `columns`, arrays (n,) by name, in the log's own units and with NaN where a
+    cell has no number, and `units`, the symbols by column that the file itself states, none by default. `source` is the
+    log's file, as text; `len` gives n. Made by `read_log`; nothing is checked at construction."""
 
     source: str
     columns: Mapping[str, Array]
@@ -28,7 +30,9 @@ class LogTable:
         return len(next(iter(self.columns.values()), ()))
 
     def column(self, name: str, what: str) -> Array:
-        """A column (n,), finite in every row. Raises `FileError` naming the column and the first bad row."""
+        """The column (n,) of a `name`, finite in every row, in the log's own unit; `what` it is needed for, such as
+        "time", is told in errors. Raises `FileError` for a name that the table does not have, with the nearest ones,
+        and for a column with NaN or infinity, with the first such row."""
         if name not in self.columns:
             raise FileError(f"{self.source}: there is no column {name!r} for {what}; {self._known(name)}")
         values = self.columns[name]
@@ -48,7 +52,9 @@ class LogTable:
 
 
 def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
-    """A table of checked size and names. Raises `FileError` without a row, and for two columns of one name."""
+    """The table of a log, a `LogTable`, from pairs of a name and a column (n,); `source` is the log's file, told in
+    errors, and `units` are the symbols of columns that the file states, none by default. Raises `FileError` without a
+    column or a row, and for two columns of one name; that columns are equally long is not checked."""
     found: dict[str, Array] = {}
     for name, values in columns:
         if name in found:
