@@ -79,10 +79,10 @@ class ControllerRun:
         return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
-        """Root mean square of the tracking errors p - p_d (positions minus desired ones), rad (m), of joints at times t
-        with `start` <= t < `stop`, s, all of the run unless given; None without such samples. `joints` is a slice or a
-        list of indices from 0, all unless given; joints of both kinds go into one number. Raises `IndexError` for an
-        index that is no joint's, `InputError` for no joints."""
+        """Root mean square of the tracking errors, positions minus desired ones, rad (m), of joints at times t with
+        `start` <= t < `stop`, s, all of the run unless given; None without such samples. `joints` is a slice or a list
+        of indices from 0, all unless given; joints of both kinds go into one number. Raises `IndexError` for an index
+        that is no joint's, `InputError` for no joints."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         errors = self.rollout.error[inside][:, joints]
         if errors.shape[1] == 0:
@@ -217,12 +217,12 @@ class Comparison:
     adaptive controller that the experiment is about.
 
     `experiment` is the experiment's name, `title` and `purpose` are words for the report; `mechanism` has r primary
-    joints; `space` is the essential space of its inertial parameters (their directions that change energies and
-    torques), `basis` the fundamental basis of the subject's estimates; `runs`, at least one, with names that differ;
-    `torque_limits` (r,), N m (N for a prismatic joint), positive and finite; `settings` and `findings`, the
-    experiment's settings and further results, for summary and report; `seed`, of the random numbers; `duration`, s, the
-    length asked for; `complete`, False where the experiment was interrupted: the runs hold what was computed until
-    then.
+    (independent) joints; `space` is the essential space of its inertial parameters (their directions that change
+    energies and torques), `basis` the fundamental basis (base parameters) of the subject's estimates; `runs`, at least
+    one, with names that differ; `torque_limits` (r,), N m (N for a prismatic joint), positive and finite; `settings`
+    and `findings`, the experiment's settings and further results, for summary and report; `seed`, of the random
+    numbers; `duration`, s, the length asked for; `complete`, False where the experiment was interrupted: the runs hold
+    what was computed until then.
 
     `without_adaptation` is the name of the run with the subject's gains and adaptation off; `more_drawings`, figures
     for the report besides those of every comparison; `answer`, the outcome in a sentence or two, None for words made

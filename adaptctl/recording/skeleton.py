@@ -49,9 +49,9 @@ class Shape:
 @dataclass(frozen=True, eq=False)
 class Skeleton:
     """The skeleton of a mechanism, by which it is drawn where its file has no shapes: `shapes`, its round solids;
-    `reach`, m, the length of the chain of links from the ground to the tip; and the tip, the point whose path is shown,
-    as the index `tip_link`, from 0, of its link and its position `tip` (3,), m in that link's frame. Nothing is checked
-    at construction."""
+    `reach`, m, the length of the chain of links from the first joint to the tip; and the tip, the point whose path is
+    shown, as the index `tip_link`, from 0, of its link and its position `tip` (3,), m in that link's frame. Nothing is
+    checked at construction."""
 
     shapes: tuple[Shape, ...]
     reach: float

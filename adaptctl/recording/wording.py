@@ -12,8 +12,8 @@ from adaptctl.recording.summary import realtime_factor
 
 def number(value: float | None, digits: int = 3) -> str:
     """Text of a number with so many significant `digits`, 3 by default, such as "0.0123"; "–", a dash, for None.
-    Numbers below 1e-4 or from 1e5 on in size are written with a power of ten, such as "2.8·10⁻¹⁴", and those from 10 to
-    the power `digits` on as whole numbers. Raises `ValueError` for NaN and infinity."""
+    Numbers below 1e-4 or from 1e5 on in size are written with a power of ten, such as "2.80·10⁻¹⁴", and those from 10
+    to the power `digits` on as whole numbers. Raises `ValueError` for NaN and infinity."""
     if value is None:
         return "–"
     if value == 0.0:
