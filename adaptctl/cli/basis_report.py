@@ -87,9 +87,9 @@ def spectrum(space: EssentialSpace) -> Table:
 
 
 def grid(mechanism: Mechanism, basis: FundamentalBasis, width: int) -> list[Table]:
-    """Tables, of the package rich, of the inertial parameters that a basis keeps: kinds, such as m or I_xx, in rows,
-    links in columns, an x where a parameter is kept. There are several where the links need more than `width`
-    characters."""
+    """Tables, of the package rich, of the inertial parameters that a basis keeps: kinds, such as m (mass) or I_xx
+    (moment of inertia), in rows, links in columns, an x where a parameter is kept. There are several where the links
+    need more than `width` characters."""
     links, tables = list(mechanism.links), []
     while links:
         count = 1

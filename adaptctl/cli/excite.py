@@ -88,10 +88,11 @@ def _each(given: Numbers) -> Any:
 
 
 def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast, collisions: bool) -> dict[str, Any]:
-    """The forecast of an identification in JSON's types: `durations`, s, of the `motions` by name; whether
-    self-collisions were checked, `collisions`; the `condition` number of the scaled regressor; for each base parameter
-    its standard `deviation`, SI units, and `relative`, that over the value in the robot's file, None where this is 0;
-    and `combinations` of parameters in words with their `strength` (no unit), the least excited first. `robot` is the
+    """The forecast of an identification in JSON's types: `durations`, s, of the `motions` by name;
+    `self_collision_checked`, which is `collisions`, True where that was done; the `condition` number of the scaled
+    regressor; for each base parameter its standard `deviation`, SI units, and `relative`, that over the value in the
+    robot's file, None where this is 0; and `combinations` of parameters in words, the least excited first, with their
+    `strength` (no unit), the range that is plausible before the motion over the deviation after it. `robot` is the
     robot as given."""
     from math import isfinite
 

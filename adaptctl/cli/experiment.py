@@ -36,8 +36,7 @@ def list_experiments(*, json: Annotated[bool, Parameter(help="Print JSON instead
 
     Experiments that installed packages offer come last, with the object that
     defines them. With `json` a JSON object is printed instead, with `experiments`,
-    a list of `name` and `summary` of those that come with adaptctl. Nothing is
-    raised.
+    a list of `name` and `summary` of those that come with adaptctl.
     """
     if json:
         entries = [{"name": entry.name, "summary": entry.summary} for entry in EXPERIMENTS]

@@ -53,15 +53,15 @@ def sweep(
     """Run an experiment for every combination of settings.
 
     Writes the results of all runs, a row for each controller, to sweep.parquet in a folder, with report.html, and
-    prints a summary; runs that are in the folder already are not computed again. With a `search` it looks for the
-    settings of the least error instead, and writes best.toml. The exit code is 0 when every run has its rows, whatever
-    they say.
+    prints a summary; runs that are in the folder already are not computed again. With `search` it looks for the
+    settings that make the results' column `minimise` least instead, and writes best.toml. The exit code is 0 when every
+    run has its rows, whatever they say.
 
     Raises `NotFoundError` for an unknown experiment, study or setting, `InputError` for values of a wrong form, a
     `shard` that is not from 1 to 100000, more than 20000 runs that were not agreed to, a folder of something else, TLS
     files that are not all there, and a scheduler that cannot be reached, `FileError` for files that cannot be read or
-    written, `MissingExtraError` without the extra `sweep` or `search`, `KeyboardInterrupt` on Ctrl-C: what was computed
-    is kept.
+    written, `MissingExtraError` without the extra `sweep` or `search`, `KeyboardInterrupt` on Ctrl-C, which leaves what
+    a sweep has computed in its folder.
     """
     from adaptctl.sweeps.cluster import Cluster
     from adaptctl.sweeps.folder import Folder

@@ -27,9 +27,9 @@ def log_scene(
     color: Color,
     within: str = "",
 ) -> None:
-    """Draw the arms of a comparison in a rerun recording, below the entity "world": that of its first run in `color`,
-    the desired motion as a green ghost, and, where there is a run with adaptation off, that one as a ghost of its own
-    colour, all with the paths of their tips.
+    """Draw the arms of a comparison in a rerun recording, below the entity "world": that of its first run, solid, in
+    `color`, and as translucent ghosts the desired motion, green, and, where there is one, the run with adaptation off,
+    in its own colour; all with the paths of their tips.
 
     `parts` are the shapes they are drawn by, `floor` is the floor's height, m, and `within` a prefix of the entities'
     names below "world", ending in a slash, empty unless given. Each run is thinned to at most 2000 samples. Raises

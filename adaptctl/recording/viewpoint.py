@@ -63,11 +63,13 @@ def _distance_to_see(points: Array, toward: Array) -> float:
 
 def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
     """Height of the floor under a mechanism, m along z in the world's frame: 0 where the origins of all links' frames
-    stay above z = 0, else 0.6 of the mechanism's reach below the lowest of them and of the first joint. `p` (T, r) are
-    the positions, rad (m if prismatic), of r joints at T samples, at least one, of which at most 200 are looked at;
-    `parts` are the shapes it is drawn by. Raises `InputError` for positions of another number of joints,
-    `NonFiniteError` for NaN and infinity, `LoopError` where kinematic loops do not fit together, `SingularityError`
-    near where they lock."""
+    stay above z = 0, else below the lowest of them and of the first joint, by 0.6 of the length of the chain of links
+    to the tip. `p` (T, r) are the positions, rad (m if prismatic), of r joints at T samples, at least one, of which at
+    most 200 are looked at; `parts` are the shapes it is drawn by.
+
+    Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
+    where kinematic loops do not fit together, `SingularityError` near where they lock.
+    """
     heights = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations[..., 2]
     lowest = min(float(heights.min()), min(link.near.translation[2] for link in mechanism.links[:1]))
     return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach

@@ -95,10 +95,10 @@ def components_figure(study: DesignStudy) -> Figure:
 
 
 def percent_errors(task: DesignTask) -> Array:
-    """Energy errors (k + 1,), in percent of the root mean square energy over the task's states, when the 0, 1, ... k
-    weightiest of the k essential components are kept: combinations of inertial parameters, the right singular vectors
-    of the energies (Sheu and Walker 1991, equation 23). Raises `RankError` where the mechanism's rank k cannot be
-    certified."""
+    """Energy errors (k + 1,) when the 0, 1, ... k weightiest of the k essential components are kept, in percent of the
+    energy: its root mean square about its mean over the task's states; NaN where that is 0. Essential components are
+    combinations of inertial parameters, the right singular vectors of the energies (Sheu and Walker 1991, equation 23).
+    Raises `RankError` where the mechanism's rank k cannot be certified."""
     squares = np.sort(np.square(task.matrix("components") @ task.parameters))
     tails = np.append(np.cumsum(squares)[::-1], 0.0)
     return np.asarray(100.0 * np.sqrt(tails / tails[0]))

@@ -24,10 +24,11 @@ from adaptctl.recording.stream import log_markdown, saved_stream
 
 
 class TorqueCase(NamedTuple):
-    """The relative errors of two estimators, no units, with torques that are off by one kind of error, named `torques`.
-    `off` is the size of these torques' error over the torques'; `momentum` and `energy` are the errors of the torques
-    predicted for the last part of the log over these torques, by filtered dynamics and by energy differences. Nothing
-    is checked at construction."""
+    """The relative errors of two estimators of a robot's parameters, no units, for one kind of torques that they learn
+    from, described by `torques`. `off` is how far these are off, as a share of the torques of a model that stands for
+    the truth; `momentum` and `energy` are the errors of the torques that they predict for the last part of a log, as
+    shares of the model's, by filtered dynamics (the equations of motion behind a low-pass filter) and by energy
+    differences. Nothing is checked at construction."""
 
     torques: str
     off: float
@@ -50,8 +51,9 @@ class Curves(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Amplification:
-    """Result of an experiment on two estimators of a robot's parameters, filtered dynamics and energy differences over
-    windows of `window`, s: how errors of the torques that they learn from become errors of those that they predict.
+    """Result of an experiment on two estimators of a robot's parameters, how errors of the torques that they learn from
+    become errors of those that they predict: filtered dynamics (the equations of motion behind a low-pass filter), and
+    energy differences, one equation of work and energy over each window of `window`, s.
 
     `experiment` is its name and `title` the report's; `measured` has a `TorqueCase` for each kind of torques, the exact
     ones first, the measured ones last; `curves` are torques over time; `seed` is that of the random numbers, `complete`

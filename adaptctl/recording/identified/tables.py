@@ -69,10 +69,10 @@ def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
 
 def write_estimates(path: str | Path, found: Identification) -> None:
     """Write the first estimates for an adaptive controller to the file `path` as JSON, whole or not at all: of each
-    fundamental (base) parameter `value`, standard `deviation` and `prior_range` in its `unit`, and `gain`, in that unit
-    squared per J, the diagonal of the adaptation gain; all inertial and friction parameters, SI units; and each joint's
-    load-dependent friction, a share of its torque without a unit. Raises `FileError` where it cannot be written, and
-    for numbers that are NaN or infinite."""
+    fundamental (base) parameter, in its `unit`, `value`, standard `deviation` and `prior_range`, the greatest distance
+    of the truth that is expected, and `gain`, in that unit squared per J, the diagonal of the adaptation gain; all
+    inertial and friction parameters, SI units; and each joint's load-dependent friction, a share of its torque without
+    a unit. Raises `FileError` where it cannot be written, and for numbers that are NaN or infinite."""
     joints = [joint.name for joint in found.mechanism.primary_joints]
     columns = zip(
         found.names,
