@@ -45,7 +45,15 @@ def basis(
         Path | None, Parameter(metavar="FILE", help="Also save the basis, as JSON that adaptctl can load.")
     ] = None,
 ) -> None:
-    """Find the independent inertial parameters of a robot."""
+    """Find the independent inertial parameters of a robot, and print them, or with `json` a JSON object.
+
+    Table 4, in the options' help, is that of Sheu and Walker (1991); components are combinations of parameters, of
+    which few may carry nearly all energy. `out` is a file to save the basis in, which `FundamentalBasis.load` reads.
+    Raises `FileError` for files that cannot be used or written, `NotFoundError` for an unknown robot, `LoopError` where
+    kinematic loops do not fit together, `RankError` where the number of independent parameters cannot be certified or,
+    without `as_is`, angles or lengths are nearly special; `InputError` for a floating base of no URDF file and for a
+    percentage below 0.
+    """
     from adaptctl.dynamics import load
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
@@ -67,9 +75,14 @@ def basis(
 def as_builtins(
     mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None = None
 ) -> dict[str, Any]:
-    """A basis in JSON's types; `columns` count from 0, `regrouping` is K, `gap` that of the certificate.
+    """A robot's fundamental basis (base parameters) in JSON's types: `rank`, the number k of its inertial parameters
+    that are independent, of P, `parameters`; `independent`, the names of those kept, and `columns`, their indices from
+    0; `regrouping`, the matrix K (k, P), SI units, that gives their values K D from all P values D; `singular_values`
+    (P,) of the energy differences, J per SI unit, `gap`, the ratio at the rank, no unit, and `certificate`, the proof
+    of the rank.
 
-    Friction, which enters no energy, is in none of them.
+    Friction, which enters no energy, is in none of them. With a `reduction` (None by default) there is the number of
+    `components` that it keeps, with the energy errors in percent.
     """
     from msgspec import to_builtins
 

@@ -34,7 +34,9 @@ def report(
     reduction: Reduction | None,
     width: int = 80,
 ) -> Iterator[RenderableType]:
-    """Parts of the report from top to bottom, for a terminal of `width` characters."""
+    """Parts, texts and tables of the package rich, of the report that `adaptctl basis` prints, from top to bottom:
+    heading, singular values, parameters that are kept, regrouping equations and, unless `reduction` is None, the model
+    reduction. `width` is that of the terminal in characters, 80 by default. Nothing is raised."""
     yield header(mechanism, space, basis)
     yield titled("Singular values of the energy differences (log scale)", spectrum(space))
     yield titled("Parameters that are enough", *grid(mechanism, basis, width))
@@ -44,7 +46,9 @@ def report(
 
 
 def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis) -> Group:
-    """Heading: the robot, its number of independent parameters, and the certificate of that number."""
+    """Heading of the report of a basis, a group of texts of the package rich: the robot with its numbers of links,
+    joints and inertial parameters, how many of these are independent, the certificate that proves this number, and
+    notes."""
     parameters, friction = len(space.parameter_names), len(mechanism.parameter_names) - len(space.parameter_names)
     first = Text.assemble(
         (mechanism.name, "bold"),
@@ -64,7 +68,9 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
 
 
 def spectrum(space: EssentialSpace) -> Table:
-    """Bars of the first singular values, and of those about the gap, on a logarithmic scale."""
+    """Table, of the package rich, of the singular values of the energy differences with a bar of "#" for each, on a
+    logarithmic scale: the first two, six on either side of the gap at the rank (the number of independent parameters),
+    and the last."""
     values, k = space.singular_values, space.rank
     table = Table(box=None, show_header=False, pad_edge=False)
     shown = sorted({*range(min(2, k)), *range(max(0, k - ABOUT), min(len(values), k + ABOUT)), len(values) - 1})
@@ -81,7 +87,9 @@ def spectrum(space: EssentialSpace) -> Table:
 
 
 def grid(mechanism: Mechanism, basis: FundamentalBasis, width: int) -> list[Table]:
-    """Tables of kinds (rows) and links (columns), x where a parameter is kept; several where links are many."""
+    """Tables, of the package rich, of the inertial parameters that a basis keeps: kinds, such as m (mass) or I_xx
+    (moment of inertia), in rows, links in columns, an x where a parameter is kept. There are several where the links
+    need more than `width` characters."""
     links, tables = list(mechanism.links), []
     while links:
         count = 1
@@ -93,7 +101,8 @@ def grid(mechanism: Mechanism, basis: FundamentalBasis, width: int) -> list[Tabl
 
 
 def equations(basis: FundamentalBasis) -> Group:
-    """Regrouping equations, one a row; parameters that nothing is added to are only counted."""
+    """Regrouping equations of a basis, SI units, as a group of the package rich: a row for each kept parameter to which
+    others are added, and below them the number of those to which nothing is added."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
@@ -105,7 +114,8 @@ def equations(basis: FundamentalBasis) -> Group:
 
 
 def energy_error(reduction: Reduction) -> Text:
-    """Sentence on the number of components that suffice, and for which motions."""
+    """Sentence, a text of the package rich, on a model reduction: how many of the parameters' essential components keep
+    the energy to what error, in percent, and over which motions."""
     return Text(
         f"{reduction.kept} of {len(reduction.weights)} components keep the energy within "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "

@@ -13,8 +13,9 @@ def install_completion(
     shell: Annotated[Literal["bash", "zsh", "fish"] | None, Parameter(help="The shell; else the one in use.")] = None,
     out: Annotated[Path | None, Parameter(metavar="FILE", help="Write the script here instead.")] = None,
 ) -> None:
-    """Install completion for a shell: its script, and a line in its startup file where it needs one. Raises
-    `InputError` where the shell in use is not known."""
+    """Install completion of commands and flags for a shell: a script, and a line in the shell's startup file where it
+    needs one; with `out` the script alone, in that file. Prints where the script is. Raises `InputError` where no shell
+    is named and the one in use is not known, `OSError` where a file cannot be written."""
     from cyclopts.completion import ShellDetectionError
 
     from adaptctl.cli.main import app

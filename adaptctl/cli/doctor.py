@@ -18,7 +18,10 @@ OK, WRONG = 0, 1
 
 
 def doctor(*, json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False) -> int:
-    """Tell what is installed: versions, the processor's lanes, the cache, the viewer, extras. Exit code 1 if wrong."""
+    """Print what is installed: versions of packages, SIMD lanes of the processor (numbers computed at once), whether
+    code can be compiled, the cache of compiled code, the viewer, and optional extras; with `json` as a JSON object.
+    Returns the exit code: 0, or 1 where something is wrong. Raises `PackageNotFoundError` where adaptctl itself is not
+    an installed package."""
     found = examined()
     if json:
         print_json(found)
@@ -28,8 +31,11 @@ def doctor(*, json: Annotated[bool, Parameter(help="Print JSON instead of text."
 
 
 def examined() -> dict[str, Any]:
-    """A report of what is installed, in JSON's types; `wrong` holds a sentence for each thing that keeps adaptctl from
-    working."""
+    """A report of what is installed, in JSON's types: versions of `adaptctl`, `python`, required `packages` and those
+    of the optional `extras`, None for one that is missing; `platform`; `compiler`, with the processor's SIMD `lanes`
+    (numbers computed at once) and an `error` or None; `cache`, the folder of compiled code with its number of `objects`
+    and `bytes`; `viewer`, the path of rerun's viewer or None; and `wrong`, a sentence for each thing that keeps
+    adaptctl from working. Raises `PackageNotFoundError` where adaptctl itself is not an installed package."""
     import platform
 
     required, extras = _requirements()

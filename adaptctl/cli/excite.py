@@ -37,7 +37,16 @@ def excite(
     overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest."""
+    """Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest.
+
+    Writes both into a folder as CSV, and as JSON and YAML for ROS 2, with forecast.json, the deviations of the
+    parameters to be expected from a log of the motion, and prints an account, or with `json` the forecast. A pose has a
+    number for each joint, rad (m if prismatic); accelerations and jerks (m for rad if prismatic) and noise, N m (N if
+    prismatic), have one for all or one for each. Raises `FileError` for a robot's file that cannot be used and a folder
+    that is not empty or cannot be written, `NotFoundError` for an unknown robot, `InputError` for numbers of a wrong
+    count or size and where no motion keeps to the limits, `RankError` where the number of identifiable parameters
+    cannot be certified.
+    """
     from adaptctl.dynamics import load
     from adaptctl.files import write_json
     from adaptctl.identification.forecast import forecast
@@ -79,7 +88,12 @@ def _each(given: Numbers) -> Any:
 
 
 def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast, collisions: bool) -> dict[str, Any]:
-    """The forecast in JSON's types; `relative` is null where the robot's file has zero."""
+    """The forecast of an identification in JSON's types: `durations`, s, of the `motions` by name;
+    `self_collision_checked`, which is `collisions`, True where that was done; the `condition` number of the scaled
+    regressor; for each base parameter its standard `deviation`, SI units, and `relative`, that over the value in the
+    robot's file, None where this is 0; and `combinations` of parameters in words, the least excited first, with their
+    `strength` (no unit), the range that is plausible before the motion over the deviation after it. `robot` is the
+    robot as given."""
     from math import isfinite
 
     columns = zip(predicted.model.names, predicted.deviations.tolist(), predicted.relative.tolist(), strict=True)

@@ -32,7 +32,12 @@ for entry in EXPERIMENTS:
 
 @app.command(name="list")
 def list_experiments(*, json: Annotated[bool, Parameter(help="Print JSON instead of lines.")] = False) -> None:
-    """Print the names of the experiments, with a line about each."""
+    """Print the names of the experiments, with a line about each.
+
+    Experiments that installed packages offer come last, with the object that
+    defines them. With `json` a JSON object is printed instead, with `experiments`,
+    a list of `name` and `summary` of those that come with adaptctl.
+    """
     if json:
         entries = [{"name": entry.name, "summary": entry.summary} for entry in EXPERIMENTS]
         print_json({"schema": LIST_SCHEMA, "experiments": entries})
@@ -45,7 +50,11 @@ def list_experiments(*, json: Annotated[bool, Parameter(help="Print JSON instead
 
 
 def offer_own(given: Sequence[str]) -> None:
-    """Make a command of the experiment that `experiment run` names, where it is a file or an installed package's."""
+    """Make a command of the experiment that a command line names after `experiment run`, where it is a Python file
+    (.py) or one that an installed package offers; do nothing for all others. `given` are the words of the command line
+    after "adaptctl". Raises `FileError` for a file that is missing or cannot be imported, or defines no experiment or
+    several, `InputError` for a package's that cannot be imported or is none, for one without a name and a title, and
+    for a setting without a default."""
     name = given[2] if list(given[:2]) == ["experiment", "run"] and len(given) > 2 else "-"
     if name.startswith("-") or name in (entry.name for entry in EXPERIMENTS):
         return
@@ -101,7 +110,14 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
 
 
 def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: bool = False) -> int:
-    """Run an experiment and write its folder; returns the exit code, 3 where the verdict on its subject is failure."""
+    """Run an experiment, write its results to the folder `out` and print them, or with `json` a JSON object; returns
+    the exit code: 0, or 3 where its verdict on the controller is failure, or 130 where it was interrupted (Ctrl-C,
+    SIGTERM), after which what was computed is written.
+
+    The folder is there whole or not at all; with `overwrite` it may hold an older run, which is replaced. Progress goes
+    to stderr. Raises `FileError` where the folder is not empty, cannot be written, or is being written by another run;
+    `KeyboardInterrupt` on an interruption that leaves no result; and what the experiment raises.
+    """
     from adaptctl.folders import replacing_folder
 
     with notes_last():
@@ -119,7 +135,9 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
 
 
 def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
-    """Outcome of an experiment in JSON's types; the numbers are in the folder's summary.json."""
+    """Outcome of an experiment in JSON's types: its `experiment` name, whether it is `complete`, the `verdict` on its
+    controller, the `headline` and `facts` in words, and the `folder` of its files; numbers are in summary.json
+    there."""
     from adaptctl.recording.fact import answers
 
     return {
@@ -135,7 +153,8 @@ def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
 
 @contextmanager
 def notes_last() -> Iterator[None]:
-    """Context whose warnings are shown when it is over, below its outcome."""
+    """A context whose warnings are kept back and shown after it, below what it printed. Where the block raises, they
+    are not shown."""
     with warnings.catch_warnings(record=True) as kept:
         try:
             yield
@@ -158,8 +177,9 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[str, float], None]]:
-    """A context with progress as a bar a stage on stderr, where that is a terminal, with the time left; with the time
-    it took."""
+    """A context with progress shown on stderr, where that is a terminal. It gives a function `progress(what, share)`,
+    of a stage's name and the share of it that is done, 0 to 1: each stage has a bar with the time left, or once it is
+    done the time that it took. Where the block raises, the bars are removed."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 

@@ -37,7 +37,15 @@ def export(
     ] = False,
     json: Annotated[bool, Parameter(help="Print the manifest instead of a summary.")] = False,
 ) -> None:
-    """Write a robot's controller, gains by `adaptctl tune`, as code that needs no Python."""
+    """Write a robot's controller, gains by `adaptctl tune`, as code that needs no Python.
+
+    Writes C99 source or a WebAssembly module, with a manifest, into a folder that must not exist, and prints a summary,
+    or with `json` the manifest. `bandwidth` is the largest rate, the Λ of Slotine and Li's law, at which errors decay.
+    Raises `NotFoundError` for an unknown robot or law, `InputError` for a name or number that is not allowed, float in
+    WebAssembly, gains that no joint can hold, and a check that ends badly; `FileError` for a robot's file that cannot
+    be used and a folder that exists or cannot be written, `RankError` where the number of identifiable parameters
+    cannot be certified, `LoopError` where kinematic loops do not fit together.
+    """
     from adaptctl.codegen import export as exported
     from adaptctl.dynamics import load
     from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis

@@ -38,7 +38,14 @@ def gains(
     ] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Design the gains of a robot's tracking loop, and tell their margins."""
+    """Design the gains of a robot's tracking loop, and print them with their margins, or with `json` a JSON object.
+
+    Weights and poles are for the error of each joint, in rad (m if prismatic) and s. Raises `GainError` where the
+    control period cannot carry the gains, `InputError` for numbers out of range, poles that are not real or conjugate
+    or not stable, a floating base of no URDF file, and a typical inertia of a joint that is not positive; `FileError`
+    for a robot's file that cannot be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops do
+    not fit together.
+    """
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
 
@@ -60,7 +67,15 @@ def gains(
 
 
 def as_builtins(design: GainDesign) -> dict[str, Any]:
-    """Gain design in JSON's types, a joint each; null for what is infinite, and where no cascade exists."""
+    """A gain design in JSON's types, one entry a joint: typical `inertia`, kg m^2 (kg if prismatic), and
+    `least_inertia` over it, no unit; `stiffness`, 1/s^2, and `rate`, 1/s, of the error's feedback; its natural
+    frequency `bandwidth`, rad/s, and `damping_ratio`, no unit; the gains of Slotine and Li's law,
+    `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m), None where the poles are not real; gain
+    margin (no unit), phase margin (rad), delay margin (s) and `crossover` (rad/s), None for infinite or none.
+
+    For all joints it has the `period`, s, the `delay` in periods, the `sampled_gain`, the `largest_sampled_gain` that
+    is allowed, and `fastest`, the factor by which poles may be faster, None for infinite; no units.
+    """
     mechanism, cascade = design.mechanism, design.damped_enough
     joints = [
         {

@@ -16,7 +16,8 @@ METHODS = {"bandwidth": "from a bandwidth and a damping ratio", "poles": "by pol
 
 
 def report(design: GainDesign) -> Iterator[RenderableType]:
-    """Parts of the report from top to bottom."""
+    """Parts, texts and tables of the package rich, of the report that `adaptctl gains` prints, from top to bottom: the
+    method, each joint's gains, the margins of each joint's loop, and the sampled gain of all joints together."""
     late = f" and a delay of {design.delay}" if design.delay else ""
     yield Text.assemble(
         (design.mechanism.name, "bold"),

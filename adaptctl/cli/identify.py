@@ -63,7 +63,16 @@ def identify(
     overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Identify a robot's inertial and friction parameters from logs of its motion."""
+    """Identify a robot's inertial and friction parameters from logs of its motion.
+
+    Writes the identified robot, estimates, validation, summary, recording, figures and report into a folder, and prints
+    the outcome, or with `json` a JSON object. The name of an example in place of a log, without `robot`, takes the
+    example's files. Raises `FileError` for files that cannot be read or used and a folder that is not empty or cannot
+    be written, `NotFoundError` for an unknown robot, `InputError` for options of a wrong form or out of range, without
+    a `robot`, and for logs that are at rest, too short or slow, or not this robot's, `LoopError` where kinematic loops
+    do not fit together, `MissingExtraError` for ROS bags without the extra `logs`, `AdaptctlError` where no consistent
+    estimate is found.
+    """
     from adaptctl.identification import identify as identified
 
     with replacing_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
@@ -90,7 +99,8 @@ def identify(
 
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
-    """Outcome of an identification in JSON's types; the numbers are in the folder's summary.json."""
+    """Outcome of an identification in JSON's types: the `verdict` in a sentence, `facts` (questions and answers) and
+    `remarks` in words, and the `folder` of its files; numbers are in summary.json there. Nothing is raised."""
     from adaptctl.recording.fact import answers
     from adaptctl.recording.identified.report import facts, verdict
 

@@ -26,11 +26,12 @@ _since: dict[int, float] = {}
 
 
 def raised(number: int, frame: FrameType | None) -> None:
-    """Handle a signal by KeyboardInterrupt, at once or, in the midst of an import, soon.
+    """Handle a signal of this `number` by raising `KeyboardInterrupt`; `frame` is what was running, None for nothing.
+    In the midst of an import the signal is sent again every 10 ms instead, for up to 3 s, or longer while Python's own
+    import code runs.
 
-    Python's own code that imports takes a lock which every import needs: an exception between two of its lines leaves
-    it taken, and other threads wait for ever. What a module does while it is imported makes other errors of it: in
-    `__set_name__` a RuntimeError, in a destructor nothing.
+    That code takes a lock which every import needs: an exception between two of its lines leaves it taken, and other
+    threads wait for ever. What a module does while it is imported makes other errors of the exception, or loses it.
     """
     innermost = frame is not None and frame.f_code.co_filename == IMPORTING
     waited = time.monotonic() - _since.setdefault(number, time.monotonic())
@@ -52,18 +53,22 @@ def _importing(frame: FrameType | None) -> bool:
 
 
 class Interruption:
-    """Flag of a user's request to end, set by a signal."""
+    """Record of a user's request to end the program, made by a signal (Ctrl-C, SIGTERM): `asked` is True once there was
+    one. It begins without."""
 
     def __init__(self) -> None:
         self.asked = False
         self._held = False
 
     def hold(self) -> None:
-        """Begin to write results: the next interruption is noted and lets the writing finish, one more ends it."""
+        """Mark the beginning of the writing of results: the next signal is only noted, so that the writing ends, and
+        one more raises `KeyboardInterrupt`."""
         self._held = True
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal. Raises KeyboardInterrupt, as `raised` does, unless results are being written."""
+        """Handle a signal of this `number`, in the manner of Python's signal handlers; `frame` is what was running.
+        Notes it in `asked` and raises `KeyboardInterrupt`, in the midst of an import a moment later; but for the first
+        one after `hold`, while results are being written, which only prints a line on stderr."""
         self.asked = True
         if self._held:
             self._held = False
@@ -72,10 +77,12 @@ class Interruption:
         raised(number, frame)
 
     def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
-        """A `progress` callback that raises KeyboardInterrupt in the midst of a stage when an end was asked for.
+        """A progress callback that passes its arguments, a stage's name and the share of it that is done, 0 to 1, on to
+        `progress`, and raises `KeyboardInterrupt` instead once a signal has asked for an end and the share is below 1.
 
-        Python loses an exception that a signal raises inside a destructor or a callback of its own; this is
-        where it is found again. The end of a stage passes, for the stage may just have ended because of it.
+        Python loses an exception that a signal's handler raises inside a destructor or a callback of its own; this is
+        where the request is found again. The end of a stage passes, for the stage may just have ended because of the
+        request.
         """
 
         def checked(what: str, share: float) -> None:
@@ -88,7 +95,9 @@ class Interruption:
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Context in which any of SIGNALS raises KeyboardInterrupt, and is remembered."""
+    """A context in which Ctrl-C (SIGINT) and SIGTERM raise `KeyboardInterrupt` and are noted in the `Interruption` that
+    it gives; the handlers before it are back afterwards. Outside the main thread, which alone gets signals, it changes
+    nothing."""
     interruption = Interruption()
 
     try:

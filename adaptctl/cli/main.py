@@ -25,14 +25,17 @@ DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 def version() -> str:
-    """Text of --version; computed only when asked for, since that takes a while."""
+    """Text of the version for `adaptctl --version`, such as "adaptctl 1.0.0"; a function, since the import that it
+    needs takes a while."""
     import adaptctl
 
     return f"adaptctl {adaptctl.__version__}"
 
 
 def whole_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Raise `InputError` for 1.5 where a whole number is meant, which cyclopts would round."""
+    """Raise `InputError` for an argument such as 1.5 where a whole number is meant, which cyclopts, the parser of
+    command lines, would round. It has cyclopts' signature of such checks: `arguments` are those parsed, with the texts
+    given; `app` and `commands` are not used."""
     for argument in arguments:
         for token in argument.tokens if argument.hint is int else ():
             if not token.value.strip().removeprefix("-").isdecimal():
@@ -70,8 +73,10 @@ app.command(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line; returns 0 when done, 1 when it failed, 2 when the input was wrong, 3 when an
-    experiment's verdict is failure, 130 on Ctrl-C."""
+    """Run a command line, `argv` or by default (None) that of the process, without the program's name; returns the exit
+    code: 0 when done, 1 when it failed, 2 when the input was wrong, 3 when an experiment's verdict is failure, 130 on
+    Ctrl-C. Errors of adaptctl and of the operating system become a line on stderr, as do adaptctl's warnings; other
+    errors, which are bugs, are raised."""
     given = list(sys.argv[1:] if argv is None else argv)
     with _warnings_as_notes():
         try:

@@ -12,13 +12,15 @@ if TYPE_CHECKING:
 
 
 def print_json(content: Mapping[str, Any]) -> None:
-    """Print a mapping of JSON's types. Raises ValueError on numbers that JSON does not have."""
+    """Print a mapping of JSON's types on stdout, indented by two characters. Raises `ValueError` for NaN and infinity,
+    which JSON does not have, and `TypeError` for values of other types."""
     json.dump(content, sys.stdout, indent=2, allow_nan=False)
     sys.stdout.write("\n")
 
 
 def print_parts(parts: Iterable[RenderableType]) -> None:
-    """Print parts of a report one below the other."""
+    """Print the parts of a report, texts and tables of the package rich, on stdout, one below the other, as wide as the
+    terminal."""
     from rich.console import Console
 
     console = Console()
@@ -27,14 +29,16 @@ def print_parts(parts: Iterable[RenderableType]) -> None:
 
 
 def terminal_width() -> int:
-    """Number of characters in a line of the terminal, or 80."""
+    """Number of characters in a line of the terminal; 80 where there is no terminal and the environment variable
+    COLUMNS does not tell."""
     from rich.console import Console
 
     return Console().width
 
 
 def titled(title: str, *parts: RenderableType) -> Group:
-    """Parts indented below a title, after an empty line."""
+    """A group, of the package rich, of an empty line, a title in bold, and `parts`, texts or tables, indented by two
+    characters."""
     from rich.console import Group
     from rich.padding import Padding
     from rich.text import Text

@@ -52,7 +52,16 @@ def sweep(
 ) -> int:
     """Run an experiment for every combination of settings.
 
-    Exit code 0 when every run has its rows, whatever they say.
+    Writes the results of all runs, a row for each controller, to sweep.parquet in a folder, with report.html, and
+    prints a summary; runs that are in the folder already are not computed again. With `search` it looks for the
+    settings that make the results' column `minimise` least instead, and writes best.toml. The exit code is 0 when every
+    run has its rows, whatever they say.
+
+    Raises `NotFoundError` for an unknown experiment, study or setting, `InputError` for values of a wrong form, a
+    `shard` that is not from 1 to 100000, more than 20000 runs that were not agreed to, a folder of something else, TLS
+    files that are not all there, and a scheduler that cannot be reached, `FileError` for files that cannot be read or
+    written, `MissingExtraError` without the extra `sweep` or `search`, `KeyboardInterrupt` on Ctrl-C, which leaves what
+    a sweep has computed in its folder.
     """
     from adaptctl.sweeps.cluster import Cluster
     from adaptctl.sweeps.folder import Folder
@@ -87,7 +96,13 @@ def sweep(
 
 @app.command
 def status(folder: Path, *, json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False) -> int:
-    """Print how far a sweep is, and what its rows say so far."""
+    """Print how far a sweep is, and what its rows say so far.
+
+    A sweep keeps its rows in files of so many runs each, its shards. With `json`
+    the number of `shards` that are there, that of all, `shards_in_all`, and of
+    `runs` are printed as a JSON object instead. Returns the exit code 0. Raises
+    `FileError` for a folder that holds no sweep.
+    """
     from adaptctl.sweeps.folder import saved_study
 
     study = saved_study(folder)
@@ -102,7 +117,12 @@ def status(folder: Path, *, json: Annotated[bool, Parameter(help="Print JSON ins
 
 @app.command
 def report(folder: Path) -> int:
-    """Write report.html of what a sweep has so far: maps, the worst runs, and the commands that show them."""
+    """Write report.html of what a sweep has so far: maps, the worst runs, and the commands that show them.
+
+    The file is written into the sweep's folder, and its path printed. Returns the
+    exit code 0. Raises `FileError` for a folder that holds no sweep or no rows yet,
+    and where the file cannot be written.
+    """
     from adaptctl.sweeps.report import write_report
 
     print(f"Read it:  {write_report(folder)}")

@@ -17,7 +17,9 @@ UNBOUNDED = 10_000
 
 @dataclass(frozen=True)
 class WrappedTable:
-    """Table whose columns stand below each other where they do not fit side by side, the first one repeated."""
+    """A table for a terminal of any width, printed by the package rich: `heads` are the columns' titles, `rows` hold a
+    text for each column. Where it is too wide, further columns go on in tables below, the first column repeated in
+    each, so that no number is cut. Nothing is checked at construction."""
 
     heads: Sequence[str]
     rows: Sequence[Sequence[str | Text]]

@@ -29,7 +29,16 @@ def tune(
     ] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Choose a reference and gains for a robot, and tell what limits them and how they do."""
+    """Choose a reference and gains for a robot, and print them, with what limits them and the errors of verifying runs,
+    or with `json` a JSON object.
+
+    The law is Slotine and Li's, whose errors decay at rates Λ (1/s), with damping K (N m s/rad, N s/m if prismatic) and
+    adaptation gain Γ. In the options' help T is the control period (s), M the mass matrix, B viscous friction, Y the
+    regressor of the parameters, Y' its transpose, and λ_max the largest eigenvalue; `hold` and `adaptation` have no
+    unit. Raises `InputError` for numbers out of range, joints that no gains can hold and a floating base of no URDF
+    file, `FileError` for a robot's file that cannot be used, `NotFoundError` for an unknown robot, `LoopError` where
+    kinematic loops do not fit together.
+    """
     from adaptctl.dynamics import load
     from adaptctl.tuning import tune as tuned
 
@@ -46,7 +55,13 @@ def tune(
 
 
 def as_builtins(tuning: Tuning) -> dict[str, Any]:
-    """Tuning in JSON's types, a joint each; null for what is infinite."""
+    """A tuning in JSON's types. Each of the `joints` has Slotine and Li's gains, `bandwidth` (1/s) and `damping` (N m
+    s/rad, N s/m if prismatic), `initial_error` (rad, m), `torque_limit` (N m, N), `torque_share`, the largest share of
+    it that the reference asks (no unit), `limited_by`, words on what limits the gains, and the reference's `center` and
+    `amplitude` (rad, m) and `frequency` (Hz). For all there are the control `period` (s), the diagonal of the
+    `adaptation` gain by parameter (its unit squared per J), the integration (`substeps` a period, `integrator`), the
+    stability numbers `hold_number` and `adaptation_number` (no units), `verified`, tracking errors of runs (rad, m),
+    None for infinite, and `notes`."""
     mechanism, reference = tuning.mechanism, tuning.reference
     joints = [
         {

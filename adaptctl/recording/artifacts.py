@@ -29,7 +29,7 @@ def shown(comparison: Comparison) -> Result:
     """The `Result` of an experiment, as the command line shows it, from the comparison of its runs: whether it is
     complete, headline, facts and verdict in words, and a function that writes its folder (recording, summary, trace,
     figures, report). Its `failed` stays False: whether the adaptive controller did what was asked is in its
-    `verdict.passed`."""
+    `verdict.passed`. Raises `ValueError` where the tracking errors that the words are about are NaN or infinite."""
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),
@@ -48,7 +48,7 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     there, or none where one cannot be or `progress` raises. `progress(what, share)` is called with the name of what is
     being written, and the share of the whole that is done, 0 to 1; unless given, nothing is shown. Raises `FileError`
     where a file cannot be written or a folder cannot be made, and for NaN or infinity among the summary's numbers, such
-    as findings.
+    as errors and findings; `InputError` for the basis of another mechanism.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

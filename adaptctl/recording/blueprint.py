@@ -21,7 +21,16 @@ LONGEST = 12
 
 @dataclass(frozen=True, eq=False)
 class ScreenContents:
-    """Contents of a comparison's recording, names, units and ranges, on which its layout depends."""
+    """Contents of a comparison's recording on which its layout on the screen depends: names, units and ranges.
+
+    `viewpoint` is the camera's; `error_unit`, "mrad" or "mm", is that of the joints' errors, whose least and greatest
+    values are `error_range`. Entities are parts of paths in the recording: `links`, of the links and joints with
+    parameter estimates, `link_units` with the units of each as one text, such as "kg·m, kg·m²"; `joints`, of the
+    joints, with `position_units` and `torque_units`; `runs`, of the runs, the first being the one that the comparison
+    is about, with their titles, `labels`. `lyapunov` is words on the Lyapunov function, `leading` the title of errors
+    that are shown before the joints', both None where there are none; `end` is the run's end, s; `truth_known`, True
+    unless given, whether true parameters are drawn. Nothing is checked at construction.
+    """
 
     viewpoint: Viewpoint
     error_unit: str
@@ -49,13 +58,15 @@ class ScreenContents:
 
     @property
     def truth(self) -> str:
-        """Words on the true values for the titles of estimates: drawn as level lines, or unknown."""
+        """Words on true parameters for the titles of views of estimates: "level lines: true values" where they are
+        known, else "true values unknown"."""
         return "level lines: true values" if self.truth_known else "true values unknown"
 
 
 def blueprint(shown: ScreenContents) -> rrb.Blueprint:
-    """The recording's layout in tabs: everything at a glance, the controllers, tracking, torque, parameters, and the
-    offline stage."""
+    """Blueprint, the layout of a comparison's rerun recording, in tabs: all at a glance; errors of all controllers;
+    positions; torques; parameter estimates, where there are any; and the independent parameters with their equations.
+    Raises `ValueError` where, of its `shown` contents, texts and the units for them differ in number."""
     containers = [_overview(shown), _controllers(shown), _tracking(shown), _torques(shown)]
     if shown.links:
         containers.append(_parameters(shown))

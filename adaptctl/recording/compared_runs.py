@@ -31,14 +31,15 @@ def compared_runs(
     """A `Comparison` of runs of one mechanism, given by their labels, for `write_artifacts`; the first run is its
     subject, the one that recording and report are about.
 
-    `runs` maps labels, for legends, to runs (`Rollout`) of r primary joints. `title` is the report's, where empty the
-    mechanism's name and the first label; `purpose` is a sentence for the report, or empty. `adaptation_off` is the
-    label of the run with adaptation off, None if there is none. `basis` is the fundamental basis of the estimates, (T,
-    k) for T samples of k parameters: the basis's and then friction's; None for the mechanism's own, `fundamental_basis`
-    with the default order of removing dependent parameters. `torque_limits` (r,), or one for all, N m (N for a
-    prismatic joint), must be positive and finite; None for the mechanism's effort limits, and where a joint has none
-    four times its largest torque in random states, at least 1 N m (N). Unless `truth_known`, the mechanism's parameters
-    are not taken for those of the arm: recording and report show estimates without true values.
+    `runs` maps labels, for legends, to runs (`Rollout`) of the mechanism's r primary (independent) joints. `title` is
+    the report's, where empty the mechanism's name and the first label; `purpose` is a sentence for the report, or
+    empty. `adaptation_off` is the label of the run with adaptation off, None if there is none. `basis` is the
+    fundamental basis (base parameters) of the estimates (T, k), T samples of k parameters: the basis's and then
+    friction's; None for the mechanism's own, `fundamental_basis` with the default order of removing dependent
+    parameters. `torque_limits` (r,), or one for all, N m (N for a prismatic joint), must be positive and finite; None
+    for the mechanism's effort limits, and where a joint has none four times its largest torque in random states, at
+    least 1 N m (N). Unless `truth_known`, the mechanism's parameters are not taken for those of the arm: recording and
+    report show estimates without true values.
 
     Raises `InputError` without a run, for a run without samples or of another number of joints, where the first run has
     estimates of another number of parameters than k, for a basis of another mechanism, and for limits of another shape,

@@ -79,10 +79,10 @@ class ControllerRun:
         return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
-        """Root mean square of the tracking errors p - p_d (positions minus desired ones), rad (m), of joints at times t
-        with `start` <= t < `stop`, s, all of the run unless given; None without such samples. `joints` is a slice or a
-        list of indices from 0, all unless given; joints of both kinds go into one number. Raises `IndexError` for an
-        index that is no joint's, `InputError` for no joints."""
+        """Root mean square of the tracking errors, positions minus desired ones, rad (m), of joints at times t with
+        `start` <= t < `stop`, s, all of the run unless given; None without such samples. `joints` is a slice or a list
+        of indices from 0, all unless given; joints of both kinds go into one number. Raises `IndexError` for an index
+        that is no joint's, `InputError` for no joints."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         errors = self.rollout.error[inside][:, joints]
         if errors.shape[1] == 0:
@@ -202,8 +202,9 @@ def _require_errors(leading: Leading, run: ControllerRun) -> None:
 
 
 def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTATION_OFF) -> dict[str, int]:
-    """Place of every run's colour among the palette's, by the run's name: the subject, which is the first, then the run
-    with adaptation off, then the others in their order."""
+    """Indices from 0 of the runs' colours in the palette, by the runs' names: 0 for the first run, the one that a
+    comparison is about, 1 for the run named `without_adaptation`, by default "adaptation-off" (left free where there is
+    none), then the others in their order. Raises `ValueError` without a run."""
     first, *others = [run.name for run in runs]
     others.sort(key=lambda name: name != without_adaptation)
     shift = 0 if first == without_adaptation or without_adaptation in others else 1
@@ -216,12 +217,12 @@ class Comparison:
     adaptive controller that the experiment is about.
 
     `experiment` is the experiment's name, `title` and `purpose` are words for the report; `mechanism` has r primary
-    joints; `space` is the essential space of its inertial parameters (their directions that change energies and
-    torques), `basis` the fundamental basis of the subject's estimates; `runs`, at least one, with names that differ;
-    `torque_limits` (r,), N m (N for a prismatic joint), positive and finite; `settings` and `findings`, the
-    experiment's settings and further results, for summary and report; `seed`, of the random numbers; `duration`, s, the
-    length asked for; `complete`, False where the experiment was interrupted: the runs hold what was computed until
-    then.
+    (independent) joints; `space` is the essential space of its inertial parameters (their directions that change
+    energies and torques), `basis` the fundamental basis (base parameters) of the subject's estimates; `runs`, at least
+    one, with names that differ; `torque_limits` (r,), N m (N for a prismatic joint), positive and finite; `settings`
+    and `findings`, the experiment's settings and further results, for summary and report; `seed`, of the random
+    numbers; `duration`, s, the length asked for; `complete`, False where the experiment was interrupted: the runs hold
+    what was computed until then.
 
     `without_adaptation` is the name of the run with the subject's gains and adaptation off; `more_drawings`, figures
     for the report besides those of every comparison; `answer`, the outcome in a sentence or two, None for words made
@@ -301,8 +302,8 @@ class Comparison:
 
     @property
     def baseline(self) -> ControllerRun | None:
-        """The run of the subject's (the first run's) controller with adaptation off, the one whose name is
-        `without_adaptation`; None where there is none."""
+        """The run of the first run's controller with its adaptation off: the one whose name is `without_adaptation`;
+        None where there is none."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 
     @cached_property
@@ -322,17 +323,19 @@ class Comparison:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the r primary joints, in the order of the columns of the runs' positions and torques."""
+        """Names of the mechanism's r primary (independent) joints, in the order of the columns of the runs' positions
+        and torques."""
         return tuple(joint.name for joint in self.mechanism.primary_joints)
 
     @property
     def position_units(self) -> tuple[str, ...]:
-        """Units, as texts, of the r primary joints' positions: "rad" or "m" each."""
+        """Units, as texts, of the positions of the mechanism's r primary (independent) joints: "rad" or "m" each."""
         return position_units(self.mechanism)
 
     @property
     def torque_units(self) -> tuple[str, ...]:
-        """Units, as texts, of the r primary joints' torques: "N·m" or, of a prismatic joint's force, "N" each."""
+        """Units, as texts, of the torques of the mechanism's r primary (independent) joints: "N·m" or, for a prismatic
+        joint's force, "N" each."""
         return torque_units(self.mechanism)
 
     @property
@@ -343,8 +346,8 @@ class Comparison:
 
     @property
     def joints_by_unit(self) -> dict[str, list[int]]:
-        """Indices from 0 of the primary joints, as lists, by the unit of their positions, "rad" or "m": rad before m; a
-        unit that no joint has is left out."""
+        """Indices from 0 of the mechanism's primary (independent) joints, as lists, by the unit of their positions,
+        "rad" or "m": rad before m; a unit that no joint has is left out."""
         units = self.position_units
         return {unit: [j for j, one in enumerate(units) if one == unit] for unit in sorted(set(units), reverse=True)}
 
@@ -358,6 +361,6 @@ class Comparison:
 
     @property
     def peak_torque_shares(self) -> Array:
-        """Largest magnitudes (r,) of the applied torques of r primary joints in the first run, each as a share of the
-        joint's torque limit, no unit: 1 at the limit."""
+        """Largest magnitudes (r,) of the applied torques of the r primary (independent) joints in the first run, each
+        as a share of the joint's torque limit, no unit: 1 at the limit."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

@@ -50,7 +50,8 @@ STYLE: dict[Any, Any] = {
 
 
 class Drawing(NamedTuple):
-    """A drawing for a report: its file's name, its caption, and the function that draws it."""
+    """A drawing for a report: its `name`, which its PNG file gets, its `caption` in words, and `draw`, a function
+    without arguments that returns it as a Matplotlib figure. Nothing is checked at construction."""
 
     name: str
     caption: str
@@ -58,12 +59,15 @@ class Drawing(NamedTuple):
 
 
 def sheet(height: float) -> Figure:
-    """Empty figure of a report's width, and of a height in inches."""
+    """An empty Matplotlib figure for a report, 9.2 inches wide and `height` inches tall, with 160 dots an inch and a
+    layout that keeps its parts apart."""
     return Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
 
 
 def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str, Path]:
-    """Draw figures into a folder, as PNG; returns the files by name."""
+    """Write drawings as PNG files into an existing folder, each whole or not at all, in the reports' style; returns the
+    files' paths by the drawings' names, such as "torque" for torque.png. Raises `FileError` where a file cannot be
+    written, and what a drawing's own function raises."""
     written = {}
     for drawing in drawings:
         written[drawing.name] = Path(folder) / f"{drawing.name}.png"

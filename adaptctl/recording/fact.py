@@ -30,5 +30,6 @@ class Fact(NamedTuple):
 
 
 def answers(facts: Iterable[Fact]) -> dict[str, str]:
-    """Answers by their questions."""
+    """Mapping of questions to answers, both texts, of the facts about an experiment's result, in their order; of facts
+    with one question, the last counts."""
     return {fact.question: fact.answer for fact in facts}

@@ -26,12 +26,17 @@ AVERAGE = 0.25
 
 
 def write_figures(folder: str | Path, comparison: Comparison) -> dict[str, Path]:
-    """Write every figure that a comparison has into a folder; returns the files by name."""
+    """Write the figures of a comparison of runs as PNG files into an existing folder, each whole or not at all; returns
+    the files' paths by the figures' names, such as "torque" for torque.png. Raises `FileError` where a file cannot be
+    written, `InputError` for parameter estimates with the basis of another mechanism."""
     return write_drawings(folder, drawings(comparison))
 
 
 def drawings(comparison: Comparison) -> Iterator[Drawing]:
-    """Figures of a comparison, in the order of the report."""
+    """Figures of a comparison of runs, each a `Drawing` with name, caption and drawing function, in the order of the
+    report: tracking errors, the comparison's own figures, joint errors, the Lyapunov function where the first run has
+    one, torques, parameter estimates where it has any, singular values. Nothing is drawn, nor raised, before a
+    drawing's function is called."""
     unit = comparison.error_unit
     yield Drawing(
         "tracking-error",
@@ -68,7 +73,8 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
 
 
 def tracking_error(comparison: Comparison) -> Figure:
-    """Figure of all controllers' errors over time, on a logarithmic scale."""
+    """Figure (Matplotlib) of the tracking errors of all runs of a comparison over time (s), one line a run, on a
+    logarithmic scale: root mean square over all joints and the last 0.25 s, in mrad or mm."""
     figure = sheet(4.2)
     axes = figure.subplots()
     for run in reversed(comparison.runs):
@@ -92,7 +98,8 @@ def tracking_error(comparison: Comparison) -> Figure:
 
 
 def joint_errors(comparison: Comparison) -> Figure:
-    """Figure of every joint's errors, with adaptation and without, on one scale."""
+    """Figure (Matplotlib) of every joint's tracking error over time (s), in mrad or mm: a panel for the comparison's
+    first run and, where there is one, below it and on the same scale, a panel for the run with adaptation off."""
     runs = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     figure = sheet(2.3 * len(runs) + 0.4)
     for axes, run in zip(
@@ -111,7 +118,9 @@ def joint_errors(comparison: Comparison) -> Figure:
 
 
 def lyapunov(comparison: Comparison) -> Figure:
-    """Figure of the Lyapunov function, and of its fall at every step. Raises ValueError for a run without one."""
+    """Figure (Matplotlib) of the Lyapunov function of a comparison's first run over time (s), in J, and of its fall
+    from each sample to the next, on a logarithmic scale, where rises are marked as dots. Raises `ValueError` for a run
+    without a Lyapunov function."""
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
         raise ValueError("this run has no Lyapunov function")
@@ -140,7 +149,8 @@ def lyapunov(comparison: Comparison) -> Figure:
 
 
 def torque(comparison: Comparison) -> Figure:
-    """Figure of every joint's torque between its limits."""
+    """Figure (Matplotlib) of the applied torques of a comparison's first run over time (s), one panel a joint, N m (N
+    if prismatic): what lies beyond the torque limits is shaded, and the peak is told in percent of the limit."""
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
     grid = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
@@ -159,7 +169,9 @@ def torque(comparison: Comparison) -> Figure:
 
 
 def parameters(comparison: Comparison) -> Figure:
-    """Figure of every estimate against the truth, one small panel each."""
+    """Figure (Matplotlib) of the parameter estimates of a comparison's first run over time (s), one small panel a
+    parameter, in SI units, each on its own scale; a dashed line is the true value, where it is known. Raises
+    `IndexError` for a run without estimates, `InputError` for the basis of another mechanism."""
     names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
     every = thinned(len(rollout.time), SAMPLES // 6)
     grid = _small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
@@ -174,7 +186,9 @@ def parameters(comparison: Comparison) -> Figure:
 
 
 def spectrum(comparison: Comparison) -> Figure:
-    """Figure of the singular values on a logarithmic scale, with the gap."""
+    """Figure (Matplotlib) of the singular values of the energies by which a mechanism's independent inertial parameters
+    are counted, each over the largest (no unit), on a logarithmic scale: a bar for each, and a dashed line in the gap
+    between those that count and those that are zero but for round-off."""
     values, rank = shares(comparison.space), comparison.space.rank
     figure = sheet(3.3)
     axes = figure.subplots()

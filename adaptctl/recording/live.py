@@ -84,9 +84,9 @@ class Live:
 
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
         """Send a sample to the viewer, without waiting: `time` in s, positions `p` and desired positions `reference_p`
-        (r,), rad (m), and `torque` (r,), N m (N). It is left out where it follows the last one sooner than `rate`
-        (samples a second) allows. What is no number, NaN, infinity and arrays that are not (r,) end the view with a
-        `LiveViewWarning`: for the control loop's sake, no error is raised."""
+        (r,) of the r joints, rad (m if prismatic), and `torque` (r,), N m (N). It is left out where it follows the last
+        one sooner than the view's `rate` (samples a second) allows. What is no number, NaN, infinity and arrays that
+        are not (r,) end the view with a `LiveViewWarning`: for the control loop's sake, no error is raised."""
         try:
             if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
                 return
@@ -166,9 +166,13 @@ class Live:
 
 
 def reachable(address: str, start_viewer: bool = False, inline: bool = False) -> str | None:
-    """The URL of a viewer at HOST:PORT of this computer, started where there is none, without a window for `inline`;
-    None, after a warning, where none can be reached. Raises `InputError` for another form of address, or another
-    computer's."""
+    """The URL of a rerun viewer on this computer at `address`, such as "127.0.0.1:9876" (or "localhost:9876"), for a
+    live view to send to; None, after a `LiveViewWarning`, where none can be reached.
+
+    With `start_viewer` (False by default) a viewer is started where none answers, and waited for up to 10 s; with
+    `inline` it is a server without a window, for notebooks, which ends with Python. Raises `InputError` for an address
+    of another form or computer, and for a port that is not from 1 to 65535.
+    """
     host, _, port = address.rpartition(":")
     if host not in (HOST, "localhost") or not port.isdecimal() or not 0 < int(port) < 65536:
         raise InputError(f"live view: expected {HOST}:PORT, this computer's own, or a file .rrd, got {address!r}")
@@ -196,7 +200,9 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
 
 @contextmanager
 def streaming(to: str | None) -> Iterator[None]:
-    """A context in which experiments stream to an address; to none where it is None."""
+    """A context in which experiments that can be watched stream their runs to a live view: `to` is the address
+    HOST:PORT of a rerun viewer on this computer, or a file that ends in .rrd; to none where it is None. What was set
+    before holds again after the block. The address is checked only where an experiment uses it."""
     token = CURRENT.set(to)
     try:
         yield

@@ -18,7 +18,9 @@ from adaptctl.recording.wording import (
 
 
 def summary_markdown(comparison: Comparison) -> str:
-    """Summary in Markdown: the outcome, the numbers that matter, a table of the runs."""
+    """Summary of a comparison of runs as Markdown: its outcome in words, a table of facts, and a table with a row for
+    each run, with its tracking errors and how it ended. Raises `ValueError` for tracking errors that are NaN or
+    infinite."""
     warning = "" if comparison.complete else f"**{INCOMPLETE}**\n\n"
     leading = comparison.leading
     heads = ["controller", "knows", *(["first second", "last 2 s"] if leading is None else _heads(leading)), "outcome"]
@@ -57,7 +59,9 @@ def _paired(answers: list[Fact]) -> str:
 
 
 def equations_markdown(comparison: Comparison) -> str:
-    """Regrouping equations in Markdown: the parameters that are kept, and what is added to them."""
+    """Regrouping equations of a comparison's fundamental basis as Markdown, SI units: one for each inertial parameter
+    that is kept, with what is added to it of those that depend on it, below the number of parameters that are
+    independent."""
     certificate = f"rank {comparison.space.rank} of {len(comparison.space.parameter_names)}"
     equations = "\n".join(f"    {equation}" for equation in comparison.basis.equations())
     return f"""# Independent parameters: {certificate}

@@ -15,14 +15,21 @@ HOME = "adaptctl.recording"
 
 
 class Figure(NamedTuple):
-    """Caption of a figure, and its PNG file in base64."""
+    """A figure inside an HTML page: its `caption`, in words, and `data`, the bytes of its PNG file as base64 text.
+    Nothing is checked at construction."""
 
     caption: str
     data: str
 
 
 def rendered(template: str, package: str = HOME, **content: object) -> str:
-    """HTML of a template beside the modules of `package`; it may extend or import those of this package."""
+    """HTML, as text, made from a Jinja template: the file named `template` in the folder of the Python package
+    `package`, by default "adaptctl.recording", whose templates it may extend and import. `content` has the template's
+    variables, by name; texts among them are escaped for HTML.
+
+    Raises Jinja's `TemplateNotFound` for a template that does not exist, and its `UndefinedError` for a variable that
+    the template uses and `content` lacks; `ModuleNotFoundError` for a package that does not exist.
+    """
     homes = dict.fromkeys([package, HOME])
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader([jinja2.PackageLoader(home, ".") for home in homes]),
@@ -35,7 +42,9 @@ def rendered(template: str, package: str = HOME, **content: object) -> str:
 
 
 def embedded(drawings: Iterable[Drawing], files: Mapping[str, Path]) -> dict[str, Figure]:
-    """Figures whose files are given, as a page holds them, by name."""
+    """Figures to put inside an HTML page, as a mapping of the drawings' names to `Figure`: caption, and PNG file in
+    base64. `files` maps names to PNG files; a drawing without a file is left out. Raises `OSError` where a file cannot
+    be read."""
     return {
         drawing.name: Figure(drawing.caption, base64.b64encode(files[drawing.name].read_bytes()).decode("ascii"))
         for drawing in drawings

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Color(NamedTuple):
-    """An sRGB colour, 0 to 255."""
+    """An sRGB colour: `red`, `green` and `blue`, whole numbers from 0 to 255, which are not checked."""
 
     red: int
     green: int
@@ -14,11 +14,12 @@ class Color(NamedTuple):
 
     @property
     def hex(self) -> str:
-        """Hexadecimal form of HTML and Matplotlib: ``#1b6cd6``."""
+        """Hexadecimal text of the colour, as HTML and Matplotlib take it, such as "#1b6cd6"."""
         return f"#{self.red:02x}{self.green:02x}{self.blue:02x}"
 
     def faded(self, share: float, towards: Color) -> Color:
-        """Mixture with another colour: a share of 0 leaves this one, 1 is the other."""
+        """The colour mixed with another one, channel by channel, rounded: a `share` of 0 is this colour, 1 is
+        `towards`."""
         return Color(*(round(mine + share * (other - mine)) for mine, other in zip(self, towards, strict=True)))
 
 
@@ -79,10 +80,12 @@ BASE = Color(96, 104, 120)
 
 
 def run_color(index: int) -> Color:
-    """Colour of the index-th run."""
+    """The colour of the run of an `index`, from 0, in recordings and reports: blue for 0, the run that a comparison is
+    about, orange for 1, that with adaptation off, then others. There are 18, which then repeat."""
     return RUNS[index % len(RUNS)]
 
 
 def joint_color(index: int) -> Color:
-    """Colour of the index-th joint or curve."""
+    """The colour of the joint, or curve, of an `index`, from 0, in recordings and reports. There are 10, which then
+    repeat."""
     return JOINTS[index % len(JOINTS)]

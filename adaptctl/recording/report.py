@@ -32,12 +32,19 @@ from adaptctl.recording.wording import (
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside. Raises FileError where it cannot be written."""
+    """Write the report of a comparison of runs to the file `path`, whole or not at all: one HTML page that needs no
+    other file. `figures` maps names of the comparison's drawings to PNG files, which go into the page; a drawing
+    without a file is left out. Raises `FileError` where the page cannot be written, and as `report` does: `OSError`
+    where a PNG file cannot be read, `InputError` for parameter estimates with the basis of another mechanism,
+    `ValueError` for errors or findings that are NaN or infinite."""
     write_text(path, report(comparison, figures))
 
 
 def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
-    """HTML of a comparison's page."""
+    """HTML, as text, of the report of a comparison of runs: outcome, tables of runs and parameters, figures, settings.
+    `figures` maps names of the comparison's drawings to PNG files, which go into the page; a drawing without a file is
+    left out. Raises `OSError` where a PNG file cannot be read, `InputError` for parameter estimates with the basis of
+    another mechanism, `ValueError` for errors or findings that are NaN or infinite."""
     names = [run.name for run in comparison.runs]
     others = [finding for finding in comparison.findings if _owner(finding) not in names]
     return rendered(
@@ -64,7 +71,10 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
 
 
 def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
-    """Contents of a page's live arm, in JSON's types; None without one."""
+    """Content, in JSON's types, of a report's live arm, a simulated arm that runs in the page as WebAssembly; None
+    where `live` is a text, the reason why there is none. It has `binary`, the module in base64; `facts`, all that the
+    page must know to run it; `label`, the name of the run that it repeats; and `colors`, one a joint, such as
+    "#2d7deb". Nothing is raised."""
     if isinstance(live, str):
         return None
     binary = base64.b64encode(live.binary).decode("ascii")
@@ -73,7 +83,9 @@ def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
 
 
 class Measured(NamedTuple):
-    """Column of a quantity that was measured of the runs besides their errors."""
+    """A column of the report's table of runs: a quantity that was measured of them besides their errors. `heading` is
+    its name with the unit in brackets, `meaning` is in words, and `values` are numbers as texts, one a run, a dash for
+    a run without it. Nothing is checked at construction."""
 
     heading: str
     meaning: str
@@ -82,7 +94,10 @@ class Measured(NamedTuple):
 
 
 def measured(comparison: Comparison) -> list[Measured]:
-    """Columns of findings whose names are `what.run`, one for each `what`."""
+    """Columns, as `Measured`, of the report's table of runs, made from the comparison's findings about single runs:
+    findings named "what.run", such as "peak_speed.adaptive", make one column for each "what". Each has a text for every
+    run of the comparison, in their order, a dash for one without the finding. Empty where there are no such findings.
+    Raises `ValueError` for a finding that is NaN or infinite."""
     names = [run.name for run in comparison.runs]
     columns: dict[str, dict[str, Finding]] = {}
     for finding in comparison.findings:

@@ -37,7 +37,10 @@ AVERAGE = 0.25
 
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
-    """Write a comparison's recording whole or not at all. Raises FileError where it cannot be written."""
+    """Write the recording of a comparison of runs for the rerun viewer to the file `path` (.rrd), whole or not at all:
+    arms in motion, curves of errors, torques, energies and estimates over time, and tables. Raises `FileError` where
+    the file cannot be written or read back, `InputError` for parameter estimates with the basis of another mechanism,
+    `ValueError` for positions that are NaN or infinite."""
     positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
     with saved_stream(path, comparison, positions, blueprint(_contents(comparison))) as recording:
         log_markdown(recording, "summary", summary_markdown(comparison))

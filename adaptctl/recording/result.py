@@ -15,7 +15,8 @@ Progress: TypeAlias = Callable[[str, float], object]
 
 
 def silent(what: str, share: float) -> None:
-    """Do nothing: a `progress` callback for those who want none shown."""
+    """Progress callback that does nothing, for those who want no progress shown. Its arguments are those of every such
+    callback: `what` is being done, in words, and the `share` of it that is done, 0 to 1."""
 
 
 @dataclass(frozen=True, eq=False)

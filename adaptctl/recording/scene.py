@@ -25,7 +25,8 @@ Solids = rr.Capsules3D | rr.Cylinders3D | rr.Ellipsoids3D
 
 @dataclass(frozen=True)
 class Look:
-    """Appearance of an arm: the colours of its links and joints, and its opacity (255 for a solid)."""
+    """The appearance of an arm in a recording: the colours of its `links` and its `joints`, and its `opacity`, from 0
+    to 255, solid, the default; below that it is a translucent ghost. Nothing is checked at construction."""
 
     links: Color
     joints: Color
@@ -33,18 +34,20 @@ class Look:
 
     @property
     def fill_mode(self) -> rr.components.FillMode:
-        """Fill of its solids: whole, or translucent with edges drawn."""
+        """Rerun's mode of filling the arm's solids: solid at an opacity of 255, else translucent with edges drawn."""
         modes = rr.components.FillMode
         return modes.Solid if self.opacity == 255 else modes.TransparentFillMajorWireframe
 
 
 def solid_look(joints: Color) -> Look:
-    """Appearance of the arm itself."""
+    """The appearance, a `Look`, of an arm that is in the foreground: opaque, with light grey links and joints of the
+    colour `joints`."""
     return Look(BODY, joints)
 
 
 def ghost_look(color: Color) -> Look:
-    """Appearance of an arm that is there for comparison."""
+    """The appearance, a `Look`, of an arm shown for comparison, a translucent ghost: all of it of one `color`, at an
+    opacity of 70 of 255."""
     return Look(color, color, opacity=70)
 
 
@@ -60,9 +63,14 @@ def log_arm(
     p: Array,
     look: Look,
 ) -> Array:
-    """Draw an arm that moves through positions p (T, r) at times (T,); returns the path (T, 3) of its tip.
+    """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world"; returns the path of its tip
+    (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of its r joints at T times
+    `time` (T,), s.
 
-    Links look as their file says, and are capsules where it says nothing.
+    Links have the shapes and colours of the robot's file; where it has none they are capsules, with cylinders for
+    joints, the shapes in `parts`, coloured by `look`. Raises `InputError` for positions of another number of joints,
+    `NonFiniteError` for NaN and infinity, `LoopError` where kinematic loops do not fit together, `SingularityError`
+    near where they lock.
     """
     poses, shown = link_poses(mechanism, p), visuals(mechanism.description)
     for i, link in enumerate(mechanism.links):
@@ -77,7 +85,9 @@ def log_arm(
 
 
 def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array, color: Color) -> None:
-    """Draw the path (T, 3) that a tip has just gone: a piece of line a sample, which the view shows for seconds."""
+    """Draw the trail of an arm's tip in a rerun recording, as the entity `name` below "world": the positions `path` (T,
+    3), m in the world's frame, at T times `time` (T,), s, joined by pieces of line. A piece is logged at the time of
+    its end; the view shows those of the last seconds. Fewer than two samples draw nothing. Raises nothing itself."""
     if len(path) < 2:
         return
     strips = np.stack([path[:-1], path[1:]], axis=1)
@@ -92,7 +102,8 @@ def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array
 
 
 def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:
-    """Draw the whole of a tip's path (T, 3), at all times."""
+    """Draw the whole path of an arm's tip in a rerun recording, as the entity `name` below "world", the same at all
+    times: a faint line through the positions `path` (T, 3), m in the world's frame."""
     line = rr.LineStrips3D([path], radii=[0.002], colors=[(*color, 110)])
     recording.log(f"{WORLD}/{name}", line, static=True)
 
@@ -100,7 +111,10 @@ def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color
 def log_base(
     recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, floor: float, name: str = "base"
 ) -> None:
-    """Draw what stands on the ground, and a pedestal under every link that hangs there, down to the floor (m)."""
+    """Draw what stands still under a mechanism in a rerun recording, as the entity `name` below "world": the shapes
+    that the robot's file fixes to the ground, and a pedestal from each link on the ground down to the floor, whose
+    height is `floor`, m. A body that hangs above its own links, such as a humanoid's hips, gets none. `parts` are the
+    shapes that the mechanism is drawn by; they set the pedestals' size."""
     radius = 1.15 * ROOT_RADIUS * parts.reach
     feet = np.array([link.near.translation for link in mechanism.links if link.parent == GROUND])
     shown = visuals(mechanism.description)
@@ -135,7 +149,8 @@ def _stands(mechanism: Mechanism, feet: Array, radius: float) -> NDArray[np.bool
 
 
 def entity(name: str) -> str:
-    """One part of an entity path for a name: what rerun would have to escape becomes an underscore."""
+    """A name as one part of an entity path of a rerun recording: letters, digits, "-", "_" and "." stay, every other
+    character becomes an underscore."""
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
 
 
@@ -174,7 +189,8 @@ def _geometry(solid: Solid, shapes: Sequence[Shape], look: Look) -> Solids:
 
 
 def quaternions(rotations: Array) -> Array:
-    """Unit quaternions (T, 4), x y z w, of rotation matrices (T, 3, 3)."""
+    """Unit quaternions (T, 4), in the order x, y, z, w, of rotation matrices (T, 3, 3). Raises `ValueError` for a
+    matrix whose determinant is not positive, and for NaN."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_matrix(rotations).as_quat())

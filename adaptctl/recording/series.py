@@ -15,7 +15,9 @@ from adaptctl.recording.scene import TIMELINE
 
 @dataclass(frozen=True)
 class Style:
-    """Names, colours and width of the curves of one entity."""
+    """The style of n curves that are drawn under one entity of a recording: their `names`, for the legend, and
+    `colors`, n of each, and one `width` of line for all, in points of the screen, 1.5 by default. Nothing is checked at
+    construction."""
 
     names: Sequence[str]
     colors: Sequence[Color]
@@ -23,7 +25,10 @@ class Style:
 
 
 def log_series(recording: rr.RecordingStream, path: str, time: Array, values: Array, style: Style) -> None:
-    """Log curves (T, n) over times (T,) under one entity."""
+    """Log n curves under the entity `path` of a rerun recording: `values` (T, n), in the unit that their view states,
+    at T times `time` (T,), s, with the names and colours of `style`, n each. Without curves (n = 0) nothing is logged.
+    Raises `ValueError` for values that are not two-dimensional; where there are not T times, rerun warns and draws no
+    curve."""
     samples, curves = values.shape
     if curves == 0:
         return
@@ -37,11 +42,15 @@ def log_series(recording: rr.RecordingStream, path: str, time: Array, values: Ar
 
 
 def log_levels(recording: rr.RecordingStream, path: str, time: Array, levels: Array, style: Style) -> None:
-    """Log horizontal lines (n,) over the whole of the times (T,): limits and true values."""
+    """Log n horizontal lines, such as limits or true values, under the entity `path` of a rerun recording: at the
+    heights `levels` (n,), in the unit that their view states, from the first to the last of the times `time` (T,), s,
+    with the names and colours of `style`, n each. Raises `IndexError` without times."""
     ends = np.array([time[0], time[-1]])
     log_series(recording, path, ends, np.stack([levels, levels]), style)
 
 
 def thinned(samples: int, most: int) -> slice:
-    """Slice of evenly spaced samples, at most `most`: a screen shows no more, and the table has them all."""
+    """Slice that takes evenly spaced samples, at most `most` of them, from so many `samples`, beginning with the first:
+    for drawings, which need no more. All are taken where there are no more than that. Raises `ZeroDivisionError` for a
+    `most` of 0."""
     return slice(0, samples, max(1, -(-samples // most)))

@@ -19,7 +19,9 @@ ROOT_RADIUS, TIP_RADIUS = 0.062, 0.026
 
 
 class Solid(Enum):
-    """Kinds of shapes: a link's, a joint's, and the tool at the tip."""
+    """Enumeration of the kinds of round solids by which a mechanism is drawn: LINK, a capsule along a link; JOINT, a
+    cylinder about a joint's axis; TOOL, a ball at the tip. The value is the last part of the entity path in recordings:
+    "link", "joint", "tool"."""
 
     LINK = "link"
     JOINT = "joint"
@@ -28,7 +30,9 @@ class Solid(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Round solid fixed to a link, from `start` to `end` (3,) in that link's frame; lengths in m."""
+    """A round solid by which a link is drawn, fixed to the link of index `link`, from 0: `solid` is its kind, `start`
+    and `end` (3,), m in the link's frame, are the ends of its axis, one point for a ball, and `radius`, m, is its
+    radius. Nothing is checked at construction."""
 
     link: int
     solid: Solid
@@ -38,13 +42,16 @@ class Shape:
 
     @property
     def length(self) -> float:
-        """Distance from start to end, m."""
+        """Length of the solid's axis, from `start` to `end`, m; 0 for a ball."""
         return float(np.linalg.norm(self.end - self.start))
 
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """The skeleton of a mechanism: its shapes, and the point (tip) whose path is of interest."""
+    """The skeleton of a mechanism, by which it is drawn where its file has no shapes: `shapes`, its round solids;
+    `reach`, m, the length of the chain of links from the first joint to the tip; and the tip, the point whose path is
+    shown, as the index `tip_link`, from 0, of its link and its position `tip` (3,), m in that link's frame. Nothing is
+    checked at construction."""
 
     shapes: tuple[Shape, ...]
     reach: float
@@ -55,10 +62,10 @@ class Skeleton:
 
 
 def skeleton(mechanism: Mechanism) -> Skeleton:
-    """Shapes of a mechanism: its offsets between joints, and its joints' axes.
-
-    An offset goes along the joint's axis first and square to it then, as an arm's shoulder does.
-    """
+    """The skeleton of a mechanism, a `Skeleton`: capsules along its links, from each joint to the next, cylinders about
+    its joints' axes, and a ball at the tip, the end of the link with most links before it (of several, the first). A
+    capsule goes along the joint's axis first, then at a right angle to it, as an arm's shoulder does. Lengths are in m;
+    radii grow with the reach. Nothing is raised."""
     links = mechanism.links
     ends = attachments(mechanism.description)
     depths = _depths(links)
@@ -72,7 +79,10 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
 
 
 def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
-    """Skeleton with another point (3,) of a link as its tip, to which that link then reaches."""
+    """The skeleton with another tip: the point `tip` (3,), m in the frame of the link of index `link`, from 0. A
+    capsule is added that reaches it, from the old tip where that was on the same link, else from the link's origin, and
+    its length is added to the reach; the ball moves there. Raises `ValueError` for a skeleton without a capsule or
+    without a ball."""
     start = parts.tip if link == parts.tip_link else np.zeros(3)
     body = [shape for shape in parts.shapes if shape.solid is not Solid.TOOL]
     ball = max(shape.radius for shape in parts.shapes if shape.solid is Solid.TOOL)
@@ -82,7 +92,9 @@ def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
 
 
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
-    """Positions (..., 3) of the tip in the world for link rotations (..., N, 3, 3) and origins (..., N, 3)."""
+    """Positions (..., 3) of a mechanism's tip, m in the world's frame, from the poses of its N links in the world:
+    `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, leading axes being samples. `parts` is the skeleton
+    that has the tip. Raises `IndexError` for fewer links than it needs."""
     return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
 
 

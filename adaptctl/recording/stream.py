@@ -18,33 +18,38 @@ from adaptctl.files import replacing
 
 
 class Recorded(Protocol):
-    """Protocol of what a recording shows: the experiment, its title and seed, and whether it ran to its end."""
+    """Protocol of what a recording is about: it has the experiment's name, a title, the seed, and whether it ran to its
+    end. An implementation needs these four attributes alone; reading them raises nothing."""
 
     @property
     def experiment(self) -> str:
-        """Name of the experiment, as the command line has it."""
+        """Name of the experiment as the command line takes it, such as "two-arms"; for results without an experiment,
+        that of the command."""
 
     @property
     def title(self) -> str:
-        """Title, for a person."""
+        """Title of the recording, a few words for its readers."""
 
     @property
     def seed(self) -> int:
-        """Seed of everything random."""
+        """Seed of all random numbers of the experiment, a whole number."""
 
     @property
     def complete(self) -> bool:
-        """False when it was interrupted."""
+        """True where the experiment ran to its end, False where it was interrupted."""
 
 
 @contextmanager
 def saved_stream(
     path: str | Path, shown: Recorded, content: bytes, blueprint: rrb.Blueprint
 ) -> Iterator[rr.RecordingStream]:
-    """Stream to log to, z up, named and titled; when the block ends it is a readable file at `path`.
+    """A context with a rerun recording stream to log to, z up, which becomes the file `path` (.rrd), whole or not at
+    all: when the block ends the file is complete and readable; when it raises, `path` stays as it was.
 
-    Equal `content`, such as the positions that were run, makes recordings equal to a viewer that has both open;
-    others must not be mixed up. Raises FileError where the file cannot be written or read back.
+    `shown` gives title, experiment, seed and completeness; `blueprint` is the layout of its views. `content` is hashed
+    into the recording's identifier: recordings of one experiment and seed with equal `content`, such as the bytes of
+    the positions that were run, count as one recording in a viewer that has both open, others never. Raises `FileError`
+    where the file cannot be written or read back.
     """
     identifier = f"{shown.experiment}-seed{shown.seed}-{hashlib.sha256(content).hexdigest()[:12]}"
     with replacing(path) as beside:
@@ -64,12 +69,13 @@ def saved_stream(
 
 
 def log_markdown(recording: rr.RecordingStream, path: str, text: str) -> None:
-    """Log text in Markdown, the same at all times."""
+    """Log a text in Markdown under the entity `path` of a rerun recording, the same at all times."""
     recording.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def log_picture(recording: rr.RecordingStream, path: str, file: Path) -> None:
-    """Log a PNG file's picture, the same at all times."""
+    """Log the picture of a PNG file under the entity `path` of a rerun recording, the same at all times. Raises
+    `OSError` where the file cannot be read."""
     recording.log(path, rr.EncodedImage(contents=file.read_bytes(), media_type="image/png"), static=True)
 
 

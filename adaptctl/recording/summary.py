@@ -14,16 +14,22 @@ SCHEMA = "adaptctl/summary/1"
 
 
 def write_summary(path: str | Path, comparison: Comparison) -> None:
-    """Write `summary` as JSON, whole or not at all. Raises FileError where it cannot be written."""
+    """Write the summary of a comparison of runs, `summary`, to the file `path` as JSON, whole or not at all. Raises
+    `FileError` where it cannot be written and for numbers that are NaN or infinite, `InputError` for parameter
+    estimates with the basis of another mechanism."""
     write_json(path, summary(comparison))
 
 
 def summary(comparison: Comparison) -> dict[str, Any]:
-    """Summary in JSON's types: what was run and how it went; SI units and radians, null for what was not run.
+    """Summary of a comparison of runs in JSON's types: what was run and how it went, in SI units and rad; None for what
+    is not known or was not run.
 
-    `rms_error` is the root mean square over all joints and all control periods of the adaptive run,
-    `final_rms_error` over the last two seconds, where there are two. `clipped_steps` counts the control periods with a
-    torque that was clipped or at its limit.
+    Numbers at its head are of the first run: `rms_error` is the root mean square of the position errors (rad, m) of all
+    joints and samples, `first_rms_error` over the first second, `final_rms_error` over the last two; `clipped_steps`
+    counts samples with a torque that was clipped or at its limit; `lyapunov_initial`, `_final` and `_max_increase` are
+    in J. `runs` has such numbers for every run, `parameters` true values and last estimates, `verdict` the failures,
+    `findings` and `settings` what the experiment states. Raises `InputError` for parameter estimates with the basis of
+    another mechanism.
     """
     subject, baseline = comparison.subject, comparison.baseline
     lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)
@@ -59,7 +65,8 @@ def summary(comparison: Comparison) -> dict[str, Any]:
 
 
 def realtime_factor(run: ControllerRun) -> float | None:
-    """Simulated seconds in a second of computing; None where that is not known."""
+    """Seconds of simulated time in a second of computing, no unit: above 1 for a run faster than real time; None where
+    the time that the run took is not above 0, as where it was not measured."""
     return run.duration / run.rollout.wall_time if run.rollout.wall_time > 0.0 else None
 
 

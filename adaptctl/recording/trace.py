@@ -29,7 +29,8 @@ MARKS = {
 
 
 class Quantity(NamedTuple):
-    """Column of a table: its name, unit, meaning, and values (T,)."""
+    """A column of a table of samples: its `name`, such as "p.joint1", its `unit`, "1" for none, its `meaning` in words,
+    and `values` (T,), a number or a text for each of T samples. Nothing is checked at construction."""
 
     name: str
     unit: str
@@ -38,7 +39,11 @@ class Quantity(NamedTuple):
 
 
 def write_trace(path: str | Path, comparison: Comparison) -> None:
-    """Write every sample of a comparison's subject, lossless. Raises FileError where it cannot be written."""
+    """Write the trace of a comparison, all samples of its first run, to a Parquet file, whole or not at all. Each
+    sample is a row; columns such as `time`, `p.joint1` and `estimate.link2.mc_x` are float64, lossless, with unit and
+    meaning as metadata, and the table's metadata name the experiment, robot, run, seed and control period (s). Raises
+    `FileError` where the file cannot be written, `InputError` for the basis of another mechanism, `ValueError` for a
+    run of another number of joints than the mechanism's."""
     about = {
         "schema": SCHEMA,
         "experiment": comparison.experiment,
@@ -53,7 +58,9 @@ def write_trace(path: str | Path, comparison: Comparison) -> None:
 
 
 def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str, str]) -> None:
-    """Write columns of one length, of numbers or of words, and the table's metadata `about` them."""
+    """Write a table to a Parquet file, whole or not at all: columns of one length, of numbers (float64) or of texts,
+    each with its unit and meaning as metadata, and `about`, the metadata of the table. Raises `FileError` where the
+    file cannot be written, pyarrow's `ArrowInvalid`, a `ValueError`, for columns of different lengths."""
     table = _table(columns, about)
     with replacing(path) as beside:
         pq.write_table(
@@ -66,7 +73,15 @@ def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str
 
 
 def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
-    """Columns of a run: ``p.joint1``, ``estimate.link2.mc_x``, ``lyapunov`` ..."""
+    """Columns of a run's table, each a `Quantity` of T samples: `time` (s), `energy` (J), `reward` and `clipped` (no
+    units), `lyapunov` (J) where the control law has such a function, and `mark.NAME` for each kind of event that the
+    environment or the controller's guards mark.
+
+    Columns of a joint end in its name, such as `p.joint1`: position `p`, `reference_p` and `error`, rad (m if
+    prismatic), velocity `v` and `reference_v`, `reference_a`, those per s and s^2, and `torque`, asked for, and
+    `applied`, within the limits, N m (N). `estimate.NAME` are parameter estimates in SI units; `parameters` has their
+    names. Raises `ValueError` for a run of another number of joints than the mechanism's.
+    """
     rollout = run.rollout
     yield Quantity("time", "s", "time since the start", rollout.time)
     yield from _of_joints(run, mechanism)
@@ -101,7 +116,10 @@ def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
 
 
 def parameter_unit(name: str) -> str:
-    """Unit of a parameter by its name: ``link2.mc_x`` is in kg m. Drives are taken to be of turning joints."""
+    """Unit, as text, of an inertial or friction parameter by its name: "kg m" for "link2.mc_x". What follows the last
+    dot decides: "m" has kg; "mc_x", "mc_y", "mc_z" kg m; "viscous" N m s; "square_root" N m s^1/2; "coulomb",
+    "stribeck" and "offset" N m; all others, moments and rotor inertias, kg m^2. Joints are taken as revolute, also
+    where they are prismatic. No name raises an error."""
     kind = name.rsplit(".", 1)[-1]
     units = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2"}
     units |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N m")

@@ -27,9 +27,14 @@ def log_scene(
     color: Color,
     within: str = "",
 ) -> None:
-    """Draw the subject, the desired arm and the arm with adaptation off, and the paths of their tips.
+    """Draw the arms of a comparison in a rerun recording, below the entity "world": that of its first run, solid, in
+    `color`, and as translucent ghosts the desired motion, green, and, where there is one, the run with adaptation off,
+    in its own colour; all with the paths of their tips.
 
-    Entities go below ``world/`` and `within`, which ends with a slash if it is anything; `floor` is in m.
+    `parts` are the shapes they are drawn by, `floor` is the floor's height, m, and `within` a prefix of the entities'
+    names below "world", ending in a slash, empty unless given. Each run is thinned to at most 2000 samples. Raises
+    `NonFiniteError` for positions that are NaN or infinite, `LoopError` where kinematic loops do not fit together,
+    `SingularityError` near where they lock.
     """
     mechanism, rollout = comparison.mechanism, comparison.subject.rollout
     every = thinned(len(rollout.time), POSE_SAMPLES)
@@ -63,24 +68,30 @@ def _log_moving(
 
 
 def log_curve(recording: rr.RecordingStream, path: str, run: ControllerRun, values: Array, style: Style) -> None:
-    """Draw one curve (T,) over the time of a run."""
+    """Draw one curve in a rerun recording, as the entity `path`: `values` (T,), in the unit that its view states, at
+    the times of the run's T samples, thinned to at most 4000. `style` has one name and one colour."""
     every = thinned(len(values), CURVE_SAMPLES)
     log_series(recording, path, run.rollout.time[every], values[every, None], style)
 
 
 def log_decades(recording: rr.RecordingStream, path: str, run: ControllerRun, errors: Array, style: Style) -> None:
-    """Draw errors (T,), rad or m, as powers of ten of a thousandth."""
+    """Draw the errors of a run in a rerun recording, as the entity `path`, on a logarithmic scale: `errors` (T,), rad
+    or m, for T samples, as powers of ten of a thousandth (mrad, mm); those below 1e-9 are drawn as that. `style` has
+    one name and one colour."""
     log_curve(recording, path, run, np.log10(1e3 * np.maximum(errors, SMALLEST_ERROR)), style)
 
 
 def log_joint_errors(recording: rr.RecordingStream, path: str, run: ControllerRun, names: tuple[str, ...]) -> None:
-    """Draw the tracking errors of a run's joints, whose names are given, in thousandths of rad or m."""
+    """Draw the tracking errors of a run's r joints over time in a rerun recording, as the entity `path`, one curve a
+    joint, in mrad or mm, thinned to at most 4000 samples. `names` are the r joints' names, for the legend."""
     every = thinned(len(run.rollout.time), CURVE_SAMPLES)
     log_series(recording, path, run.rollout.time[every], 1e3 * run.rollout.error[every], _joint_style(names))
 
 
 def log_torque_shares(recording: rr.RecordingStream, path: str, comparison: Comparison) -> None:
-    """Draw the subject's torques over their limits, every sample, so that no peak is lost; and the limits."""
+    """Draw the applied torques of a comparison's first run over time in a rerun recording, each as a share of its
+    joint's torque limit, no unit: one curve a joint below the entity `path`/joints, and the limits, -1 and 1, at
+    `path`/limit. All samples are drawn, so that no peak is lost."""
     rollout = comparison.subject.rollout
     shares = rollout.applied / comparison.torque_limits
     log_series(recording, f"{path}/joints", rollout.time, shares, _joint_style(comparison.joint_names))
@@ -88,7 +99,9 @@ def log_torque_shares(recording: rr.RecordingStream, path: str, comparison: Comp
 
 
 def log_limits(recording: rr.RecordingStream, path: str, time: Array, limit: float) -> None:
-    """Draw a limit on either side of zero."""
+    """Draw a limit on both sides of zero in a rerun recording, as the entity `path`: horizontal grey lines at `limit`
+    and -`limit`, in the unit that their view states, from the first to the last of the times `time` (T,), s. Raises
+    `IndexError` without times."""
     log_levels(recording, path, time, np.array([-limit, limit]), Style(("limit", "limit"), (LIMIT, LIMIT), width=1.0))
 
 

@@ -6,22 +6,26 @@ from adaptctl.dynamics import Mechanism
 
 
 def position_units(mechanism: Mechanism) -> tuple[str, ...]:
-    """Units of the primary joints' positions (r,): rad or m."""
+    """Units of position of a mechanism's r primary (independent) joints, r texts in their order: "rad", or "m" for a
+    prismatic joint."""
     return tuple(joint.kind.position_unit for joint in mechanism.primary_joints)
 
 
 def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
-    """Units of the primary joints' torques (r,): N·m or N."""
+    """Units of torque of a mechanism's r primary (independent) joints, r texts in their order: "N·m", or "N" for a
+    prismatic joint's force."""
     return tuple(typeset(joint.kind.effort_unit) for joint in mechanism.primary_joints)
 
 
 def error_unit(mechanism: Mechanism) -> str:
-    """Unit of a thousandth of a primary joint's position: mrad, mm, or either."""
+    """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own: "mrad",
+    "mm", or "mrad or mm" where its primary (independent) joints are of both kinds."""
     return " or ".join(f"m{unit}" for unit in sorted(set(position_units(mechanism)), reverse=True))
 
 
 def typeset(unit: str) -> str:
-    """Text of a unit as pages show it: ``kg m^2`` is ``kg·m²``."""
+    """Text of a unit as pages show it: "kg m^2" becomes "kg·m²". Spaces become middle dots, "^2" and "^1/2" raised
+    signs, and "us" is "µs"; all else stays as it is."""
     if unit == "us":
         return "µs"
     return unit.replace(" ", "·").replace("^2", "²").replace("^1/2", "^½")

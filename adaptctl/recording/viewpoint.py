@@ -19,7 +19,9 @@ SEEN = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """A viewpoint: positions (3,) of a camera and its target, and the height of a floor (m)."""
+    """A camera's viewpoint of a mechanism: `eye` (3,), where the camera stands, `target` (3,), the point that it looks
+    at, and `floor`, the height of the floor along z, all in m in the world's frame. Nothing is checked at
+    construction."""
 
     eye: Array
     """(3,) where the camera stands"""
@@ -30,7 +32,11 @@ class Viewpoint:
 
     @classmethod
     def of(cls, mechanism: Mechanism, parts: Skeleton, p: Array) -> Viewpoint:
-        """Viewpoint from the arm's side, so that all of it is seen along positions p (T, r)."""
+        """The viewpoint from a mechanism's side from which all of it is seen along its motion: positions `p` (T, r),
+        rad (m if prismatic), of r joints at T samples, at least one, of which at most 200 are looked at. `parts` are
+        the shapes it is drawn by. Raises `InputError` for positions of another number of joints, `NonFiniteError` for
+        NaN and infinity, `LoopError` where kinematic loops do not fit together, `SingularityError` near where they
+        lock."""
         poses = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))])
         origins = poses.translations
         tips = origins[:, parts.tip_link] + poses.rotations[:, parts.tip_link] @ parts.tip
@@ -56,7 +62,14 @@ def _distance_to_see(points: Array, toward: Array) -> float:
 
 
 def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
-    """Height of the floor (m): low enough for everything that moves to stay above it."""
+    """Height of the floor under a mechanism, m along z in the world's frame: 0 where the origins of all links' frames
+    stay above z = 0, else below the lowest of them and of the first joint, by 0.6 of the length of the chain of links
+    to the tip. `p` (T, r) are the positions, rad (m if prismatic), of r joints at T samples, at least one, of which at
+    most 200 are looked at; `parts` are the shapes it is drawn by.
+
+    Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
+    where kinematic loops do not fit together, `SingularityError` near where they lock.
+    """
     heights = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations[..., 2]
     lowest = min(float(heights.min()), min(link.near.translation[2] for link in mechanism.links[:1]))
     return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach

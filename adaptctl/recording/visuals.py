@@ -26,17 +26,19 @@ MOST = 12_000_000
 
 @dataclass(frozen=True)
 class Visuals:
-    """Visuals by link, and the contents of their mesh files by path."""
+    """Shapes of a mechanism's links as robot files draw them: `of_link` maps the index of a link, from 0, or -1 for the
+    ground, to its shapes (`Visual`: meshes and plain solids), and `contents` maps the path of each mesh file to its
+    bytes. Nothing is checked at construction."""
 
     of_link: Mapping[int, Sequence[Visual]]
     contents: Mapping[Path, bytes]
 
 
 def visuals(description: Description) -> Visuals:
-    """Visuals of a mechanism; none where its meshes are too large for a recording.
-
-    A link one of whose meshes cannot be read shows nothing, and capsules stand for it.
-    """
+    """Shapes, as `Visuals`, by which a mechanism's file draws its links, with the bytes of the mesh files (.dae, .glb,
+    .obj, .stl). A link with a mesh of another kind or one that cannot be read is left out, to be drawn by capsules
+    instead. All are left out where the meshes have more than 12 MB together, too much for a recording. Nothing is
+    raised."""
     contents = _contents(description)
     if sum(len(content) for content in contents.values()) > MOST:
         return Visuals({}, {})
@@ -50,9 +52,13 @@ def visuals(description: Description) -> Visuals:
 def log_visuals(
     recording: rr.RecordingStream, path: str, link: int, shown: Visuals, color: Color, opacity: int = 255
 ) -> bool:
-    """Draw a link's visuals below its entity; returns False where it has none.
+    """Draw the shapes that a robot file has for one link, in a rerun recording, at all times; returns False where it
+    has none. `link` is the link's index from 0, or -1 for the ground; the shapes become the entities `path`/visual/0,
+    1, ...
 
-    What has no colour of its own gets `color`; all of it does where one sees through it, as a ghost.
+    With an `opacity` of 255, the default, shapes have their own colours, and `color` where they have none; meshes have
+    those of their files, except STL files, which hold none. Below 255 the link is a translucent ghost, all of it in
+    `color`. Raises `KeyError` for a mesh whose bytes `shown` lacks.
     """
     own = shown.of_link.get(link, ())
     for k, visual in enumerate(own):

@@ -11,7 +11,9 @@ from adaptctl.recording.summary import realtime_factor
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Text of a number with so many significant digits, powers of ten as superscripts; a dash for None."""
+    """Text of a number with so many significant `digits`, 3 by default, such as "0.0123"; "–", a dash, for None.
+    Numbers below 1e-4 or from 1e5 on in size are written with a power of ten, such as "2.80·10⁻¹⁴", and those from 10
+    to the power `digits` on as whole numbers. Raises `ValueError` for NaN and infinity."""
     if value is None:
         return "–"
     if value == 0.0:
@@ -22,7 +24,8 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def scientific(value: float, digits: int = 3) -> str:
-    """Text of a number with so many significant digits, as a multiple of a power of ten: 2.8·10⁻¹⁴."""
+    """Text of a number as a multiple of a power of ten, with so many significant `digits`, 3 by default: 2.8e-14 is
+    "2.80·10⁻¹⁴". Raises `ValueError` for NaN and infinity."""
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
 
@@ -31,17 +34,22 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def error(value: float | None, unit: str) -> str:
-    """Text of a tracking error (rad or m) in thousandths, whose unit is given; a dash for None."""
+    """Text of a tracking error, given in rad (m) and shown in thousandths with their `unit`, such as 0.012 and "mrad"
+    as "12 mrad"; "–", a dash, for None. Raises `ValueError` for NaN and infinity."""
     return "–" if value is None else f"{number(1e3 * value)} {unit}"
 
 
 def first_error(comparison: Comparison, run: ControllerRun) -> str:
-    """Text of a run's error in the first second, that of each unit by itself: "12 mrad and 3 mm"."""
+    """Text of a run's root mean square tracking error over its first second, joints of each unit by themselves: "12
+    mrad", or "12 mrad and 3 mm"; a dash in place of the number where the run is shorter. Raises `ValueError` for errors
+    that are NaN or infinite."""
     return _in_each_unit(comparison, run.first_rms_error_of)
 
 
 def final_error(comparison: Comparison, run: ControllerRun) -> str:
-    """Text of a run's error in the last two seconds, that of each unit by itself."""
+    """Text of a run's root mean square tracking error over its last two seconds, joints of each unit by themselves: "12
+    mrad", or "12 mrad and 3 mm"; a dash in place of the number where the run is shorter. Raises `ValueError` for errors
+    that are NaN or infinite."""
     return _in_each_unit(comparison, run.final_rms_error_of)
 
 
@@ -50,7 +58,10 @@ def _in_each_unit(comparison: Comparison, of: Callable[[Joints], float | None]) 
 
 
 def outcome_words(comparison: Comparison) -> str:
-    """Outcome of a comparison: what failed first, then its own answer, or what adaptation is worth."""
+    """The outcome of a comparison of runs in a few sentences: first the failures of its first run, if any, after
+    "Failed:", then the comparison's own `answer`, or where that is None the tracking errors with and without
+    adaptation, then the failures that were expected. Raises `ValueError` for tracking errors that are NaN or
+    infinite."""
     answer = _worth(comparison) if comparison.answer is None else comparison.answer
     return judged(comparison).before(answer)
 
@@ -83,12 +94,14 @@ def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
 
 
 def headline(outcome_words: str, complete: bool) -> str:
-    """An outcome, after a line of warning where the experiment is incomplete."""
+    """The outcome of an experiment as text, `outcome_words`; before it, where `complete` is False, a line that says
+    that the experiment was interrupted."""
     return outcome_words if complete else f"{INCOMPLETE}\n{outcome_words}"
 
 
 def outcome(run: ControllerRun) -> str:
-    """End of a run in words: to the end, interrupted, or stopped by an error beyond bounds."""
+    """The end of a run in words: "ran to the end", "interrupted at 3.20 s", or "stopped at 3.20 s: error beyond bounds"
+    where the environment ended it."""
     if not run.rollout.complete:
         return f"interrupted at {run.duration:.2f} s"
     if run.rollout.terminated:
@@ -97,8 +110,10 @@ def outcome(run: ControllerRun) -> str:
 
 
 def facts(comparison: Comparison) -> Iterator[Fact]:
-    """Questions that a person asks first about a comparison, and the answers; marked is what is set against each
-    other."""
+    """Facts of a comparison of runs, each a `Fact`: a question that a person asks first, and its answer in words, with
+    units. They are of the first run: its tracking errors, Lyapunov function, torques, number of parameters and speed of
+    simulation; the final error with adaptation off stands beside its own, and `whose` marks the two. Raises
+    `ValueError` for tracking errors that are NaN or infinite."""
     subject, leading, baseline = comparison.subject, comparison.leading, comparison.baseline
     if leading is not None:
         yield Fact(leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)")
@@ -123,12 +138,15 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
 
 
 def lyapunov_words(rise: float) -> str:
-    """Words for a Lyapunov function whose largest rise in a control period is `rise` (J); in theory it never rises."""
+    """Words on a Lyapunov function, from its largest rise from one sample to the next, `rise`, J: "never rises" for 0,
+    which is what theory says, else such as "rises by at most 2.1 J a step". Raises `ValueError` for NaN and
+    infinity."""
     return "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
 
 
 def parameters(comparison: Comparison) -> str:
-    """Numbers of independent and of all inertial parameters, and of friction's, which energies do not tell of."""
+    """Words on a mechanism's numbers of parameters: how many of its inertial parameters are independent, and how many
+    of friction there are besides, such as "36 independent among 60 inertial, and 12 of friction"."""
     inertial, all_of_them = len(comparison.space.parameter_names), len(comparison.mechanism.parameter_names)
     friction = f", and {all_of_them - inertial} of friction" if all_of_them > inertial else ""
     return f"{comparison.space.rank} independent among {inertial} inertial{friction}"

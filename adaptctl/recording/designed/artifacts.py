@@ -51,7 +51,15 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Named:
-    """Name, title and further contents of a study, for its files and pages."""
+    """Name, title and further contents of a design study, for its files and pages.
+
+    `experiment` is the name of the experiment or command, `title` that of page and recording, `content` the name of the
+    JSON file with the numbers, `seed` that of the random numbers, `complete` False where the study was interrupted.
+    `outcome_words` and `facts` take the place of the study's own outcome and facts where they are not empty, `drawings`
+    are figures besides its own, and `runs` closed-loop runs whose errors and torques the recording shows, the last
+    being the motion that the arm makes there; without one every joint swings a little. Nothing is checked at
+    construction.
+    """
 
     experiment: str
     title: str
@@ -75,8 +83,11 @@ def write_study(
     named: Named | None = None,
     progress: Callable[[str, float], object] = silent,
 ) -> None:
-    """Write a study into a folder that is ready, every file whole or not at all. Raises FileError where it cannot be
-    written."""
+    """Write the files of a design study into an existing folder, each whole or not at all: `content`, in JSON's types,
+    as JSON, figures as PNG in the folder `figures`, report.html and recording.rrd. `named` has their names, title and
+    further contents; None for those of the command `adaptctl design`, design.json being the JSON file. `progress(what,
+    share)` is called with what is being written and the share done, 0 to 1; unless given, nothing is shown. Raises
+    `FileError` where a file cannot be written, and for numbers in `content` that are NaN or infinite."""
     called = named or Named("design", f"{study.task.mechanism.name}: where a mass may be added", "design.json")
     write_json(folder / called.content, content)
     progress("figures", 0.1)
@@ -91,7 +102,10 @@ def write_study(
 
 
 def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str:
-    """HTML of a design study's page."""
+    """HTML, as text, of a design study's page: outcome, costs of a mass on every link, counterweights, costs before and
+    after, parameters that can go. `named` has title and further contents, `figures` maps the drawings' names to the
+    figures that go into the page. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot
+    be certified."""
     after = study.counterweights.balanced
     pairs = zip(quantities(study.task, study.percent), quantities(after, study.percent), strict=True)
     return rendered(
@@ -116,7 +130,11 @@ def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str
 
 
 def write_recording(path: Path, study: DesignStudy, named: Named, figures: Mapping[str, Path]) -> None:
-    """Write the recording: the arm coloured by cost, in motion, with its counterweights; curves; tables and figures."""
+    """Write the recording of a design study for the rerun viewer to the file `path` (.rrd), whole or not at all: the
+    arm in motion, coloured by what a mass costs at each place, its counterweights, the errors and torques of the runs
+    in `named`, tables and pictures. `figures` maps names of drawings to their PNG files. Raises `FileError` where the
+    file cannot be written or read back, `OSError` where a PNG file cannot be read, `ValueError` for runs with positions
+    that are NaN or infinite."""
     mechanism = study.task.mechanism
     parts, (time, p) = skeleton(mechanism), _moved(study, named.runs)
     content = np.ascontiguousarray(np.concatenate([study.counterweights.parameters, p.ravel()])).tobytes()

@@ -17,7 +17,9 @@ from adaptctl.recording.skeleton import skeleton
 
 
 def drawings(study: DesignStudy) -> Iterator[Drawing]:
-    """Figures in the order of the report."""
+    """Figures of a design study, each a `Drawing` with name, caption and drawing function, in the order of the report:
+    the arm coloured by what a mass costs, the costs on every link, torques, and energy errors. Nothing is drawn before
+    a drawing's function is called."""
     mass, mechanism = study.body.mass, study.task.mechanism
     yield Drawing(
         "arm",
@@ -45,7 +47,8 @@ def drawings(study: DesignStudy) -> Iterator[Drawing]:
 
 
 def links_figure(study: DesignStudy) -> Figure:
-    """Figure of the least, usual and greatest cost on every link."""
+    """Figure (Matplotlib) of the changes of the energy, in percent, that a design study's mass makes on every link: at
+    the cheapest place, at the link's centre of mass and at the dearest place."""
     figure = sheet(0.55 + 0.5 * len(study.links))
     axes = figure.subplots()
     place = np.arange(len(study.links))
@@ -60,7 +63,8 @@ def links_figure(study: DesignStudy) -> Figure:
 
 
 def torques_figure(study: DesignStudy) -> Figure:
-    """Figure of every joint's torques before and after."""
+    """Figure (Matplotlib) of the root mean square torques of every joint over a design study's task, N m (N if
+    prismatic), without the counterweights and with them."""
     figure = sheet(2.8)
     axes = figure.subplots()
     names = [joint.name for joint in study.task.mechanism.primary_joints]
@@ -73,7 +77,10 @@ def torques_figure(study: DesignStudy) -> Figure:
 
 
 def components_figure(study: DesignStudy) -> Figure:
-    """Figure of the energy error by number of components."""
+    """Figure (Matplotlib) of a design study's energy errors, in percent, on a logarithmic scale, by the number of
+    essential components that are kept (combinations of inertial parameters, the weightiest first), without the
+    counterweights and with them. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot
+    be certified."""
     figure = sheet(2.8)
     axes = figure.subplots()
     for i, (label, task) in enumerate(_two(study)):
@@ -88,7 +95,10 @@ def components_figure(study: DesignStudy) -> Figure:
 
 
 def percent_errors(task: DesignTask) -> Array:
-    """Energy errors (k + 1,) in percent with 0, 1, ... k components."""
+    """Energy errors (k + 1,) when the 0, 1, ... k weightiest of the k essential components are kept, in percent of the
+    energy: its root mean square about its mean over the task's states; NaN where that is 0. Essential components are
+    combinations of inertial parameters, the right singular vectors of the energies (Sheu and Walker 1991, equation 23).
+    Raises `RankError` where the mechanism's rank k cannot be certified."""
     squares = np.sort(np.square(task.matrix("components") @ task.parameters))
     tails = np.append(np.cumsum(squares)[::-1], 0.0)
     return np.asarray(100.0 * np.sqrt(tails / tails[0]))

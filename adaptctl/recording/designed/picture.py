@@ -30,7 +30,10 @@ BALL = Color(240, 200, 40)
 
 
 class Spots(NamedTuple):
-    """Places on the arm and what a mass costs there: link (n,), place (n, 3) in its frame, radius (n,), change (n,)."""
+    """Places on an arm, n of them, and the changes of the cost of its motion that a point mass makes there: `link`
+    (n,), indices of links from 0, as floats; `place` (n, 3), m in the link's frame; `radius` (n,), m, of the balls that
+    are drawn there; and `change` (n,), relative changes, no unit, 0.1 for 10 % more. Nothing is checked at
+    construction."""
 
     link: Array
     place: Array
@@ -39,7 +42,9 @@ class Spots(NamedTuple):
 
 
 def spots(costs: CostMap, parts: Skeleton) -> Spots:
-    """Places along all links of an arm."""
+    """Places along all links of an arm, as `Spots`, with the relative change of the cost, no unit, by a point mass at
+    each: 24, evenly spaced, on the axis of each shape of a link or tool in `parts`, those of massless links left out.
+    `costs` is the map of the changes over the arm. Raises `IndexError` where no shape is on a link with inertia."""
     rows = []
     names = costs.task.mechanism.description.body_names
     for shape in parts.shapes:
@@ -54,7 +59,9 @@ def spots(costs: CostMap, parts: Skeleton) -> Spots:
 
 
 def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
-    """The scale of colours from the best place to the worst; what neither gains nor loses is in its middle."""
+    """Scale of colours, a Matplotlib `TwoSlopeNorm`, for relative changes of cost, no unit, with 0 in its middle. It
+    goes from the least change, of those on the study's links and of `change` (n,), to the greatest of `change`; an end
+    without such a change lies a thousandth of the other's size from 0."""
     low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
     high = max(float(change.max()), 0.0)
     least = 1e-3 * max(high, -low, 1e-9)
@@ -62,12 +69,21 @@ def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
 
 
 def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
-    """Colours (n, 4), 0 to 255, of changes (n,)."""
+    """Colours (n, 4), red, green, blue and opacity from 0 to 255, of relative changes of cost (n,), no unit, by a
+    `scale` of colours: blue where the arm is relieved, light grey for 0, orange to red where it costs. Changes beyond
+    the scale have the colours of its ends."""
     return np.asarray(SCALE(scale(change), bytes=True), dtype=np.uint8)
 
 
 def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
-    """Draw the arm in motion through positions p (T, r) as balls coloured by what a mass costs there."""
+    """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls coloured by what a point mass
+    costs at their places, blue where it relieves the arm and red where it costs; small balls fill the boxes where
+    masses may be, and yellow ones are the counterweights. `p` (T, r) are the positions, rad (m if prismatic), of its r
+    joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
+
+    Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
+    where kinematic loops do not fit together, `SingularityError` near where they lock.
+    """
     mechanism, found = study.task.mechanism, spots(study.map, parts)
     scale, poses = norm(study, found.change), link_poses(mechanism, p)
     for i, link in enumerate(mechanism.links):
@@ -88,7 +104,8 @@ def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton
 
 
 def log_counterweights(recording: rr.RecordingStream, study: DesignStudy, name: str = "arm") -> None:
-    """Draw the counterweights in their true size."""
+    """Draw a design study's counterweights in a rerun recording, the same at all times: yellow balls of their true
+    radius, labelled with their mass in kg, as the entities "world"/`name`/LINK/counterweight, fixed to their links."""
     for weight in study.counterweights.weights:
         radius = (3.0 * weight.mass / (4.0 * np.pi * weight.density)) ** (1.0 / 3.0)
         ball = rr.Points3D([weight.place], radii=[radius], colors=[BALL], labels=[f"{weight.mass:.3g} kg"])
@@ -96,7 +113,11 @@ def log_counterweights(recording: rr.RecordingStream, study: DesignStudy, name: 
 
 
 def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
-    """Figure of the arm at positions p (r,) from the side and from above, coloured by what a mass costs."""
+    """Figure (Matplotlib) of an arm at positions `p` (r,), rad (m if prismatic), of its r joints, from the side and
+    from above, in m: dots along its links are coloured by the relative change of energy that the study's mass makes
+    there, and yellow ones are the counterweights. `parts` are the shapes it is drawn by. Raises `InputError` for
+    another number of positions, `NonFiniteError` for NaN and infinity, `LoopError` where kinematic loops do not fit
+    together, `SingularityError` near where they lock."""
     found = spots(study.map, parts)
     world, scale = _in_world(study.task.mechanism, p, found.link, found.place), norm(study, found.change)
     figure = sheet(4.4)

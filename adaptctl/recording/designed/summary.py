@@ -10,7 +10,10 @@ SCHEMA = "adaptctl/design/1"
 
 
 def as_builtins(study: DesignStudy, detail: AddedMass | None = None) -> dict[str, Any]:
-    """A study in JSON's types; SI units, changes as shares of what the arm costs without."""
+    """The results of a design study in JSON's types, SI units, changes of energy and torque as shares (0.1 for 10 %
+    more): `before`, the costs of the motion; `links`, the cheapest and dearest place on each link for the study's mass;
+    `counterweights`, with the costs after them; `removals`, changes that remove parameters, with the floating-point
+    operations saved. `detail`, the effect of a body at one place, is `added`; left out where None, the default."""
     task, mechanism = study.task, study.task.mechanism
     content: dict[str, Any] = {
         "schema": SCHEMA,
@@ -37,7 +40,12 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None) -> dict[str
 
 
 def costs(task: DesignTask, percent: float) -> dict[str, Any]:
-    """Costs of a mechanism's motion over a task, in JSON's types."""
+    """Costs of a mechanism's motion over a task, in JSON's types: `rank`, the number of base parameters; `carried`, how
+    many of them matter in the motion; `components`, how many essential components keep the energy to an error of
+    `percent` (%); `energy`, J, its root mean square about its mean; `torque`, the same of the torques as shares of
+    their limits, no unit; `coupling`, kg m^2, of the mass matrix's entries off the diagonal; and `torques`, one a
+    joint, N m (N if prismatic). Raises `InputError` for a percentage that is no finite number of at least 0,
+    `RankError` where the rank cannot be certified."""
     return {
         "rank": task.basis.rank,
         "carried": len(task.carried()),
@@ -51,7 +59,11 @@ def costs(task: DesignTask, percent: float) -> dict[str, Any]:
 
 
 def added_as_builtins(added: AddedMass) -> dict[str, Any]:
-    """Changes by a body at a place, in JSON's types."""
+    """The effect of a body added to a link, in JSON's types: `link`, its name; `place`, m in its frame; `mass`, kg;
+    `own_energy`, J; `energy_change` and `torque_change`, as shares (0.1 for 10 % more); `torques`, one a joint, N m (N
+    if prismatic); `components`, the number of essential components; `becomes_essential`, names of base parameters that
+    matter only with the body; and `changed`, changes of base parameters by name, SI units. Raises `RankError` where the
+    mechanism's rank, its number of base parameters, cannot be certified."""
     return {
         "link": added.link,
         "place": added.body.center.tolist(),
@@ -67,7 +79,11 @@ def added_as_builtins(added: AddedMass) -> dict[str, Any]:
 
 
 def balanced(found: Counterweights) -> dict[str, Any]:
-    """Counterweights, their bounds, and the costs with them, in JSON's types."""
+    """The counterweights that were found, in JSON's types: `objective`, the cost that they make least, with
+    `cost_before` and `cost_after` in its unit and `saved`, the share that goes; `bounds` and `weights`, masses (kg) and
+    places (m in the link's frame) of each link; `after`, all costs with them; and `inconsistent_links`, names of links
+    that no rigid body can be. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be
+    certified."""
     return {
         "objective": found.objective,
         "cost_before": found.cost_before,
@@ -83,7 +99,10 @@ def balanced(found: Counterweights) -> dict[str, Any]:
 
 
 def removal_as_builtins(removal: Removal) -> dict[str, Any]:
-    """A removal, with the equations before and after, in JSON's types."""
+    """A change of design that removes parameters, in JSON's types: `way` ("symmetry", "balance" or "relocation"),
+    `link`, its name, and `what`, the change in words; `gone`, names of the base parameters that are not needed after
+    it, and `rank`, the number of those that are; `mass`, kg, added or moved, and `place`, m in the link's frame, or
+    None; `before` and `after`, the regrouping equations as texts. Nothing is raised."""
     return {
         "way": removal.way,
         "link": removal.link,

@@ -10,7 +10,9 @@ from adaptctl.recording.fact import Fact
 
 
 def header(study: DesignStudy) -> str:
-    """Text of the robot, the task, and what its motion depends on."""
+    """Text, one line, of a design study's robot and task: its name, its numbers of inertial parameters, of independent
+    (base) parameters and of those that matter, and the states that the task consists of. Raises `RankError` where the
+    mechanism's rank, its number of base parameters, cannot be certified."""
     task = study.task
     return (
         f"{task.mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} independent, "
@@ -19,7 +21,8 @@ def header(study: DesignStudy) -> str:
 
 
 def outcome_words(study: DesignStudy) -> str:
-    """The outcome of a design study in a sentence or two."""
+    """The outcome of a design study in a sentence or two: by how many percent the added mass changes the energy at the
+    best and at the worst place, and what the counterweights save."""
     found, best = study.counterweights, min(study.links, key=lambda cost: cost.least)
     worst = max(study.links, key=lambda cost: cost.most)
     text = (
@@ -33,7 +36,10 @@ def outcome_words(study: DesignStudy) -> str:
 
 
 def facts(study: DesignStudy) -> Iterator[Fact]:
-    """Questions that a person asks first about a study, and the answers."""
+    """Facts of a design study, each a `Fact`: a question that a person asks first, and its answer in words, with units.
+    They are numbers of parameters, the costs of the motion (energy in J, torque in percent of its limit, coupling in kg
+    m^2) before and after the counterweights, and the counterweights' masses. Raises `RankError` where the mechanism's
+    rank, its number of base parameters, cannot be certified."""
     found, before = study.counterweights, study.task
     after = found.balanced
     yield Fact("Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero")
@@ -52,7 +58,11 @@ def _fall(before: float, after: float, unit: str) -> str:
 
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
-    """Costs of a motion, as pairs of a label and a number with its unit."""
+    """Costs of a mechanism's motion over a task, as pairs of texts, a label and a number with its unit: numbers of
+    parameters and of components that keep the energy to an error of `percent` (%), energy (J), torque (% of its limit),
+    coupling (kg m^2), and each joint's torque (N m, N if prismatic). Raises `InputError` for a percentage that is no
+    finite number of at least 0, `RankError` where the mechanism's rank, its number of base parameters, cannot be
+    certified."""
     yield "independent parameters", f"{task.basis.rank}"
     yield "of them not zero", f"{len(task.carried())}"
     yield f"components within {percent:g} % of energy", f"{task.components(percent)}"
@@ -64,10 +74,10 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
 
 
 def change(share: float) -> str:
-    """Text of a change as a percentage with its sign."""
+    """Text of a relative change as a percentage with its sign: 0.125 is "+12.5 %"."""
     return f"{100.0 * share:+.3g} %".replace("-", "−")
 
 
 def place(x: Array) -> str:
-    """Text of a place in m."""
+    """Text of a place (3,), m, in its link's frame, without the unit: "(0.100, 0.000, -0.250)"."""
     return f"({', '.join(f'{value:.3f}' for value in x + 0.0)})"

@@ -24,7 +24,11 @@ from adaptctl.recording.stream import log_markdown, saved_stream
 
 
 class TorqueCase(NamedTuple):
-    """Errors of both estimators with one kind of torques: on the log's end, over the torques there."""
+    """The relative errors of two estimators of a robot's parameters, no units, for one kind of torques that they learn
+    from, described by `torques`. `off` is how far these are off, as a share of the torques of a model that stands for
+    the truth; `momentum` and `energy` are the errors of the torques that they predict for the last part of a log, as
+    shares of the model's, by filtered dynamics (the equations of motion behind a low-pass filter) and by energy
+    differences. Nothing is checked at construction."""
 
     torques: str
     off: float
@@ -34,7 +38,9 @@ class TorqueCase(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Torques (n, r) on the log's last part: measured, and predicted by both estimators from measured torques."""
+    """Torques of r joints, named `joints`, on the last part of a log, at n times `time` (n,), s: `measured`, and
+    predicted by two estimators fitted to the measured torques of the first part, filtered dynamics (`momentum`) and
+    energy differences (`energy`), each (n, r), N m (N if prismatic). Nothing is checked at construction."""
 
     joints: tuple[str, ...]
     time: Array
@@ -45,7 +51,14 @@ class Curves(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Amplification:
-    """Errors of either estimator against errors in the torques."""
+    """Result of an experiment on two estimators of a robot's parameters, how errors of the torques that they learn from
+    become errors of those that they predict: filtered dynamics (the equations of motion behind a low-pass filter), and
+    energy differences, one equation of work and energy over each window of `window`, s.
+
+    `experiment` is its name and `title` the report's; `measured` has a `TorqueCase` for each kind of torques, the exact
+    ones first, the measured ones last; `curves` are torques over time; `seed` is that of the random numbers, `complete`
+    False where it was interrupted. Nothing is checked at construction.
+    """
 
     experiment: str
     title: str
@@ -56,7 +69,9 @@ class Amplification:
     complete: bool = True
 
     def headline(self) -> str:
-        """The finding, in a sentence or two."""
+        """The finding in a sentence or two: the relative errors of both estimators from exact and from measured
+        torques. Raises `IndexError` without a case, `ZeroDivisionError` where filtered dynamics has no error in the
+        last."""
         last, exact = self.measured[-1], self.measured[0]
         return (
             f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
@@ -65,12 +80,16 @@ class Amplification:
         )
 
     def facts(self) -> Iterator[Fact]:
-        """Facts for the report: pairs of a kind of torques and its errors."""
+        """Facts for the report, one `Fact` for each kind of torques: what the torques were, and the relative errors of
+        both estimators, in percent."""
         for entry in self.measured:
             yield Fact(entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}")
 
     def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Write summary, figure, report and recording into a folder."""
+        """Write the result into an existing folder: summary.json, report.html, recording.rrd and the PNG file of a
+        figure in the folder `figures`, each whole or not at all. `progress(what, share)` is called with what is being
+        written and the share done, 0 to 1. Raises `FileError` where a file cannot be written, and for errors that are
+        NaN or infinite."""
         progress("summary", 0.0)
         content = {
             "schema": "adaptctl/energy-differences/1",

@@ -20,10 +20,14 @@ ROBOT, URDF, ESTIMATES, VALIDATION = "robot.toml", "robot.urdf", "estimates.json
 def write_identification(
     folder: str | Path, found: Identification, robot: str | Path | None = None, before: Mechanism | None = None
 ) -> Path:
-    """Write robot, estimates, validation, summary, recording, figures and report into a folder that is ready.
+    """Write the files of an identification into an existing folder, each whole or not at all; returns the folder's
+    path. They are robot.toml, the identified robot, estimates.json, validation.parquet (torques), recording.rrd,
+    report.html, PNG files in the folder `figures`, and summary.json, the last.
 
-    Where the `robot` that was identified came from a URDF file (as `before`), a copy of it with the new inertials is
-    among them. Every file is written whole or not at all.
+    Where `robot`, the file that was identified, is a URDF file and `before` is the mechanism that it describes,
+    robot.urdf is a copy of it with the identified inertias; without them, by default, there is none. Raises `FileError`
+    where a file cannot be written or the URDF file not be read, and for an inertia without mass, which URDF cannot
+    hold.
     """
     path = Path(folder)
     write_mechanism(path / ROBOT, found.mechanism.description)

@@ -20,7 +20,9 @@ DRAWN = 3000
 
 
 def drawings(found: Identification) -> Iterator[Drawing]:
-    """Every figure of the report."""
+    """Figures of an identification, each a `Drawing` with name, caption and drawing function, in the order of the
+    report: torques measured and predicted, what the prediction leaves of them, errors of simpler models, and how well
+    combinations of parameters are excited. Nothing is drawn before a drawing's function is called."""
     validation = found.validation
     yield Drawing(
         "torques",
@@ -48,7 +50,9 @@ def drawings(found: Identification) -> Iterator[Drawing]:
 
 
 def write_figures(folder: str | Path, found: Identification) -> dict[str, Path]:
-    """Write the figures as PNG into a folder; returns their files by name."""
+    """Write the figures of an identification as PNG files into an existing folder, each whole or not at all; returns
+    the files' paths by the figures' names, such as "torques" for torques.png. Raises `FileError` where a file cannot be
+    written."""
     return write_drawings(folder, drawings(found))
 
 

@@ -16,12 +16,16 @@ HOME = "adaptctl.recording.identified"
 
 
 def write_report(path: str | Path, found: Identification, figures: Mapping[str, Path]) -> None:
-    """Write the page with the figures, given as files by name, inside."""
+    """Write the report of an identification to the file `path`, whole or not at all: one HTML page that needs no other
+    file. `figures` maps names of its drawings to PNG files, which go into the page; a drawing without a file is left
+    out. Raises `FileError` where the page cannot be written, `OSError` where a PNG file cannot be read."""
     write_text(path, report(found, figures))
 
 
 def report(found: Identification, figures: Mapping[str, Path]) -> str:
-    """HTML of an identification's page."""
+    """HTML, as text, of the report of an identification: outcome, errors of every joint, parameters with their
+    deviations, figures. `figures` maps names of its drawings to PNG files, which go into the page; a drawing without a
+    file is left out. Raises `OSError` where a PNG file cannot be read."""
     validation = found.validation
     joints = found.mechanism.primary_joints
     each = zip(joints, validation.joint_rms_errors, validation.joint_relative_errors, strict=True)
@@ -44,7 +48,8 @@ def report(found: Identification, figures: Mapping[str, Path]) -> str:
 
 
 def verdict(found: Identification) -> str:
-    """The outcome of an identification in a sentence."""
+    """The outcome of an identification in a sentence: the root mean square error of the torques that it predicts on the
+    rows of its validation, in N m over all joints, and in percent of the measured torques."""
     validation = found.validation
     return (
         f"Predicts the torques of {validation.origin}, to {validation.rms_error:.3g} N m over all joints, "
@@ -53,7 +58,8 @@ def verdict(found: Identification) -> str:
 
 
 def consistency(found: Identification) -> str:
-    """Sentence on whether rigid bodies can have the parameters, and on the misfit that this costs."""
+    """Sentences on whether rigid bodies can have an identification's parameters, with the names of links that no body
+    can be, and by how many percent the misfit of the fitted rows is worse for that than by plain least squares."""
     wrong = found.mechanism.description.inconsistent_links
     cost = f"The training rows are fitted {found.misfit_ratio - 1.0:.1%} worse than by least squares without that."
     return (
@@ -64,7 +70,9 @@ def consistency(found: Identification) -> str:
 
 
 def components(found: Identification) -> str:
-    """Text on the paper's model reduction, of the logs' own motion."""
+    """Sentence on model reduction (Sheu and Walker 1991, equation 23): how many of the essential components of an
+    identification's inertial parameters, combinations of them that change energies, carry the energy of the logs'
+    motion to 1 %."""
     return (
         f"Of the {found.space.rank} essential components of the parameters, {found.components} carry the energy of the "
         "logs' motion to 1 % (Sheu and Walker 1991, equation 23)."
@@ -72,7 +80,9 @@ def components(found: Identification) -> str:
 
 
 def facts(found: Identification) -> Iterator[Fact]:
-    """Questions that a reader has, and their answers."""
+    """Facts of an identification, each a `Fact`: a question that a reader asks first, and its answer in words, with
+    units: torque errors, number of fundamental (base) parameters, friction's terms, physical consistency, combinations
+    that the logs leave open, the prior's weight and the filter's cut-off (Hz)."""
     validation, settings = found.validation, found.choice.settings
     yield Fact("error on data not seen", f"{validation.rms_error:.3g} N m")
     yield Fact("of the measured torque", f"{validation.relative_error:.1%}")

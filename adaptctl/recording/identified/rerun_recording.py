@@ -24,7 +24,9 @@ SAMPLES = 3000
 
 @dataclass(frozen=True)
 class Titled:
-    """Title, experiment and seed of the recording."""
+    """Title and origin of an identification's recording: `title`, a few words for its readers; `experiment`, the name
+    of the command, "identify" unless given; `seed`, 0 unless given, and `complete`, True unless given, which every
+    recording has. Nothing is checked at construction."""
 
     title: str
     experiment: str = "identify"
@@ -33,7 +35,9 @@ class Titled:
 
 
 def write_recording(path: str | Path, found: Identification) -> None:
-    """Write the recording whole or not at all. Raises FileError where it cannot be written."""
+    """Write the recording of an identification for the rerun viewer to the file `path` (.rrd), whole or not at all: the
+    arm in the logs' motion, the torques of every joint measured and predicted over the validation, their errors, and
+    the outcome in words. Raises `FileError` where the file cannot be written or read back."""
     content = np.ascontiguousarray(found.validation.measured).tobytes()
     with saved_stream(path, Titled(f"{found.mechanism.name}, identified"), content, _blueprint(found)) as recording:
         log_markdown(recording, "summary", "\n\n".join((verdict(found), consistency(found), components(found))))

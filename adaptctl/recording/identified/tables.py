@@ -20,13 +20,19 @@ SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
 
 
 def write_summary(path: str | Path, found: Identification) -> None:
-    """Write the chosen settings and the prediction errors as JSON."""
+    """Write the summary of an identification, `summary`, to the file `path` as JSON, whole or not at all: the settings
+    chosen and the prediction errors. Raises `FileError` where it cannot be written, and for numbers that are NaN or
+    infinite."""
     write_json(path, summary(found))
 
 
 def summary(found: Identification) -> dict[str, Any]:
-    """Summary of an identification in JSON's types; `validation` and `alternatives` are on the same rows: rms_error in
-    N m over all joints, and relative."""
+    """Summary of an identification in JSON's types. `validation` and, by name, `alternatives`, simpler models, have the
+    torque errors on the same rows: `rms_error` in N m (N if prismatic) over all joints, `relative_error` over the
+    measured torques (no unit), `cutoff` in Hz, `rows`, and both errors of each of the `joints`. Besides these it has
+    the robot, the logs, friction's terms, the prior's weight (no unit), the filter's `cutoff` in Hz, whether all links
+    are physically consistent, the combinations of parameters that were not excited, and what was tried and done.
+    Nothing is raised."""
     settings = found.choice.settings
     return {
         "schema": SUMMARY_SCHEMA,
@@ -62,7 +68,11 @@ def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
 
 
 def write_estimates(path: str | Path, found: Identification) -> None:
-    """Write first estimates and prior ranges of the fundamental parameters, for an adaptive controller, as JSON."""
+    """Write the first estimates for an adaptive controller to the file `path` as JSON, whole or not at all: of each
+    fundamental (base) parameter, in its `unit`, `value`, standard `deviation` and `prior_range`, the greatest distance
+    of the truth that is expected, and `gain`, in that unit squared per J, the diagonal of the adaptation gain; all
+    inertial and friction parameters, SI units; and each joint's load-dependent friction, a share of its torque without
+    a unit. Raises `FileError` where it cannot be written, and for numbers that are NaN or infinite."""
     joints = [joint.name for joint in found.mechanism.primary_joints]
     columns = zip(
         found.names,
@@ -87,7 +97,9 @@ def write_estimates(path: str | Path, found: Identification) -> None:
 
 
 def write_validation(path: str | Path, found: Identification) -> None:
-    """Write measured and predicted torques as Parquet: `time` as in the log, then `measured_J` and `predicted_J`."""
+    """Write the torques of an identification's validation to a Parquet file, whole or not at all: a row for each
+    instant, with `time`, s, as in the log, and for each joint, by its name, `measured_NAME` and `predicted_NAME`, N m
+    (N if prismatic), both through the same low-pass filter. Raises `FileError` where it cannot be written."""
     about = {"schema": VALIDATION_SCHEMA, "of": found.validation.origin, "cutoff": repr(found.validation.cutoff)}
     write_columns(path, list(_columns(found)), about)
 
