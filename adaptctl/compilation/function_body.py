@@ -20,9 +20,14 @@ _INTRINSICS = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs", Op.MINIMU
 
 
 class FunctionBody:
-    """LLVM instructions of one function's body: `memory` for the calls it makes is set aside first.
+    """Body of one native function, written as LLVM instructions, lines of text, expression by expression: `memory` has
+    those that set aside memory for calls, which come first, and `lines` all others.
 
-    What it finds in memory it is passed two pointers to: %passed by other pieces, %same by what ran before all steps.
+    Made of `symbols`, the functions' names by `Routine` (traced function), for calls; `lanes`, the `Lanes`, how many
+    numbers are computed at once and in what precision; `found`, by index of expression, the places of values that
+    earlier functions of the same routine left in memory at the pointer `%passed`; and `same`, the `Invariants`,
+    expressions that are the same in all steps of a loop, which are in memory at `%same`, none unless given. A place is
+    an index in values of all lanes; the expression of index i is in the register `%xi`. Nothing is checked.
     """
 
     def __init__(
@@ -35,7 +40,9 @@ class FunctionBody:
         self._together: dict[tuple[Any, ...], str] = {}
 
     def compute(self, expression: Expression) -> None:
-        """Write one expression into its register; what is in memory is loaded where it is first used."""
+        """Append the instructions that compute an `expression`, whose operands have been computed before. For one that
+        is in memory already, such as an input, a call's result or an invariant, none are appended here: it is loaded
+        where it is first used. Raises `KeyError` for a call of a routine without a name in `symbols`."""
         if expression.op is Op.CALL:
             self._call(f"%x{expression.index}", expression.detail, arguments(expression))
         elif self._place(expression) is not None:
@@ -48,7 +55,10 @@ class FunctionBody:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
 
     def turn(self, angles: Sequence[Expression], wide: Lanes) -> None:
-        """Write sines and cosines of several angles, side by side at once."""
+        """Append the instructions that compute sine and cosine of several `angles`, expressions in rad, in one call of
+        a vector function; `wide` is its `Lanes`, 2, 4 or 8 and no fewer than angles. Sines and cosines that `compute`
+        writes later are taken from these. It is for functions that otherwise work on one number at a time. Nothing is
+        checked."""
         value, several = wide.value, "zeroinitializer"
         for k, angle in enumerate(angles):
             x, before = self._operand(angle), several
@@ -81,7 +91,9 @@ class FunctionBody:
             self._add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
-        """Write the store of a number into the k-th place after a pointer."""
+        """Append the instructions that write `value`, an expression that has been computed or a constant, into memory:
+        into the place of index `k`, in values of all lanes, after the LLVM pointer of the name `pointer`, such as
+        "%out0". Nothing is checked."""
         name, kind = f"{pointer}.{k}", self._lanes.value
         self._add(f"{name} = getelementptr {kind}, ptr {pointer}, i64 {k}")
         self._add(f"store {kind} {self._operand(value)}, ptr {name}, align {self._lanes.size}")
