@@ -45,10 +45,10 @@ class CStatements:
         self._turned: set[int] = set()
 
     def compute(self, x: Expression, *, named: bool) -> None:
-        """Append the statements that compute the expression `x`, whose operands have been computed before. With `named`
-        it gets a variable; without, one that is used once and has at most 90 characters is written where it is used
-        instead, and what is in memory already needs no statement. Raises `KeyError` for a call of a routine without a
-        name in `symbols`."""
+        """Append the statements that compute the expression `x`, whose operands have been computed before, unless it is
+        in memory already, as an input is. With `named` its value gets a variable; without, the text of one that is used
+        once and has at most 90 characters is written where it is used instead. Raises `KeyError` for a call of a
+        routine without a name in `symbols`."""
         if x.op is Op.CALL:
             self._call(x)
             return

@@ -37,7 +37,7 @@ class CPackage:
     names in the code, a C identifier; and `kind`, the kind of number, "double" or "float". `number` is the `CNumber`,
     `start` the `Start` of the memory, `memory` its fields that are not empty, and `stack` about how many bytes of stack
     a tick takes, 0 until `functions` has been asked for. Raises `InputError` where the memory begins with the arm's
-    position in a way that is not known, `TraceError` for a law that cannot be traced.
+    position in a way that is not known, `TraceError` where what computes its first values cannot be traced.
     """
 
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:

@@ -100,7 +100,7 @@ class Lanes:
         """The text of the LLVM template `name`.ll beside this module, with the lanes' types, sizes and attributes
         (`scalar`, `value`, `integer`, `condition`, `suffix`, `count`, `alignment`, `attributes`) and further `values`
         by name in place of its $names. Raises `FileNotFoundError` for an unknown template, `KeyError` for a $name
-        without a value, `TypeError` where `values` repeat one of the types."""
+        without a value."""
         types = ("scalar", "value", "integer", "condition", "suffix", "count", "alignment", "attributes")
         template = Template(Path(__file__).with_name(f"{name}.ll").read_text(encoding="utf-8"))
         return template.substitute({of: getattr(self, of) for of in types}, **values)

@@ -35,7 +35,8 @@ class RunOutcome(NamedTuple):
     @classmethod
     def each_of(cls, runs: Rollouts) -> list[RunOutcome]:
         """The outcome of each of many simulated `runs`, `Rollouts`, in their order: "diverged" where a joint left its
-        bound of error, "done" otherwise. Numbers that are not finite become None."""
+        bound of error, "done" otherwise. Root mean squares and rises of the Lyapunov function that are not finite
+        become None."""
         means = (np.sqrt(np.mean(errors**2, axis=-1)) for errors in (runs.rms_error, runs.final_rms_error))
         largest, rises = runs.largest_error.max(axis=-1), runs.lyapunov_rise
         columns = (x.tolist() for x in (*means, largest, rises, runs.diverged_at, runs.diverged_joint))

@@ -25,8 +25,8 @@ def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] 
 
     `progress(share)` is called with the share that is done, 0 to 1; it does nothing unless given. Raises `InputError`
     where the cluster cannot be reached or its workers do not fit, `MissingExtraError` where Dask is not installed,
-    `FileError` where the folder cannot be written, and what a worker raises, such as where workers die over a shard
-    more than three times.
+    `FileError` where the folder cannot be written, what a worker raises for a shard in spite of three retries, and
+    Dask's `KilledWorker` where too many workers die over one.
     """
     total = -(-folder.study.count // folder.shard)
     missing = [shard for shard in folder.shards() if not folder.has(shard)]
