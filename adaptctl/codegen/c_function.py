@@ -142,7 +142,7 @@ class CStatements:
 def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression | float]) -> int:
     """The greatest number of values that wait at one time to be used, where `expressions` are computed in this order:
     about as many numbers as the stack holds. Inputs and calls do not count; those of `outputs`, expressions and
-    constants, that nothing else uses wait to the end."""
+    constants, that nothing else uses wait to the end. Nothing is checked."""
     last = {y.index: k for k, x in enumerate(expressions) for y in x.operands if isinstance(y, Expression)}
     own = {x.index for x in expressions if x.op not in (Op.INPUT, Op.CALL)}
     kept = {x.index for x in outputs if isinstance(x, Expression)}

@@ -38,7 +38,8 @@ class CNumber:
 
     def rounded(self, x: float) -> float:
         """The float that stands for `x` in this kind of number: `x` itself for double; for float the nearest, where
-        finite numbers stay finite and what is not 0 stays so, from about 1.2e-38 to 3.4e38 in size."""
+        finite numbers stay finite and what is not 0 stays so, from about 1.2e-38 to 3.4e38 in size. Nothing is
+        raised."""
         return x if self.kind == "double" else single(x)
 
     def constant(self, x: float) -> str:

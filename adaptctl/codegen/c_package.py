@@ -252,7 +252,7 @@ class _Mark(NamedTuple):
 
 def title(interface: Interface) -> str:
     """Title of a controller's exported code, in a line, from its `interface`: the law, with "guarded" where it is, the
-    arm and the control period in s, such as "SlotineLi, guarded for puma560, every 0.001 s"."""
+    arm and the control period in s, such as "SlotineLi, guarded for puma560, every 0.001 s". Nothing is raised."""
     law = type(interface.innermost).__name__ + (", guarded" if interface.guarded else "")
     arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
     printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)

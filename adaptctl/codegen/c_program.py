@@ -50,7 +50,7 @@ class Signature:
 @dataclass(frozen=True)
 class CSource:
     """Source of C functions: their `text`, and `stack`, about how many bytes of stack the last of them takes with all
-    that it calls."""
+    that it calls. Nothing is checked."""
 
     text: str
     stack: int
@@ -59,7 +59,7 @@ class CSource:
 class CProgram:
     """C functions of several routines (traced functions), among them those that they call, each of which is written
     once. `prefix` begins all names, `number` is the `CNumber`, double or float; `operations` is the set of operations,
-    an `Op` each, that the functions written so far have."""
+    an `Op` each, that the functions written so far have. Nothing is checked."""
 
     def __init__(self, prefix: str, number: CNumber) -> None:
         self.prefix, self.number = prefix, number
@@ -136,7 +136,8 @@ class CProgram:
 
 def helpers(prefix: str, operations: set[Op]) -> str:
     """The C functions, as text, of the smaller and of the larger of two numbers, NaN when either is: each where its
-    `Op` is in `operations`, empty text where neither is. Their names are `prefix` and "_min" or "_max"."""
+    `Op` is in `operations`, empty text where neither is. Their names are `prefix` and "_min" or "_max". Nothing is
+    raised."""
     texts = []
     for op, sign in ((Op.MINIMUM, "<"), (Op.MAXIMUM, ">")):
         if op in operations:

@@ -28,7 +28,7 @@ GIVEN = ("p", "v", *(f"reference.{part}" for part in ReferencePoint._fields))
 class Field:
     """Field of a controller's exported code, a named array of numbers of its memory or gains: its `name`, its first
     `values`, in SI units, whose shape it has, and `labels`, names of the numbers, such as those of joints or
-    parameters, which repeat from row to row, empty, the default, where they have none."""
+    parameters, which repeat from row to row, empty, the default, where they have none. Nothing is checked."""
 
     name: str
     values: Array
@@ -59,7 +59,7 @@ class Field:
 class Brake(NamedTuple):
     """The brake that a guarded controller's code puts in place of a torque that the law cannot give: -`damping` v for
     joint velocities v, within plus and minus `limit`. `damping` (r,), N m s/rad (N s/m if prismatic), and `limit` (r,),
-    N m (N), finite, are of the r joints."""
+    N m (N), finite, are of the r joints. Nothing is checked."""
 
     damping: Array
     """(r,) N m s/rad"""
@@ -131,8 +131,8 @@ class Interface:
 
     @property
     def follows_joints(self) -> bool:
-        """True if the controller's reference points are positions of its joints; False if they are in another space,
-        such as a task space."""
+        """True if the points of the controller's reference are positions of its r joints; False if they are of another
+        space, such as a task space."""
         law = self.innermost
         if isinstance(law, TaskSpaceSlotineLi):
             return law.reference_in_joints
@@ -140,8 +140,8 @@ class Interface:
 
     @cached_property
     def period(self) -> float:
-        """Control period, s: the controller's own, or 0.001 where it has none, on which its law then does not
-        depend."""
+        """Control period, s: the controller's own, or 0.001 where it has none, since its law then does not depend on
+        it."""
         return float(getattr(self.controller, "period", None) or getattr(self.innermost, "period", None) or 1e-3)
 
     @cached_property
@@ -193,7 +193,7 @@ class Interface:
     def names_of_constants(self) -> dict[float, str]:
         """Names of the mechanism's parameters whose values are constants in the law, by the values' magnitudes, for
         comments in code; names of equal values are joined by commas, and 0, 0.5, 1 and 2 are left out. Empty where the
-        law has no fixed parameters."""
+        law has no fixed parameters. Nothing is raised."""
         values = getattr(self.innermost, "parameters", None)
         if self.mechanism is None or isinstance(values, Column) or values is None:
             return {}

@@ -37,7 +37,7 @@ LONGEST = 3000
 class LiveArm:
     """A closed loop that a web page runs live: `binary`, the WebAssembly module of one control period, and `facts`,
     what the page must know to run it, in JSON's types: places of numbers in the module's memory, names of joints, first
-    values and geometry."""
+    values and geometry. Nothing is checked."""
 
     binary: bytes
     facts: dict[str, Any]

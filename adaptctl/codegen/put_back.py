@@ -46,7 +46,7 @@ class PutBack:
 
     def stored(self, x: Expression | float) -> Expression | float:
         """The value to store at first for the result `x`, an expression or a constant: for a choice between an earlier
-        value and a new one, the new one, which may be put back later; `x` itself for any other."""
+        value and a new one, the new one, which may be put back later; `x` itself for any other. Nothing is raised."""
         if isinstance(x, Expression) and x in self._choices:
             kept: Expression | float = x.operands[2]
             return kept

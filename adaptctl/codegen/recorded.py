@@ -28,7 +28,7 @@ class RecordedTick:
     """A tick (the work of one control period) of a controller of r joints, recorded in Python for a test of its
     exported code: the arguments `p` and `v` (r,), rad and rad/s (m, m/s if prismatic), and `reference`, a
     `ReferencePoint`; and the results `torque` (r,), N m (N), and `status`, an integer, the sum of its guards' status
-    bits."""
+    bits. Nothing is checked."""
 
     p: Array
     v: Array
@@ -55,7 +55,7 @@ def default_reference(interface: Interface) -> Reference:
 def centre(interface: Interface) -> Array:
     """The centre (r,), rad (m if prismatic), of a check's motion of the r joints, from a controller's `interface`: its
     home, moved so far that joint limits stay 0.15 rad (m) away, or half the joint's range; home itself where there are
-    loops or no known mechanism."""
+    loops or no known mechanism. Nothing is raised."""
     home, mechanism = np.asarray(interface.controller.home, dtype=np.float64), interface.mechanism
     if mechanism is None or mechanism.description.loops is not None:
         return home

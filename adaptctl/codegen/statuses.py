@@ -10,7 +10,7 @@ from adaptctl.simulation.closed_loop import guards
 
 class StatusBit(NamedTuple):
     """A bit of the status that exported code returns for a tick (the work of one control period): its `name`, such as
-    "NOT_FINITE", its `value`, a power of 2, and its `meaning`, a clause in English."""
+    "NOT_FINITE", its `value`, a power of 2, and its `meaning`, a clause in English. Nothing is checked."""
 
     name: str
     value: int
@@ -36,8 +36,8 @@ _MARKS = {
 
 def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
     """All status bits, a `StatusBit` each, of a controller's exported code, from its `interface`: NOT_FINITE (1),
-    WRONG_STATE (2) and NOT_CLOSED (4), then, from 8 on, one for each mark that its guards set, such as
-    TORQUE_LIMITED."""
+    WRONG_STATE (2) and NOT_CLOSED (4), then, from 8 on, one for each mark that its guards set, such as TORQUE_LIMITED.
+    Nothing is raised."""
     own = enumerate(interface.marks, start=len(FAULTS))
     return (*FAULTS, *(StatusBit(name.upper(), 1 << k, _MARKS.get(name, name)) for k, name in own))
 

@@ -64,7 +64,7 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
 
 def stated(reference: Reference) -> dict[str, Any]:
     """A `reference` in JSON's types, for a manifest: of `Sinusoids` the kind and the numbers, centre and amplitude in
-    rad (m), frequency in Hz, phase in rad; of any other the name of its class."""
+    rad (m), frequency in Hz, phase in rad; of any other the name of its class. Nothing is raised."""
     if not isinstance(reference, Sinusoids):
         return {"kind": type(reference).__name__}
     names = ("center", "amplitude", "frequency", "phase")

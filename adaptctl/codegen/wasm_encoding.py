@@ -30,7 +30,8 @@ def unsigned(n: int) -> bytes:
 
 
 def vector(items: Sequence[bytes]) -> bytes:
-    """The bytes of WebAssembly's encoding of a vector: the number of `items`, then these, each encoded already."""
+    """The bytes of WebAssembly's encoding of a vector: the number of `items`, then these, each encoded already. Nothing
+    is raised."""
     return unsigned(len(items)) + b"".join(items)
 
 
@@ -42,30 +43,30 @@ def section(number: int, content: bytes) -> bytes:
 
 def signature(given: Iterable[bytes], made: Iterable[bytes]) -> bytes:
     """The bytes of WebAssembly's encoding of a function's type, from the encoded types, one byte each, of its
-    arguments, `given`, and of its results, `made`."""
+    arguments, `given`, and of its results, `made`. Nothing is checked."""
     return b"\x60" + vector(list(given)) + vector(list(made))
 
 
 def body(locals_: Sequence[bytes], code: bytes) -> bytes:
     """The bytes of a WebAssembly function in a module's code section: its length, its local variables, whose encoded
-    types `locals_` has in order, and its `code`, an end mark after it."""
+    types `locals_` has in order, and its `code`, an end mark after it. Nothing is checked."""
     groups = [unsigned(len(list(group))) + kind for kind, group in groupby(locals_)]
     content = vector(groups) + code + END
     return unsigned(len(content)) + content
 
 
 def constant(x: float) -> bytes:
-    """The bytes of the WebAssembly instruction that puts the float `x`, of 64 bits, on the stack."""
+    """The bytes of the WebAssembly instruction that puts the float `x`, of 64 bits, on the stack. Nothing is raised."""
     return b"\x44" + struct.pack("<d", x)
 
 
 def load(at: int) -> bytes:
     """The bytes of the WebAssembly instructions that put the 64-bit float at the address `at`, bytes from the beginning
-    of memory, on the stack."""
+    of memory, on the stack. Not checked: the address must be at least 0."""
     return ZERO + b"\x2b\x03" + unsigned(at)
 
 
 def store(at: int, value: bytes) -> bytes:
     """The bytes of the WebAssembly instructions that store a 64-bit float at the address `at`, bytes from the beginning
-    of memory; `value` is the code that puts it on the stack."""
+    of memory; `value` is the code that puts it on the stack. Not checked: the address must be at least 0."""
     return ZERO + value + b"\x39\x03" + unsigned(at)

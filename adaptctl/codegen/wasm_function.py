@@ -19,7 +19,7 @@ TRUTHS, ANGLES = (Op.LESS, Op.LESS_EQUAL), {Op.SIN: 0, Op.COS: 1}
 
 class Called:
     """A WebAssembly function that others call: its `index` in the module, and the addresses in memory, bytes, of its
-    arguments, `inputs`, and of the parts of its result, `outputs`."""
+    arguments, `inputs`, and of the parts of its result, `outputs`. Nothing is checked."""
 
     def __init__(self, index: int, inputs: Sequence[int], outputs: Sequence[int]) -> None:
         self.index, self.inputs, self.outputs = index, inputs, outputs
@@ -80,13 +80,14 @@ class WasmCode:
 
     def keep(self, text: bytes, kind: bytes) -> bytes:
         """The code, bytes, that puts on the stack what the code `text` makes: that is run once, here, and its value
-        kept in a new local variable of the encoded type `kind`."""
+        kept in a new local variable of the encoded type `kind`. Nothing is checked."""
         number = self.new(kind)
         self.code += text + SET + unsigned(number)
         return GET + unsigned(number)
 
     def new(self, kind: bytes) -> int:
-        """Index of a new local variable of the encoded type `kind`, counted after the function's own arguments."""
+        """Index of a new local variable of the encoded type `kind`, counted after the function's own arguments. Nothing
+        is checked."""
         self.locals.append(kind)
         return self._first + len(self.locals) - 1
 

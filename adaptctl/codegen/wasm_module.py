@@ -20,7 +20,7 @@ FIRST = 64
 @dataclass(frozen=True)
 class WasmPlaces:
     """Addresses, in bytes from the beginning of a WebAssembly module's memory, of the arguments of a function,
-    `inputs`, and of the parts of its result, `outputs`: 64-bit floats side by side."""
+    `inputs`, and of the parts of its result, `outputs`: 64-bit floats side by side. Nothing is checked."""
 
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
@@ -41,14 +41,15 @@ class WasmModule:
     def export(self, name: str, routine: Routine) -> WasmPlaces:
         """Addresses, `WasmPlaces`, of the arguments and results of a new function of the module: it computes `routine`,
         a traced function, takes no arguments itself, and reads and writes the module's memory at these addresses.
-        `name` is that under which it is exported. A routine that was added before is not written again."""
+        `name` is that under which it is exported. A routine that was added before is not written again. Raises
+        `KeyError` for an operation that WebAssembly code is not written for."""
         called = self._function(routine)
         self._exports[name] = called.index
         return WasmPlaces(tuple(called.inputs), tuple(called.outputs))
 
     def binary(self) -> bytes:
         """The module in WebAssembly's binary format, with the functions that were exported and the memory, exported as
-        "memory"."""
+        "memory". Nothing is raised."""
         pages = -(-self._memory // wasm.PAGE)
         memory = unsigned(6) + b"memory" + b"\x02\x00"
         names = [unsigned(len(name)) + name.encode() + b"\x00" + unsigned(k) for name, k in self._exports.items()]
@@ -122,5 +123,5 @@ def _integer(n: int) -> bytes:
 
 def memory_of(places: Mapping[str, int]) -> dict[str, int]:
     """The addresses `places`, by name, in bytes, as indices of 64-bit floats, which is how JavaScript's Float64Array
-    counts."""
+    counts. Nothing is checked."""
     return {name: at // 8 for name, at in places.items()}

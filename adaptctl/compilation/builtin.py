@@ -126,7 +126,7 @@ class _Definition(ctypes.Structure):
 def has_builtins() -> bool:
     """True if this Python is CPython with tuples and NumPy arrays laid out in memory as native code here reads and
     makes them; False otherwise. If so, the addresses of the functions of Python and NumPy that native code calls are
-    registered. It is found out once in a process."""
+    registered. It is found out once in a process. No error is to be expected."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
     if sys.byteorder != "little" or np.ndarray.__weakrefoffset__ != _Array.weak_references.offset:

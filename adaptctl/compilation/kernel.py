@@ -241,7 +241,7 @@ class Kernel:
 
 class Given(NamedTuple):
     """Check of what a kernel (compiled function of vectors) is called with: `kernel` is its name, for messages, and
-    `columns` maps its arguments' names, in order, to their lengths n."""
+    `columns` maps its arguments' names, in order, to their lengths n. Nothing is checked at construction."""
 
     kernel: str
     columns: Mapping[str, int]

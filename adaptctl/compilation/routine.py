@@ -43,6 +43,7 @@ class Routine:
 
     `sines` is for a function that is called within a trace (`outlined`), () for others: the indices, among the scalars
     of all arguments, of those whose sines and cosines the caller computes. They are its last argument then, in pairs.
+    Nothing is checked.
     """
 
     name: str

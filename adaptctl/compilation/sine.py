@@ -87,5 +87,5 @@ SINGLE = Sine(
 
 def sine_for(precision: Precision) -> Sine:
     """The `Sine`, the constants for computing sine and cosine, of a `precision`: "double", or for anything else single
-    precision."""
+    precision. Nothing is raised."""
     return DOUBLE if precision == "double" else SINGLE

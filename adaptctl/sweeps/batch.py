@@ -25,7 +25,7 @@ RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
 class BatchedRun(NamedTuple):
     """A run of an experiment before it begins, to be computed together with others: `contenders`, the controllers
-    compared, a `Contender` each, and `begun`, the `BegunEpisode` that each of them drives."""
+    compared, a `Contender` each, and `begun`, the `BegunEpisode` that each of them drives. Nothing is checked."""
 
     contenders: list[Contender]
     begun: BegunEpisode
@@ -41,7 +41,9 @@ def batched(
 
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of the
     numbers. In double the outcomes are those of each experiment by itself, to round-off. An experiment that raises an
-    `AdaptctlError` before it runs has the one outcome "failed", with the error's message and no controller's name.
+    `AdaptctlError` before it runs has the one outcome "failed", with the error's message and no controller's name; so
+    have, in single, runs that cannot be made in that precision. Other errors of an experiment or of the simulation in
+    double go through.
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
@@ -82,7 +84,8 @@ def _trial(experiment: Learning, controllers: Sequence[str], episodes: Episodes)
 
 
 class NamedRun(Protocol):
-    """Protocol of what `named` chooses from by name, such as a contender or a recorded run: an object with a `name`."""
+    """Protocol of what `named` chooses from by name, such as a contender or a recorded run: an object with a `name`.
+    Nothing is checked."""
 
     @property
     def name(self) -> str:
@@ -130,8 +133,8 @@ _MECHANISMS: dict[str, Mechanism] = {}
 
 
 def interned(mechanism: Mechanism) -> Mechanism:
-    """The mechanism that was first given here, or `mechanism` itself, among those of one description: runs on equal
-    mechanisms share native code so. Not more than 65 are remembered."""
+    """The mechanism that stands for all of one description: the first that was given here, `mechanism` itself where it
+    is. Runs on equal mechanisms then share native code. At most 65 are remembered."""
     if len(_MECHANISMS) > 64:
         _MECHANISMS.clear()
     return _MECHANISMS.setdefault(mechanism.description.sha256, mechanism)

@@ -94,7 +94,7 @@ class Cluster:
 
 def versions() -> str:
     """Version of adaptctl, as text, where the function is called: on a worker of a cluster, to compare it with this
-    one's."""
+    one's. Nothing is raised."""
     return __version__
 
 

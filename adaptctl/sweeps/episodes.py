@@ -16,7 +16,7 @@ WHAT_IS_HELD = frozenset({"payload"})
 
 class BegunEpisode(NamedTuple):
     """An episode of a tracking environment that has begun: `episode`, its plant, state, parameters and reference, and
-    `env`, the environment without Gymnasium's wrappers."""
+    `env`, the environment without Gymnasium's wrappers. Nothing is checked."""
 
     episode: Episode
     env: Any
@@ -30,8 +30,9 @@ class BegunEpisode(NamedTuple):
 
 
 class Episodes:
-    """Episodes of many experiments at their beginning. Those of equal tasks on one mechanism share an environment,
-    which is made and reset once, and differ in the arm's true parameters alone, such as by a payload."""
+    """Store of the episodes of many experiments at their beginning, empty at first. Those of equal tasks on one
+    mechanism share an environment, which is made and reset once, and differ in the arm's true parameters alone, such as
+    by a payload."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Mechanism, SinusoidTask], BegunEpisode] = {}

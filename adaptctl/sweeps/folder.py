@@ -23,8 +23,8 @@ SCHEMA, TABLE, STUDY = "adaptctl/sweep/1", "sweep.parquet", "study.json"
 class Saved(msgspec.Struct, forbid_unknown_fields=True):
     """Content of the file study.json in a sweep's folder: the `version` of adaptctl that began it; `sha256`, a hash of
     all that decides the runs; the `experiment`'s name and the `question` of the study; the `command` line's words; the
-    names of the settings with several values, `swept`; the number of `runs` in all, and that in a `shard`, a file of
-    the sweep. `schema` is the format's name."""
+    names of the settings with several values, `swept`; the number of `runs` in all; and `shard`, the number of runs in
+    one file of rows. `schema` is the format's name. Types are checked where a file is read, not at construction."""
 
     schema: Literal["adaptctl/sweep/1"]
     version: str
@@ -40,7 +40,8 @@ class Saved(msgspec.Struct, forbid_unknown_fields=True):
 @dataclass(frozen=True)
 class Shard:
     """A shard of a sweep: runs that are computed together and kept in one file. `runs` has the settings of each by
-    name; `key`, 32 hexadecimal digits, is a hash of all that decides their results, and names the file."""
+    name; `key`, 32 hexadecimal digits, is a hash of all that decides their results, and names the file. Nothing is
+    checked."""
 
     key: str
     runs: tuple[Mapping[str, Any], ...]
@@ -105,7 +106,7 @@ class Folder:
         return Shard(hashed(decides)[:32], tuple(runs))
 
     def place(self, shard: Shard) -> Path:
-        """Path of the Parquet file of a `shard`, a group of the sweep's runs; it need not exist."""
+        """Path of the Parquet file of a `shard`, a group of the sweep's runs; it need not exist. Nothing is raised."""
         return self.path / "shards" / f"{shard.key}.parquet"
 
     def has(self, shard: Shard) -> bool:

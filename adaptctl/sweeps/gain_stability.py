@@ -30,12 +30,13 @@ SMALL = 0.5
 @dataclass(frozen=True)
 class GainStability(SweepMeasurement):
     """Measurement of the gain at which a sampled control loop loses stability. Slotine and Li's law with the true
-    parameters holds an arm at a random posture, by `seed`, for `periods` control periods, from joint velocities of 1e-3
-    rad/s (m/s): the run is done where errors stay below 1e-3 rad (m), and diverged where one grows beyond.
+    parameters holds an arm at a random posture, drawn by `seed`, for `periods` control periods, from joint velocities
+    of 1e-3 rad/s (m/s): the run is done where errors stay below 1e-3 rad (m), and diverged where one grows beyond.
 
-    `robot` is a built-in robot's name or a file; `gain`, no unit, is T_c lambda_max(M^-1 K) at the posture, the largest
-    eigenvalue, with the period T_c, `control_period`, s, the mass matrix M and the law's velocity gains K. Raises
-    `InputError` for settings of another type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    `robot` is a built-in robot's name or a file; `gain`, no unit, is T_c lambda_max(M^-1 K): T_c is the control period
+    `control_period`, s, lambda_max the largest eigenvalue, M the mass matrix at the posture and K the law's velocity
+    gains. Raises `InputError` for settings of another type or out of their bounds, `NonFiniteError` for NaN or
+    infinity.
     """
 
     name: ClassVar[str] = "gain-stability"

@@ -11,10 +11,10 @@ from adaptctl.recording.page import Figure
 
 
 class SettingsMap(NamedTuple):
-    """Map of the outcomes of a sweep's runs over two of its settings, named `x` and `y`. `across` and `down` have the
-    values of x and y, or the lower ends of bins of them; `error` (rows of y, columns of x) the mean position errors,
-    root mean square in rad or m, at the end of the runs that were done, and `stable`, of the same shape, the share of
-    runs that were done, 0 to 1; NaN where there are none."""
+    """Map of the outcomes of a sweep's runs over two of its settings, named `x` and `y`. `across` (c,) and `down` (d,)
+    have the values of x and y, or the lower ends of bins of them; `error` (d, c) has the mean errors of joint
+    positions, root mean square in rad or m, at the end of the runs that were done, and `stable` (d, c) the share of
+    runs that were done, 0 to 1; NaN where there are none. Nothing is checked."""
 
     x: str
     y: str

@@ -16,7 +16,7 @@ class RunOutcome(NamedTuple):
     time until the run ended or diverged, `rms_error_last` that over the last two seconds, `largest_error` the largest
     of any joint. `diverged_at` is the time, s, and `diverged_joint` the joint, from 1, of an error out of bounds;
     `lyapunov_rise`, J, the largest rise of the law's Lyapunov function from one sample to the next. All but the status
-    are None or empty unless given: None where a number is not known."""
+    are None or empty unless given: None where a number is not known. Nothing is checked."""
 
     status: str
     reason: str = ""
@@ -29,14 +29,15 @@ class RunOutcome(NamedTuple):
 
     @classmethod
     def failed(cls, reason: str) -> RunOutcome:
-        """The outcome "failed" of a run that could not be made or computed, for the `reason` given, with no numbers."""
+        """The outcome "failed" of a run that could not be made or computed, for the `reason` given, with no numbers.
+        Nothing is raised."""
         return cls("failed", reason)
 
     @classmethod
     def each_of(cls, runs: Rollouts) -> list[RunOutcome]:
         """The outcome of each of many simulated `runs`, `Rollouts`, in their order: "diverged" where a joint left its
         bound of error, "done" otherwise. Root mean squares and rises of the Lyapunov function that are not finite
-        become None."""
+        become None. Nothing is raised."""
         means = (np.sqrt(np.mean(errors**2, axis=-1)) for errors in (runs.rms_error, runs.final_rms_error))
         largest, rises = runs.largest_error.max(axis=-1), runs.lyapunov_rise
         columns = (x.tolist() for x in (*means, largest, rises, runs.diverged_at, runs.diverged_joint))

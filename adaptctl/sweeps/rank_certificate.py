@@ -48,7 +48,7 @@ class RankCertificate(SweepMeasurement):
 
     def mechanism(self) -> Mechanism:
         """The `Mechanism` whose rank is certified: a chain of `links` links of random frames, joints and inertias, the
-        same for the same settings and seed."""
+        same for the same settings and seed. No error is to be expected."""
         rng = np.random.default_rng([self.seed, self.links])
         return Mechanism(Description("chain", tuple(self._link(rng, i) for i in range(self.links)), GRAVITY))
 

@@ -54,13 +54,15 @@ class SweepReport:
         return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"])) or [""]
 
     def of_controller(self, name: str) -> list[dict[str, Any]]:
-        """Rows of the controller of a `name`, as a list of mappings by column; empty for a name that no row has."""
+        """Rows of the controller of a `name`, as a list of mappings by column; empty for a name that no row has.
+        Nothing is raised."""
         return [row for row in self.rows if row["controller"] == name]
 
     def without_effect(self) -> dict[str, list[str]]:
-        """Names of the controllers whose results a swept setting does not change, by the setting's name; settings that
-        change those of all are left out. It is found from runs that differ in that setting alone, which a grid has:
-        status and errors are equal, the latter within 1e-9 of their size."""
+        """Mapping from the names of swept settings to those of the controllers whose results the setting does not
+        change; without settings that change the results of all. It is found from runs that differ in that setting
+        alone, as a grid has: their status is equal, and their errors are within 1e-9 of their size. Nothing is
+        raised."""
         found: dict[str, list[str]] = {}
         for setting in self.study.swept:
             idle = [name for name in self.controllers if _is_idle(self.of_controller(name), setting, self.study.swept)]
@@ -69,12 +71,12 @@ class SweepReport:
         return found
 
     def counts(self, rows: Sequence[dict[str, Any]]) -> dict[str, int]:
-        """Number of the `rows` of each status, by "done", "diverged" and "failed"."""
+        """Number of the `rows` of each status, by "done", "diverged" and "failed". Nothing is raised."""
         return {status: sum(row["status"] == status for row in rows) for status in ("done", "diverged", "failed")}
 
     def worst(self, name: str) -> list[dict[str, Any]]:
         """The rows, at most 5, of the controller of a `name` to look at first, mappings by column: those that diverged,
-        the soonest first, then those with the largest errors. Failed runs are left out."""
+        the soonest first, then those with the largest errors. Failed runs are left out. Nothing is raised."""
 
         def badness(row: dict[str, Any]) -> tuple[float, float]:
             gone = row["diverged_at"] if row["status"] == "diverged" else np.inf
@@ -97,8 +99,8 @@ class SweepReport:
 
     def maps(self, name: str) -> Iterator[SettingsMap]:
         """Iterator over the maps of the outcomes of the controller of a `name`, a `SettingsMap` for each two swept
-        settings that are numbers. Settings of more than 16 values are put together in 8 bins; failed runs are left
-        out."""
+        settings that are numbers. Settings of more than 16 values are put together in 8 bins; failed runs are left out.
+        Nothing is raised."""
         rows = [row for row in self.of_controller(name) if row["status"] != "failed"]
         numeric = [s for s in self.study.swept if rows and not isinstance(rows[0][s], str)]
         for x, y in combinations(numeric, 2):
@@ -114,7 +116,7 @@ class SweepReport:
 
     def facts(self) -> list[Fact]:
         """The facts at the head of the report's page, questions with answers in words: the numbers of runs and rows,
-        the share of rows that are done in %, and the numbers of those that diverged or failed."""
+        the share of rows that are done in %, and the numbers of those that diverged or failed. Nothing is raised."""
         counts = self.counts(self.rows)
         share = counts["done"] / max(1, len(self.rows))
         return [
@@ -128,7 +130,7 @@ class SweepReport:
     def text(self) -> str:
         """The report as text of several lines for a terminal: for each controller the number of rows of each status,
         and median and largest error at the end, rad or m; up to 5 reasons of failed runs; and settings that change no
-        result."""
+        result. Nothing is raised."""
         lines = [f"{self.study.experiment}: {len(self.rows)} rows of {self.study.runs} runs"]
         for name in self.controllers:
             rows = self.of_controller(name)

@@ -85,7 +85,7 @@ def _outcomes(
 def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
     """Type and meaning, with the unit, of the columns of a sweep's table, by name, in order: the settings of the
     experiment or measurement of class `kind`, then controller, outcome, version, time and host. Types are "int64",
-    "double" and "string"."""
+    "double" and "string". Nothing is raised."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     about = {
         "version": ("string", "of adaptctl"),

@@ -24,7 +24,7 @@ SMALLEST = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double"
 @dataclass(frozen=True, eq=False)
 class BestSettings:
     """The best settings that a search found: `settings`, their values by name; `controller`, the name of the one that
-    ran; `value`, the smallest number, in its own unit; and `trials`, the number of runs in all."""
+    ran; `value`, the smallest number, in its own unit; and `trials`, the number of runs in all. Nothing is checked."""
 
     settings: Mapping[str, Any]
     controller: str

@@ -29,9 +29,10 @@ Sampling = Literal["grid", "latin-hypercube", "sobol"]
 class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
     """Content of a study's file (TOML): the name of an `experiment` or measurement; the `question` that its runs
     answer; the values of its `settings` by name, each a number, a list, or text such as "0..5:11"; `controllers`, the
-    names of those that run, all where empty; `sampling`, the grid of all values, or a draw of so many `samples` by
-    "latin-hypercube" or "sobol", with its `sampling_seed`; and the `precision` of runs that are computed together.
-    `schema` is the format's name. The other defaults are those of a grid in double precision."""
+    names of those that run, all where empty; `sampling`, "grid", the default, for all combinations of values, or a draw
+    of `samples` of them by "latin-hypercube" or "sobol", with its `sampling_seed`; and the `precision`, "double" unless
+    given, of runs that are computed together. `schema` is the format's name. Types are checked where a file is read,
+    not at construction."""
 
     schema: Literal["adaptctl/study/1"]
     experiment: str
@@ -186,7 +187,7 @@ class SweepStudy:
 
 
 def shipped() -> list[str]:
-    """Names of the studies that come with the package, sorted."""
+    """Names of the studies that come with the package, sorted. Nothing is raised."""
     return sorted(path.stem for path in STUDIES.glob("*.toml"))
 
 

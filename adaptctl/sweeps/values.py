@@ -70,7 +70,7 @@ def _range(entry: Field[Any], match: re.Match[str]) -> tuple[Any, ...] | Span:
 def as_span(entry: Field[Any], values: tuple[Any, ...] | Span) -> Span | None:
     """The `Span` to draw from that `values` of a setting are: a span itself, or two or more whole numbers, each one
     more than the last, of a setting of whole numbers. None for other values, one of which is picked. `entry` is the
-    setting's dataclass field, whose default tells its kind."""
+    setting's dataclass field, whose default tells its kind. Nothing is raised."""
     if isinstance(values, Span):
         return values
     if len(values) > 1 and isinstance(entry.default, int) and list(values) == list(range(values[0], values[-1] + 1)):
