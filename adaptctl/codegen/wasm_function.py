@@ -27,7 +27,7 @@ class Called:
 
 class WasmCode:
     """Code of one WebAssembly function, written expression by expression: `code` has its bytes so far, `locals` the
-    encoded types of its local variables.
+    types of its local variables, WebAssembly's byte for each.
 
     Made of `body`, all expressions to be written, which tells what is used more than once; `outputs`, the expressions
     and constants that are its results; `given`, a callable that returns the code which puts an input on the stack, from
@@ -80,14 +80,14 @@ class WasmCode:
 
     def keep(self, text: bytes, kind: bytes) -> bytes:
         """The code, bytes, that puts on the stack what the code `text` makes: that is run once, here, and its value
-        kept in a new local variable of the encoded type `kind`. Nothing is checked."""
+        kept in a new local variable of the type `kind`, WebAssembly's byte for it. Nothing is checked."""
         number = self.new(kind)
         self.code += text + SET + unsigned(number)
         return GET + unsigned(number)
 
     def new(self, kind: bytes) -> int:
-        """Index of a new local variable of the encoded type `kind`, counted after the function's own arguments. Nothing
-        is checked."""
+        """Index of a new local variable of the type `kind`, WebAssembly's byte for it, such as that of a 64-bit float;
+        it is counted after the function's own arguments. Nothing is checked."""
         self.locals.append(kind)
         return self._first + len(self.locals) - 1
 

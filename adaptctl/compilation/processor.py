@@ -36,8 +36,8 @@ class Processor(NamedTuple):
         return _whole() if level in ("", "native") else _whole().limited(level)
 
     def limited(self, level: str) -> Processor:
-        """The processor with the features of a level alone: "sse2", "avx2" or "avx512". Raises `InputError` for an
-        unknown level, and for one that the processor lacks."""
+        """This processor with the instruction sets of a `level` alone, "sse2", "avx2" or "avx512". Raises `InputError`
+        for an unknown level, and for one that the processor lacks."""
         if level not in _LEVELS:
             known = ", ".join(("native", *_LEVELS))
             raise InputError(f"ADAPTCTL_PROCESSOR: expected one of {known}, got {level!r}")

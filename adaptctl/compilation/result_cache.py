@@ -51,8 +51,8 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 def arithmetic() -> list[str]:
     """Texts that tell what decides the last bits of results: NumPy's version, its BLAS, the kind of machine, the number
-    of processors that may be used, the instruction sets that NumPy sees, and the environment variables OPENBLAS_*,
-    MKL_*, OMP_NUM_THREADS and ADAPTCTL_PROCESSOR that are set. Nothing is raised."""
+    of processors that may be used, the instruction sets that NumPy sees, and those environment variables for OpenBLAS,
+    MKL, OMP_NUM_THREADS and ADAPTCTL_PROCESSOR that are set. Nothing is raised."""
     chosen = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING))
     return [*_here(), *chosen]
 

@@ -165,8 +165,9 @@ class Ensemble:
 
     def signals(self, steps: int) -> Signals:
         """Memory, zero, for the `Signals` of `steps` steps, to be filled by column and step, as `record_into` reads it:
-        `shared` has axes (steps, lanes, n), to be filled with equal lanes, and `driven` (steps, members, n). Raises
-        `InputError` for steps that are no whole number of at least 0."""
+        `shared`, the columns that are the same for all members, has axes (steps, lanes, n), to be filled alike for each
+        of the `lanes` members that are computed at once, and `driven`, those of each member, (steps, members, n); n is
+        a column's length. Raises `InputError` for steps that are no whole number of at least 0."""
         columns, lanes = self.stepper.columns, self.stepper.lanes
         shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,), self.stepper.dtype)
         return Signals(shared, self._array(columns[Source.DRIVEN], steps))
