@@ -24,7 +24,14 @@ Given = Callable[[int, int], str]
 
 
 class CStatements:
-    """C statements of one piece of a routine, in order."""
+    """Statements of C, lines of text in `lines`, that compute a piece of a routine (traced function), written
+    expression by expression; `arrays` counts the numbers in the arrays that they declare.
+
+    Made of `prefix`, which begins all names in the C code; `number`, the `CNumber`, double or float; `piece`, the
+    `Piece`, which tells what earlier pieces left in the array `passed`; `symbols`, the C functions' names by `Routine`,
+    for calls; and `given`, a callable that returns the C text of an input, from the numbers of the argument and of the
+    scalar in it. Nothing is checked.
+    """
 
     def __init__(
         self, prefix: str, number: CNumber, piece: Piece, symbols: Mapping[Routine, str], given: Given
@@ -38,7 +45,10 @@ class CStatements:
         self._turned: set[int] = set()
 
     def compute(self, x: Expression, *, named: bool) -> None:
-        """Write one expression: a name for it, or, used once and short, its text where it is used."""
+        """Append the statements that compute the expression `x`, whose operands have been computed before, unless it is
+        in memory already, as an input is. With `named` its value gets a variable; without, the text of one that is used
+        once and has at most 90 characters is written where it is used instead. Raises `KeyError` for a call of a
+        routine without a name in `symbols`."""
         if x.op is Op.CALL:
             self._call(x)
             return
@@ -57,16 +67,20 @@ class CStatements:
         self._text[x.index] = f"x{x.index}"
 
     def store(self, place: str, value: Expression | float) -> None:
-        """Write the assignment of a number to its place."""
+        """Append the assignment of `value`, an expression that has been computed or a constant, to `place`, the C text
+        of a variable or an array's element. Nothing is checked."""
         self.lines.append(f"{place} = {self.operand(value)};")
 
     def copy_where(self, condition: Expression, runs: Iterable[tuple[str, str, int]]) -> None:
-        """Write a copy of numbers side by side, so many each, from one place to another where a condition holds."""
+        """Append an `if` on `condition`, a comparison that has been computed, in which numbers side by side in memory
+        are copied: each of `runs` has the C texts of where they go and of where they come from, and their number.
+        Nothing is checked."""
         copies = [f"    (void)memcpy(&{to}, &{of}, {n}u * sizeof({self._prefix}_real));" for to, of, n in runs]
         self.lines += [f"if ({self.operand(condition)}) {{", *copies, "}"]
 
     def operand(self, x: Expression | float) -> str:
-        """The C text of an operand, an expression or a number."""
+        """The C text of an operand `x`: of an expression that has been computed or is in memory, or of a constant.
+        Raises `KeyError` for an expression that is neither."""
         if not isinstance(x, Expression):
             return self._number.text(x)
         if x.index not in self._text:
@@ -126,8 +140,9 @@ class CStatements:
 
 
 def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression | float]) -> int:
-    """The greatest number of values that wait at one time to be used, in this order of computation: about what the
-    stack holds."""
+    """The greatest number of values that wait at one time to be used, where `expressions` are computed in this order:
+    about as many numbers as the stack holds. Inputs and calls do not count; those of `outputs`, expressions and
+    constants, that nothing else uses wait to the end. Nothing is checked."""
     last = {y.index: k for k, x in enumerate(expressions) for y in x.operands if isinstance(y, Expression)}
     own = {x.index for x in expressions if x.op not in (Op.INPUT, Op.CALL)}
     kept = {x.index for x in outputs if isinstance(x, Expression)}

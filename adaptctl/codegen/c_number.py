@@ -14,33 +14,38 @@ Kind: TypeAlias = Literal["double", "float"]
 
 @dataclass(frozen=True)
 class CNumber:
-    """A kind of number in C, and `names`: the meanings of constants by magnitude, written beside them."""
+    """Kind of number in C code: `kind` is "double" or "float"; `names` maps magnitudes of constants to what they stand
+    for, such as a robot's parameter, to be written beside them in comments. Nothing is checked."""
 
     kind: Kind
     names: Mapping[float, str]
 
     @property
     def precision(self) -> Precision:
-        """The numbers' precision."""
+        """Precision of the numbers, as a `Precision`: "double" (binary64) for C's double, "single" (binary32) for its
+        float."""
         return "double" if self.kind == "double" else "single"
 
     @property
     def size(self) -> int:
-        """Size of a number in bytes."""
+        """Size of one number in bytes: 8 for double, 4 for float."""
         return 8 if self.kind == "double" else 4
 
     @property
     def suffix(self) -> str:
-        """Suffix of constants and of math.h's functions."""
+        """Ending of C's constants and of the names of math.h's functions: "f" for float, empty for double."""
         return "" if self.kind == "double" else "f"
 
     def rounded(self, x: float) -> float:
-        """The number of this kind that stands for x: what is finite and not 0 stays so."""
+        """The float that stands for `x` in this kind of number: `x` itself for double; for float the nearest, where
+        finite numbers stay finite and what is not 0 stays so, from about 1.2e-38 to 3.4e38 in size. Nothing is
+        raised."""
         return x if self.kind == "double" else single(x)
 
     def constant(self, x: float) -> str:
-        """The C text of a number, without the name of what it stands for: hexadecimal unless it is short, since not
-        every compiler reads decimal digits alike."""
+        """The C text of the number `x`, without a comment: decimal for whole numbers below 1e6 in size, HUGE_VAL for
+        infinity, else hexadecimal, which every compiler reads alike; negative ones in parentheses. Raises `ValueError`
+        for NaN."""
         if math.isinf(x):
             huge = f"HUGE_VAL{self.suffix.upper()}"  # INFINITY is a float
             return f"(-{huge})" if x < 0.0 else huge
@@ -50,6 +55,7 @@ class CNumber:
         return f"({text})" if text.startswith("-") else text
 
     def text(self, x: float) -> str:
-        """The C text of a number within the law, with what it stands for in a comment."""
+        """The C text of the number `x`, followed by a comment that says what it stands for, where `names` has its
+        magnitude. Raises `ValueError` for NaN."""
         name = self.names.get(abs(x))
         return f"{self.constant(x)} /* {name} */" if name else self.constant(x)

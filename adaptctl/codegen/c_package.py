@@ -31,7 +31,14 @@ TOLERANCE: Mapping[Kind, float] = {"double": 1e-11, "float": 1e-3}
 
 
 class CPackage:
-    """A controller's C code by file, with its sizes, rules and version for the templates."""
+    """C package of a controller: the texts of its C files, and the sizes, rules of gains and version that they state.
+
+    Made of `interface`, the controller's `Interface` (arguments, memory and gains by name); `name`, which begins all
+    names in the code, a C identifier; and `kind`, the kind of number, "double" or "float". `number` is the `CNumber`,
+    `start` the `Start` of the memory, `memory` its fields that are not empty, and `stack` about how many bytes of stack
+    a tick takes, 0 until `functions` has been asked for. Raises `InputError` where the memory begins with the arm's
+    position in a way that is not known, `TraceError` where what computes its first values cannot be traced.
+    """
 
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
         self.interface, self.name, self.kind = interface, name, kind
@@ -42,7 +49,10 @@ class CPackage:
         self.stack = 0
 
     def files(self, ticks: Sequence[RecordedTick], last_state: Any) -> dict[str, str]:
-        """Contents of the C files by name."""
+        """Contents of the C files by name: source, header, a C++ header, CMake's file, a test with its recorded
+        numbers, and an example. `ticks`, at least one, have been recorded from the controller in Python for the test,
+        `last_state` is the controller's state after them. Raises `IndexError` without ticks, `TraceError` for a law
+        that cannot be traced."""
         estimate = self.interface.estimate
         leaves = dict(zip((f.name for f in self.interface.memory), self.interface.memory_of(last_state), strict=True))
         recorded = {
@@ -63,7 +73,8 @@ class CPackage:
 
     @cached_property
     def functions(self) -> str:
-        """The C functions of the law and of all it calls, and of what `init` calls."""
+        """The C functions, as text, of the controller's law, of all that it calls and of what the code's `init` calls
+        to begin the memory; asking for it also sets `stack`. Raises `TraceError` for a law that cannot be traced."""
         name, start = self.name, self.start
         law = self.program.source(self.interface.law, self._law_signature())
         texts, self.stack = [law.text], law.stack
@@ -80,19 +91,23 @@ class CPackage:
 
     @cached_property
     def hash(self) -> str:
-        """Hash of the code's own text, 64 bits in hexadecimal."""
+        """Hash, 16 hexadecimal digits, of the code's functions, the memory's fields and first values, and the names of
+        its status bits: a state that was begun by other code is told by it. Raises `TraceError` for a law that cannot
+        be traced."""
         starts = [field.name + str(field.dimensions) + self._array(field.values) for field in self.memory]
         text = "\n".join([self.functions, *starts, str(self.interface.marks), str(self.start.configurations)])
         return hashlib.sha256(text.encode()).hexdigest()[:16].upper()
 
     @cached_property
     def rules(self) -> tuple[GainRule, ...]:
-        """Rules that the gains must satisfy."""
+        """Rules, a `GainRule` each, that the gains must satisfy that a tick reads, in their order: the C code's
+        function that checks gains applies them. They are found by asking the law itself for many gains, once."""
         return gain_rules(self.interface.controller, self.interface.gains)
 
     @property
     def state_bytes(self) -> int:
-        """Size of the caller's state in bytes."""
+        """Size in bytes of the controller's state in C, which the caller keeps for each arm: the memory twice, a hash
+        of 8 bytes and two numbers of 4."""
         numbers = max(sum(field.size for field in self.memory), 1)
         return 16 + -(-2 * numbers * self.number.size // 8) * 8
 
@@ -138,7 +153,10 @@ class CPackage:
         }
 
     def filled(self, template: str, **more: Any) -> str:
-        """The text of a template filled with this controller's contents."""
+        """The text of the file `template` of this package's templates, such as "controller.h", filled with this
+        controller's functions, names and numbers and with `more` variables by name. Raises `jinja2.TemplateNotFound`
+        for an unknown one, `jinja2.UndefinedError` where it needs a variable that is not there, `TraceError` for a law
+        that cannot be traced."""
         return filled(template, **self._content, **more)
 
     def _walk(self) -> dict[str, Any] | None:
@@ -233,7 +251,8 @@ class _Mark(NamedTuple):
 
 
 def title(interface: Interface) -> str:
-    """Title of the code, in a line: the law, the arm and the control period."""
+    """Title of a controller's exported code, in a line, from its `interface`: the law, with "guarded" where it is, the
+    arm and the control period in s, such as "SlotineLi, guarded for puma560, every 0.001 s". Nothing is raised."""
     law = type(interface.innermost).__name__ + (", guarded" if interface.guarded else "")
     arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
     printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)
@@ -241,7 +260,9 @@ def title(interface: Interface) -> str:
 
 
 def filled(template: str, **content: object) -> str:
-    """The text of a template of this package, filled."""
+    """The text of the file `template` of this package's templates, such as "README.wasm.md", filled with the variables
+    `content` by name. Raises `jinja2.TemplateNotFound` for an unknown one, `jinja2.UndefinedError` where it needs a
+    variable that is not given."""
     return _environment().get_template(f"{template}.jinja").render(**content)
 
 

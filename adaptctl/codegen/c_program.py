@@ -28,7 +28,11 @@ def _nothing(_part: int, _k: int) -> None:
 
 @dataclass(frozen=True)
 class Signature:
-    """Signature of a routine's function: its name, its parameters, and the texts of its numbers within it."""
+    """Signature of a C function that computes a routine (traced function): its `name`; its `parameters`, C texts of
+    their declarations; and three callables of the numbers of an argument or of a part of the result and of a scalar in
+    it: `given` returns the C text of an argument's scalar, `place` that of where a result's scalar goes, and `before`
+    the numbers of the argument's scalar whose place in memory the result's takes in the next call, None, as by default,
+    where there is none. Nothing is checked."""
 
     name: str
     parameters: tuple[str, ...]
@@ -38,20 +42,24 @@ class Signature:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """The names of the parameters."""
+        """The names of the parameters, the last word of each one's declaration, in order. Raises `IndexError` for a
+        declaration that does not end with a word."""
         return tuple(re.findall(r"\w+$", text)[0] for text in self.parameters)
 
 
 @dataclass(frozen=True)
 class CSource:
-    """Source of C functions, and about how many bytes of stack the last of them takes with all it calls."""
+    """Source of C functions: their `text`, and `stack`, about how many bytes of stack the last of them takes with all
+    that it calls. Nothing is checked."""
 
     text: str
     stack: int
 
 
 class CProgram:
-    """A C program: functions of several routines, each written once; `prefix` begins their names."""
+    """C functions of several routines (traced functions), among them those that they call, each of which is written
+    once. `prefix` begins all names, `number` is the `CNumber`, double or float; `operations` is the set of operations,
+    an `Op` each, that the functions written so far have. Nothing is checked."""
 
     def __init__(self, prefix: str, number: CNumber) -> None:
         self.prefix, self.number = prefix, number
@@ -60,7 +68,9 @@ class CProgram:
         self._stacks: dict[Routine, int] = {}
 
     def source(self, routine: Routine, signature: Signature) -> CSource:
-        """The C function of a routine with a signature of its own, after those it calls."""
+        """The `CSource`, text and stack, of a `routine` (traced function) as a C function with the `signature` given,
+        after those of the routines it calls, but for those that were written before. Nothing is checked: the signature
+        must fit the routine."""
         texts = [self._called(inner) for inner in _callees(routine) if inner not in self._symbols]
         text, stack = self._functions(routine, signature)
         return CSource("\n".join([*texts, text]), stack)
@@ -125,7 +135,9 @@ class CProgram:
 
 
 def helpers(prefix: str, operations: set[Op]) -> str:
-    """The C functions for the smaller and the larger of two numbers, NaN when either is, where a law asks for them."""
+    """The C functions, as text, of the smaller and of the larger of two numbers, NaN when either is: each where its
+    `Op` is in `operations`, empty text where neither is. Their names are `prefix` and "_min" or "_max". Nothing is
+    raised."""
     texts = []
     for op, sign in ((Op.MINIMUM, "<"), (Op.MAXIMUM, ">")):
         if op in operations:

@@ -100,7 +100,7 @@ LONGEST_NAME = 40
 class Exported:
     """An exported controller: the absolute path of its folder, `directory`; the `name` that begins its code's names;
     the names of the `files` in the folder, the manifest's last; and the contents of its `manifest` in JSON's types,
-    None for null."""
+    None for null. Nothing is checked."""
 
     directory: Path
     name: str

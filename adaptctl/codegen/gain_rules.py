@@ -21,7 +21,14 @@ BACK = 0.9
 
 @dataclass(frozen=True)
 class GainRule:
-    """Rule that the numbers of a gain must satisfy one by one, such as being positive, others staying as they are."""
+    """Rule that the numbers of a controller's gain must satisfy, each by itself, the others staying as they are: for
+    exported code, which checks gains without Python.
+
+    `field` is the gain's `Field`, its name and values. `positive` says that numbers must be above 0; `signed` that they
+    may be below 0; `infinite` that they may be infinite; `bounds` that the first half of them, lower bounds, must lie
+    below the second. `most` has the largest allowed numbers, in the field's shape and unit, where the control period
+    sets some, None where not. Nothing is checked.
+    """
 
     field: Field
     positive: bool = False
@@ -37,7 +44,10 @@ class GainRule:
 
 
 def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[GainRule, ...]:
-    """Rules of the gains that a tick reads, in their order."""
+    """The rules, a `GainRule` each, that a `controller`'s gains must satisfy, for each of `fields`, the gains that a
+    tick reads, in their order. They are found by asking the controller for gains of 0, of the other sign, and of up to
+    1e4 times the values; beyond that a gain counts as unlimited. Not checked: the fields must be those of the
+    controller's gains."""
     return tuple(_rule(controller, field) for field in fields)
 
 

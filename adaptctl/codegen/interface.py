@@ -26,8 +26,9 @@ GIVEN = ("p", "v", *(f"reference.{part}" for part in ReferencePoint._fields))
 
 @dataclass(frozen=True)
 class Field:
-    """A field of the interface, a named array of numbers: its shape, its first value, and what each number is called,
-    where that is known."""
+    """Field of a controller's exported code, a named array of numbers of its memory or gains: its `name`, its first
+    `values`, in SI units, whose shape it has, and `labels`, names of the numbers, such as those of joints or
+    parameters, which repeat from row to row, empty, the default, where they have none. Nothing is checked."""
 
     name: str
     values: Array
@@ -35,26 +36,30 @@ class Field:
 
     @property
     def size(self) -> int:
-        """Number of numbers in the field."""
+        """Number of numbers in the field, a product of its axes' lengths."""
         return int(self.values.size)
 
     @property
     def dimensions(self) -> str:
-        """The C text of the shape; empty for a single number."""
+        """The C text of the field's shape, such as "[3][2]"; empty for a single number."""
         return "".join(f"[{n}]" for n in self.values.shape)
 
     def place(self, k: int) -> str:
-        """The C text of the k-th number's place."""
+        """The C text of the number of index `k`, from 0 in row-major order, such as "gain[2][0]". Raises `ValueError`
+        for an index out of range; a single number's is its name."""
         where = np.unravel_index(k, self.values.shape) if self.values.shape else ()
         return self.name + "".join(f"[{int(i)}]" for i in where)
 
     def label(self, k: int) -> str:
-        """Name of the k-th number; the empty string where numbers have no names."""
+        """Name of the number of index `k`, from 0 in row-major order, such as a joint's or a parameter's; empty where
+        the numbers have no names. An index out of range is not refused."""
         return self.labels[k % len(self.labels)] if self.labels else ""
 
 
 class Brake(NamedTuple):
-    """The brake that guards put in place of a law without a torque: -damping v, within limits."""
+    """The brake that a guarded controller's code puts in place of a torque that the law cannot give: -`damping` v for
+    joint velocities v, within plus and minus `limit`. `damping` (r,), N m s/rad (N s/m if prismatic), and `limit` (r,),
+    N m (N), finite, are of the r joints. Nothing is checked."""
 
     damping: Array
     """(r,) N m s/rad"""
@@ -64,20 +69,26 @@ class Brake(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """The interface of a controller in code: its memory, gains, names and the traced law."""
+    """Interface of a `controller` in exported code: what a tick (the work of one control period) is given and returns,
+    what it remembers and its gains, by name, and its law as a traced `Routine`. Everything is found when it is first
+    asked for; nothing is checked at construction."""
 
     controller: Controller[Any]
 
     @cached_property
     def law(self) -> Routine:
-        """One tick as a traced routine, from which the native code here is made too."""
+        """One tick of the controller (its work in a control period) as a traced `Routine`, from which exported code is
+        written. Its arguments are positions, velocities, the reference's positions, velocities and accelerations, the
+        memory's fields and, where there are any, all gains in one column; its results the torque and the memory's
+        fields after it. Raises `TraceError` for a law that cannot be traced, `InputError` for one that does not return
+        its torque and memory."""
         law = self.controller
         sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
         return trace(law._equation(), sizes, name="law")
 
     @cached_property
     def innermost(self) -> Controller[Any]:
-        """The law within the guards, if there are any."""
+        """The controller itself, or, where it is `Guarded` (behind guards), the one within all guards."""
         law: Any = self.controller
         while isinstance(law, Guarded):
             law = law.of
@@ -85,12 +96,14 @@ class Interface:
 
     @property
     def guarded(self) -> bool:
-        """True if guards stand before the motors."""
+        """True if the controller is `Guarded`: guards limit its torque and brake the arm in its stead; False
+        otherwise."""
         return isinstance(self.controller, Guarded)
 
     @cached_property
     def brake(self) -> Brake | None:
-        """The guards' brake; None without guards."""
+        """The `Brake` of the controller's guards, its damping and torque limits; None for a controller without
+        guards."""
         law = self.controller
         if not isinstance(law, Guarded):
             return None
@@ -99,24 +112,27 @@ class Interface:
 
     @cached_property
     def model(self) -> ReducedModel | None:
-        """The model whose parameters are estimated; None where none are."""
+        """The `ReducedModel`, the robot model with fewer parameters, that the controller's law computes and may adapt
+        with; None for a law without one."""
         return getattr(self.innermost, "model", None)
 
     @cached_property
     def mechanism(self) -> Mechanism | None:
-        """The mechanism that is driven; None where a user's law does not tell."""
+        """The `Mechanism` that the controller drives; None where a user's own law does not tell."""
         return self.model.mechanism if self.model else getattr(self.innermost, "mechanism", None)
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints in the order of p, v and torque."""
+        """Names of the r primary joints (the degrees of freedom), in the order of positions, velocities and torque;
+        "joint1", "joint2", ... where the controller's mechanism is not known."""
         if self.mechanism is None:
             return tuple(f"joint{k + 1}" for k in range(self.controller.dof))
         return tuple(joint.name for joint in self.mechanism.primary_joints)
 
     @property
     def follows_joints(self) -> bool:
-        """True if reference points are positions of the joints."""
+        """True if the points of the controller's reference are positions of its r joints; False if they are of another
+        space, such as a task space."""
         law = self.innermost
         if isinstance(law, TaskSpaceSlotineLi):
             return law.reference_in_joints
@@ -124,50 +140,60 @@ class Interface:
 
     @cached_property
     def period(self) -> float:
-        """Control period, s: the law's own, or 1 ms where it has none, which it then does not depend on."""
+        """Control period, s: the controller's own, or 0.001 where it has none, since its law then does not depend on
+        it."""
         return float(getattr(self.controller, "period", None) or getattr(self.innermost, "period", None) or 1e-3)
 
     @cached_property
     def started(self) -> list[Array]:
-        """The memory's leaves at home and at rest."""
+        """The controller's memory before the first tick, at its home positions and at rest: a list of float64 arrays,
+        one for each of the memory's fields, in SI units."""
         return [np.asarray(x, dtype=np.float64) for x in leaves(self.controller._blank)]
 
     @cached_property
     def memory(self) -> tuple[Field, ...]:
-        """The fields of the memory, empty ones too."""
+        """The fields of the controller's memory between ticks, empty ones too, a `Field` each, with the values before
+        the first tick at home and at rest, in SI units."""
         paths = [path.removeprefix("state.").replace(".", "_") for path in self.controller._memory_sizes]
         found = zip(paths, self.started, strict=True)
         return tuple(Field(name, values, self._labels(name, values.size)) for name, values in found)
 
     @cached_property
     def estimate(self) -> Field | None:
-        """The field that holds the estimate; None where the law has none."""
+        """The `Field` of the memory that holds the estimate of the law's parameters, SI units; None where the law has
+        none."""
         wanted = getattr(self.controller._blank, "estimate", None)
         pairs = zip(self.memory, leaves(self.controller._blank), strict=True)
         return next((field for field, leaf in pairs if leaf is wanted), None)
 
     @cached_property
     def gains(self) -> tuple[Field, ...]:
-        """Fields of the gains that a tick reads, with their values."""
+        """The controller's gains that a tick reads, a `Field` each, with their values, in SI units. Raises `TraceError`
+        for a law that cannot be traced."""
         used = self._gain_places
         return tuple(field for field, places in self._gain_fields() if used & places)
 
     @cached_property
     def all_gains(self) -> tuple[Field, ...]:
-        """Fields of all gains, in the order of the law's column."""
+        """All gains of the controller, a `Field` each, with their values, in SI units, in the order in which its law is
+        given them in one column."""
         return tuple(field for field, _ in self._gain_fields())
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Names of the guards' marks in a tick."""
+        """Names of the marks that the controller's guards set in the memory in each tick, such as "torque_limited" or
+        "stopped"; empty without guards."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
 
     def memory_of(self, state: Any) -> list[Array]:
-        """The leaves of a state in Python, in the order of `memory`."""
+        """The memory `state` of the controller in Python, a named tuple, as a list of float64 arrays in the order of
+        `memory`'s fields, in SI units. Not checked: a state of another controller gives its own arrays."""
         return [np.asarray(x, dtype=np.float64) for x in leaves(state)]
 
     def names_of_constants(self) -> dict[float, str]:
-        """Names of parameters that are compiled into the law, by magnitude."""
+        """Names of the mechanism's parameters whose values are constants in the law, by the values' magnitudes, for
+        comments in code; names of equal values are joined by commas, and 0, 0.5, 1 and 2 are left out. Empty where the
+        law has no fixed parameters. Nothing is raised."""
         values = getattr(self.innermost, "parameters", None)
         if self.mechanism is None or isinstance(values, Column) or values is None:
             return {}
@@ -201,7 +227,8 @@ class Interface:
 
 
 def require_controller(controller: object) -> None:
-    """Raise `InputError` for what is no controller whose steps are those of its law."""
+    """Raise `InputError` unless `controller` is a `Controller` that does not override `step`, so that its steps are
+    those of its law, which is traced."""
     if not isinstance(controller, Controller):
         raise InputError(f"controller: expected a Controller, got {type(controller).__name__}")
     if type(controller).step is not Controller.step:

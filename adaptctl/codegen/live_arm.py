@@ -35,7 +35,9 @@ LONGEST = 3000
 
 @dataclass(frozen=True)
 class LiveArm:
-    """A live arm for a page: its WebAssembly module, and what a page must know to run it, in JSON's types."""
+    """A closed loop that a web page runs live: `binary`, the WebAssembly module of one control period, and `facts`,
+    what the page must know to run it, in JSON's types: places of numbers in the module's memory, names of joints, first
+    values and geometry. Nothing is checked."""
 
     binary: bytes
     facts: dict[str, Any]
@@ -43,8 +45,9 @@ class LiveArm:
 
 @dataclass(frozen=True, eq=False)
 class LiveLoop:
-    """The equation of a live arm: a control period with time, gains, parameters and friction as arguments, over scalars
-    of any kind."""
+    """Equation of a closed loop over one control period, over scalars of any kind: `plant`, the arm, `controller`, its
+    law, and `reference`, the sinusoids that its joints follow. Time, gains, the arm's parameters and its friction are
+    arguments, which a page can change. Nothing is checked."""
 
     plant: Plant
     controller: Controller[Any]
@@ -52,18 +55,27 @@ class LiveLoop:
 
     @property
     def state(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one period to the next, by name."""
+        """Lengths, by name, of the columns that pass from one control period to the next: the plant's "q", "v",
+        "drives" and "sensors", then the controller's memory, "memory_0", "memory_1", ..."""
         law = self.controller
         return self.plant.sizes | {f"memory_{k}": size for k, size in enumerate(law._memory_sizes.values())}
 
     @property
     def arguments(self) -> dict[str, int]:
-        """Lengths of all columns by name: those of `state`, then what a page sets."""
+        """Lengths, by name, of all columns that the equation takes: those of `state`, then "time" (1), "parameters",
+        the P inertial and friction parameters, "friction" (r joints) and, where the controller has tunable gains,
+        "gains"."""
         parameters = {"parameters": self.plant.mechanism.equations.parameters, "friction": self.plant.dof}
         return self.state | {"time": 1} | parameters | self.controller.gain_sizes
 
     def equation(self, time: Column, friction: Column, **columns: Column) -> tuple[Column, ...]:
-        """The columns passed on; the torque, the error, the reference (r,), and the links' origins (3N,)."""
+        """The columns of `state` after one control period, in order, followed by the torque (r,), N m (N if prismatic),
+        the error of the positions and the positions of the reference (r,), rad (m), and the origins of the N links
+        (3N,), m, in the world frame at its beginning.
+
+        `time` (1,) is in s, `friction` (r,) is viscous friction of the r joints besides the plant's, N m s/rad (N s/m);
+        `columns` are the others of `arguments`, SI units. Nothing is checked: names that are missing raise `KeyError`.
+        """
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
         p, v = self.plant.primary(columns["q"]), columns["v"]
         point = sinusoids_at(time[0], SinusoidNumbers(*(Column(x.tolist()) for x in self.reference.numbers)))
@@ -81,8 +93,13 @@ class LiveLoop:
 def live_arm(
     plant: Plant, controller: Controller[Any], reference: Reference, begun: PlantState, parameters: Array
 ) -> LiveArm | str:
-    """The live arm of a loop from a plant's state on, with true parameters (P,); or the reason why it cannot be shown,
-    in a sentence."""
+    """The `LiveArm`, a WebAssembly module for a web page, of the loop of `plant`, `controller` and `reference` from the
+    plant's state `begun` on, with the true `parameters` (P,) of the arm, SI units; or, as text, the reason why it
+    cannot be shown: effects between controller and joints, a reference that is no `Sinusoids`, a mechanism of more than
+    100 links, a law of more than 3000 floating-point operations, or a module of more than 60 kB.
+
+    Raises `TraceError` for a law that cannot be traced, and what `controller.init` raises for the state.
+    """
     if reason := _obstacle(plant, controller, reference):
         return reason
     loop = LiveLoop(plant, controller, reference)  # type: ignore[arg-type]  # _obstacle saw that these are Sinusoids

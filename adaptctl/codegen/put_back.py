@@ -20,10 +20,14 @@ Before = Callable[[int, int], Place | None]
 
 
 class PutBack:
-    """Choices in a piece of a routine between an argument's number and the result that takes its place.
+    """Choices, in a `piece` of a `routine` (traced function), between the value that a result gets and the earlier one
+    that it replaces, an argument's: the piece can store all results as they are computed and copy the earlier values
+    back where a condition holds.
 
-    `conditions` has by the comparison that decides on them the places of the results, (part, number), and of the
-    arguments that may go there; `piece` is what is left to compute.
+    `before` is a callable from the numbers of a part of the result and of a scalar in it to those of the argument's
+    scalar that it replaces, None where there is none. `conditions` maps each comparison to pairs of places, (part,
+    number): the result's, and the argument's that goes there where it holds. The attribute `piece` is the piece without
+    these choices. Nothing is checked.
     """
 
     def __init__(self, routine: Routine, piece: Piece, before: Before) -> None:
@@ -41,7 +45,8 @@ class PutBack:
         self.piece = Piece(left, piece.kept, piece.found)
 
     def stored(self, x: Expression | float) -> Expression | float:
-        """The value stored for a result at first: of a choice, the one that may be put back later."""
+        """The value to store at first for the result `x`, an expression or a constant: for a choice between an earlier
+        value and a new one, the new one, which may be put back later; `x` itself for any other. Nothing is raised."""
         if isinstance(x, Expression) and x in self._choices:
             kept: Expression | float = x.operands[2]
             return kept

@@ -7,7 +7,8 @@ from adaptctl.compilation.sine import sine_for
 
 
 def readme(package: CPackage) -> str:
-    """Instructions for users of the code, in Markdown."""
+    """The README, in Markdown, of an exported C `package`: how to build, use and check its code. Raises `TraceError`
+    for a law that cannot be traced."""
     return package.filled(
         "README.md",
         flops=package.interface.law.operations.flops,

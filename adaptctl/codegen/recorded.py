@@ -25,7 +25,10 @@ MARGIN = 0.15
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """A recorded tick: its arguments and results in Python."""
+    """A tick (the work of one control period) of a controller of r joints, recorded in Python for a test of its
+    exported code: the arguments `p` and `v` (r,), rad and rad/s (m, m/s if prismatic), and `reference`, a
+    `ReferencePoint`; and the results `torque` (r,), N m (N), and `status`, an integer, the sum of its guards' status
+    bits. Nothing is checked."""
 
     p: Array
     v: Array
@@ -35,8 +38,10 @@ class RecordedTick:
 
 
 def default_reference(interface: Interface) -> Reference:
-    """The stated reference of a check: sinusoids of 0.1 rad (0.05 m in the world) about home, or about what the joints'
-    limits allow nearest to it."""
+    """The reference on which a controller is checked unless another is given, from its `interface`: `Sinusoids` of 0.1
+    rad or m (0.05 m for a task space in the world) about home, or about what the joints' limits allow nearest to it, of
+    0.2 Hz in the first coordinate and 0.06 Hz more in each further one. A user's law whose reference is in another
+    space gets them about 0."""
     law, size = interface.innermost, interface.controller.reference_size
     center, amplitude = centre(interface), AMPLITUDE
     if isinstance(law, TaskSpaceSlotineLi) and not law.reference_in_joints:
@@ -48,8 +53,9 @@ def default_reference(interface: Interface) -> Reference:
 
 
 def centre(interface: Interface) -> Array:
-    """The centre (r,) of the stated reference, rad or m: home, moved into the joints' limits where there are no
-    loops."""
+    """The centre (r,), rad (m if prismatic), of a check's motion of the r joints, from a controller's `interface`: its
+    home, moved so far that joint limits stay 0.15 rad (m) away, or half the joint's range; home itself where there are
+    loops or no known mechanism. Nothing is raised."""
     home, mechanism = np.asarray(interface.controller.home, dtype=np.float64), interface.mechanism
     if mechanism is None or mechanism.description.loops is not None:
         return home
@@ -59,7 +65,11 @@ def centre(interface: Interface) -> Array:
 
 
 def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
-    """Recorded ticks of the controller itself on a motion near the reference, and its state after them."""
+    """A list of `RecordedTick`s, arguments and results of the controller of an `interface` in Python, and its state
+    after them. They are `ticks` control periods from time 0, 100 unless given and at least one, on a motion within 0.02
+    rad (m) of `reference`, a function of time (s), or of home, within joint limits, where the reference is not one of
+    joints. Raises what the reference, `controller.init` and `controller.step` raise, such as `NonFiniteError`;
+    `IndexError` for no ticks."""
     controller, rows = interface.controller, []
     time = np.asarray(interface.period * np.arange(ticks), dtype=np.float64)
     p, v = _motion(interface, reference, time)

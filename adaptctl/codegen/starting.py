@@ -23,7 +23,14 @@ ASIDE = 0.02
 
 @dataclass(frozen=True)
 class Walk:
-    """The way of a mechanism's loops from home to the first position: one step of it, and whether it ends well."""
+    """Way on which exported code closes a mechanism's loops, in small steps from home to the r primary joints' first
+    positions.
+
+    `step`, a traced `Routine`, has the closed configuration (n,) of the tree's n joints, rad (m if prismatic), at
+    positions p (r,), from one nearby, q (n,); `regular`, another, is 1 where the loops at q are closed and surely away
+    from singularities, else 0. `home` (n,) is the configuration at home, `primary` has the indices of the primary
+    joints among the n, `looped` those, among the r, that move a loop. Nothing is checked.
+    """
 
     step: Routine
     """p (r,), q (n,) -> the closed configuration at p, from one nearby"""
@@ -38,7 +45,10 @@ class Walk:
 
 @dataclass(frozen=True)
 class Start:
-    """Start of a memory: `fields` by index that are the configuration (n,), and those that `more` computes of it."""
+    """Start of a controller's memory in exported code: `configurations`, the indices of the memory's fields that begin
+    with the configuration q (n,) of the tree's n joints, rad (m if prismatic); `computed`, those of the fields that
+    `more`, a traced `Routine`, computes of q at rest, None where there are none; and `walk`, the `Walk` that closes the
+    mechanism's loops, None for a tree. Fields that are in neither begin alike everywhere. Nothing is checked."""
 
     configurations: tuple[int, ...]
     computed: tuple[int, ...]
@@ -48,10 +58,10 @@ class Start:
 
 
 def start_of(interface: Interface, open_by: float) -> Start:
-    """The start of a controller's memory, its loops left open by at most `open_by` (m or rad).
-
-    Raises `InputError` where it depends on positions in another way.
-    """
+    """The `Start` of the memory of the controller of an `interface`: it is found by comparing the memory at home with
+    one 0.02 rad (m) aside. `open_by` is the closure residual, m or rad, up to which kinematic loops count as closed.
+    Raises `InputError` where the memory depends on positions in a way that is not known, `TraceError` where what
+    computes it cannot be traced."""
     law, mechanism = interface.controller, interface.mechanism
     p = law.home + ASIDE * np.linspace(0.5, 1.0, law.dof)
     aside = interface.memory_of(law.start(p, np.zeros(law.dof)))

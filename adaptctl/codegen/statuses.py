@@ -9,7 +9,8 @@ from adaptctl.simulation.closed_loop import guards
 
 
 class StatusBit(NamedTuple):
-    """A bit of a tick's status: its name, its value and its meaning."""
+    """A bit of the status that exported code returns for a tick (the work of one control period): its `name`, such as
+    "NOT_FINITE", its `value`, a power of 2, and its `meaning`, a clause in English. Nothing is checked."""
 
     name: str
     value: int
@@ -34,12 +35,16 @@ _MARKS = {
 
 
 def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
-    """All status bits: those of faults, then those of the guards, which are marks of theirs."""
+    """All status bits, a `StatusBit` each, of a controller's exported code, from its `interface`: NOT_FINITE (1),
+    WRONG_STATE (2) and NOT_CLOSED (4), then, from 8 on, one for each mark that its guards set, such as TORQUE_LIMITED.
+    Nothing is raised."""
     own = enumerate(interface.marks, start=len(FAULTS))
     return (*FAULTS, *(StatusBit(name.upper(), 1 << k, _MARKS.get(name, name)) for k, name in own))
 
 
 def status_of(interface: Interface, state: Any) -> int:
-    """The status, as a number, that the guards' marks of a state give."""
+    """The status of a tick, an integer, as far as a controller's guards decide it: the sum of the status bits whose
+    marks are set in `state`, the controller's memory after the tick in Python; 0 without guards. Faults are not among
+    them. Raises `ValueError` for a state with other marks than the `interface` of its controller has."""
     bits = status_bits(interface)[len(FAULTS) :]
     return sum(bit.value for bit, mark in zip(bits, guards(state), strict=True) if mark[0] > 0.5)

@@ -23,9 +23,14 @@ STRETCH = 10_000
 
 
 def vouched(interface: Interface, reference: Reference, duration: float = DURATION) -> dict[str, Any]:
-    """Outcome of a run on the mechanism as described, for `duration` s, in JSON's types.
+    """Outcome, in JSON's types, of a simulation of the controller of an `interface` on its own mechanism along
+    `reference`, a function of time (s), for `duration` s, 600 unless given: the reference, and the root mean square
+    errors of the joints' positions, rad (m if prismatic), in the first and the last 10 s, None where the reference is
+    not one of joints.
 
-    Raises `InputError` where the run is not finite, or guards stop it, and where there is no mechanism to run on.
+    Raises `InputError` where the run becomes not finite or guards stop it, where no mechanism is known or it has more
+    than 100 links, and for a reference for another number of coordinates; `NonFiniteError` for a reference that is not
+    finite; `TraceError` for a law that cannot be traced.
     """
     mechanism, controller = interface.mechanism, interface.controller
     if mechanism is None or len(mechanism.links) > LARGEST_COMPILED:
@@ -58,7 +63,8 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
 
 
 def stated(reference: Reference) -> dict[str, Any]:
-    """A reference in JSON's types."""
+    """A `reference` in JSON's types, for a manifest: of `Sinusoids` the kind and the numbers, centre and amplitude in
+    rad (m), frequency in Hz, phase in rad; of any other the name of its class. Nothing is raised."""
     if not isinstance(reference, Sinusoids):
         return {"kind": type(reference).__name__}
     names = ("center", "amplitude", "frequency", "phase")

@@ -19,7 +19,8 @@ ZERO = b"\x41\x00"
 
 
 def unsigned(n: int) -> bytes:
-    """The LEB128 encoding of a whole number of at least 0."""
+    """The bytes of the whole number `n`, of at least 0, in WebAssembly's encoding of unsigned integers (LEB128: seven
+    bits in each byte, the lowest first). Not checked: a negative one never ends."""
     out = bytearray()
     while True:
         n, low = n >> 7, n & 0x7F
@@ -29,38 +30,43 @@ def unsigned(n: int) -> bytes:
 
 
 def vector(items: Sequence[bytes]) -> bytes:
-    """WebAssembly's encoding of a vector: the items after their count."""
+    """The bytes of WebAssembly's encoding of a vector: the number of `items`, then these, each encoded already. Nothing
+    is raised."""
     return unsigned(len(items)) + b"".join(items)
 
 
 def section(number: int, content: bytes) -> bytes:
-    """WebAssembly's encoding of a section of a module, by its number and content."""
+    """The bytes of a section of a WebAssembly module: its `number`, which tells its kind, its length, and its encoded
+    `content`. Raises `ValueError` for a number that is no byte."""
     return bytes([number]) + unsigned(len(content)) + content
 
 
 def signature(given: Iterable[bytes], made: Iterable[bytes]) -> bytes:
-    """WebAssembly's encoding of a function's type, from the types of its arguments and results."""
+    """The bytes of WebAssembly's encoding of a function's type, from the encoded types, one byte each, of its
+    arguments, `given`, and of its results, `made`. Nothing is checked."""
     return b"\x60" + vector(list(given)) + vector(list(made))
 
 
 def body(locals_: Sequence[bytes], code: bytes) -> bytes:
-    """WebAssembly's encoding of a function's code after its size; `locals_` has the types of its own variables in
-    order."""
+    """The bytes of a WebAssembly function in a module's code section: its length, its local variables, whose encoded
+    types `locals_` has in order, and its `code`, an end mark after it. Nothing is checked."""
     groups = [unsigned(len(list(group))) + kind for kind, group in groupby(locals_)]
     content = vector(groups) + code + END
     return unsigned(len(content)) + content
 
 
 def constant(x: float) -> bytes:
-    """WebAssembly code that puts a number on the stack."""
+    """The bytes of the WebAssembly instruction that puts the float `x`, of 64 bits, on the stack. Nothing is raised."""
     return b"\x44" + struct.pack("<d", x)
 
 
 def load(at: int) -> bytes:
-    """WebAssembly code that puts the number at a place in memory (bytes) on the stack."""
+    """The bytes of the WebAssembly instructions that put the 64-bit float at the address `at`, bytes from the beginning
+    of memory, on the stack. Not checked: the address must be at least 0."""
     return ZERO + b"\x2b\x03" + unsigned(at)
 
 
 def store(at: int, value: bytes) -> bytes:
-    """WebAssembly code that stores a number at a place in memory (bytes)."""
+    """The bytes of the WebAssembly instructions that store a 64-bit float at the address `at`, bytes from the beginning
+    of memory; `value` is the code that puts it on the stack. Not checked: the address must be at least 0."""
     return ZERO + value + b"\x39\x03" + unsigned(at)

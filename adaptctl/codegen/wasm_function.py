@@ -18,14 +18,22 @@ TRUTHS, ANGLES = (Op.LESS, Op.LESS_EQUAL), {Op.SIN: 0, Op.COS: 1}
 
 
 class Called:
-    """A function that others call: its index, and the places in memory of its arguments and results."""
+    """A WebAssembly function that others call: its `index` in the module, and the addresses in memory, bytes, of its
+    arguments, `inputs`, and of the parts of its result, `outputs`. Nothing is checked."""
 
     def __init__(self, index: int, inputs: Sequence[int], outputs: Sequence[int]) -> None:
         self.index, self.inputs, self.outputs = index, inputs, outputs
 
 
 class WasmCode:
-    """WebAssembly code of a function whose first `parameters` variables are its arguments."""
+    """Code of one WebAssembly function, written expression by expression: `code` has its bytes so far, `locals` the
+    types of its local variables, WebAssembly's byte for each.
+
+    Made of `body`, all expressions to be written, which tells what is used more than once; `outputs`, the expressions
+    and constants that are its results; `given`, a callable that returns the code which puts an input on the stack, from
+    the numbers of the argument and of the scalar in it; and `parameters`, how many arguments the function has itself, 0
+    unless given: the first variables. Nothing is checked.
+    """
 
     def __init__(
         self, body: Sequence[Expression], outputs: Iterable[Expression | float], given: Callable[[int, int], bytes],
@@ -40,7 +48,10 @@ class WasmCode:
         self._turned: dict[int, int] = {}
 
     def compute(self, x: Expression, sincos: Callable[[], int]) -> None:
-        """Write one expression: kept in a variable where it is used again, else written where it is used."""
+        """Write the expression `x`, no call and no result of one, whose operands have been written before: into a local
+        variable where it is used more than once, else into the code that uses it. `sincos` is a callable that returns
+        the index of the function of sine and cosine, called where it is needed. Raises `KeyError` for an operation that
+        this code has no instruction for."""
         if x.op in ANGLES:
             self._text[x.index] = GET + unsigned(self._sine(x.operands[0], sincos) + ANGLES[x.op])
             return
@@ -50,8 +61,9 @@ class WasmCode:
         self._text[x.index] = text
 
     def call(self, x: Expression, called: Called, results: Iterable[Expression]) -> None:
-        """Write a call: its arguments to their places in memory, and after it all results that are used to
-        variables."""
+        """Write the call that the expression `x` is, of the function `called`: its arguments are stored to their places
+        in memory, and afterwards those of its results that are used, the expressions `results`, are read from theirs
+        into local variables. Raises `ValueError` where the function has another number of arguments."""
         rest, routine = iter(x.operands), x.detail
         for at, size in zip(called.inputs, routine.inputs, strict=True):
             for k, y in enumerate(islice(rest, size)):
@@ -62,17 +74,20 @@ class WasmCode:
             self._text[result.index] = self.keep(load(called.outputs[part] + 8 * k), F64)
 
     def operand(self, x: Expression | float) -> bytes:
-        """The code that puts a number on the stack."""
+        """The code, bytes, that puts `x`, an expression that has been written or a constant, on the stack. Raises
+        `KeyError` for an expression that has not."""
         return self._text[x.index] if isinstance(x, Expression) else constant(x)
 
     def keep(self, text: bytes, kind: bytes) -> bytes:
-        """The code that puts on the stack what some code makes, which is run once."""
+        """The code, bytes, that puts on the stack what the code `text` makes: that is run once, here, and its value
+        kept in a new local variable of the type `kind`, WebAssembly's byte for it. Nothing is checked."""
         number = self.new(kind)
         self.code += text + SET + unsigned(number)
         return GET + unsigned(number)
 
     def new(self, kind: bytes) -> int:
-        """Index of a new variable of a kind."""
+        """Index of a new local variable of the type `kind`, WebAssembly's byte for it, such as that of a 64-bit float;
+        it is counted after the function's own arguments. Nothing is checked."""
         self.locals.append(kind)
         return self._first + len(self.locals) - 1
 

@@ -19,14 +19,16 @@ FIRST = 64
 
 @dataclass(frozen=True)
 class WasmPlaces:
-    """Addresses of a function's arguments and results: the first byte of each in the module's memory."""
+    """Addresses, in bytes from the beginning of a WebAssembly module's memory, of the arguments of a function,
+    `inputs`, and of the parts of its result, `outputs`: 64-bit floats side by side. Nothing is checked."""
 
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
 
 
 class WasmModule:
-    """A WebAssembly module of traced routines; `export` adds one under a name, `binary` is the module."""
+    """A WebAssembly module of routines (traced functions) in double precision, empty at first: `export` adds the
+    function of a routine under a name, `binary` returns the module."""
 
     def __init__(self) -> None:
         self._types: list[bytes] = []
@@ -37,13 +39,17 @@ class WasmModule:
         self._turning: int | None = None
 
     def export(self, name: str, routine: Routine) -> WasmPlaces:
-        """Addresses of the arguments and results of a new function without arguments, which reads and writes there."""
+        """Addresses, `WasmPlaces`, of the arguments and results of a new function of the module: it computes `routine`,
+        a traced function, takes no arguments itself, and reads and writes the module's memory at these addresses.
+        `name` is that under which it is exported. A routine that was added before is not written again. Raises
+        `KeyError` for an operation that WebAssembly code is not written for."""
         called = self._function(routine)
         self._exports[name] = called.index
         return WasmPlaces(tuple(called.inputs), tuple(called.outputs))
 
     def binary(self) -> bytes:
-        """The module as bytes."""
+        """The module in WebAssembly's binary format, with the functions that were exported and the memory, exported as
+        "memory". Nothing is raised."""
         pages = -(-self._memory // wasm.PAGE)
         memory = unsigned(6) + b"memory" + b"\x02\x00"
         names = [unsigned(len(name)) + name.encode() + b"\x00" + unsigned(k) for name, k in self._exports.items()]
@@ -116,5 +122,6 @@ def _integer(n: int) -> bytes:
 
 
 def memory_of(places: Mapping[str, int]) -> dict[str, int]:
-    """Places by name as numbers of 8 bytes, which is how JavaScript's Float64Array counts."""
+    """The addresses `places`, by name, in bytes, as indices of 64-bit floats, which is how JavaScript's Float64Array
+    counts. Nothing is checked."""
     return {name: at // 8 for name, at in places.items()}

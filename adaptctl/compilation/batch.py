@@ -17,7 +17,15 @@ each, and addresses of the results' rows."""
 
 
 def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
-    """LLVM IR of the function ENTRY over many samples; inputs and outputs are `checked` to be finite or not."""
+    """LLVM IR (text) of the function `batch`, one native call of which evaluates a `routine` (traced function) at many
+    samples, as many at a time as there are SIMD `lanes`, of doubles. `symbol` is the name of the routine's own
+    function; `checked` says by "inputs" and "outputs" whether these are checked for NaN and infinity.
+
+    `batch` takes the number of samples and three tables, with an entry for each argument or result: the addresses of
+    the arguments' rows, the numbers from one row to the next, 0 for an argument that all samples share, and the
+    addresses of the results' rows. It returns true where all that is checked is finite. Raises `KeyError` where
+    `checked` lacks an entry.
+    """
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}
     both = inputs | outputs

@@ -31,7 +31,9 @@ _PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyType_GenericAlloc", "PyFloat
 
 
 class Place(NamedTuple):
-    """The source of a column: the number of an argument and, if that is a tuple, of the item in it."""
+    """Source of one column (vector) that a built-in function passes to native code: `argument`, the index from 0 of the
+    function's argument, None for an array that the function is bound to, and `item`, the index of the item in it where
+    the argument is a tuple, None, the default, where it is not. Nothing is checked."""
 
     argument: int | None
     """None for what the function has been bound to"""
@@ -39,13 +41,14 @@ class Place(NamedTuple):
 
 
 class Form(NamedTuple):
-    """The calling convention of a built-in function: which arguments a routine's columns come from, and what is
-    returned.
+    """The calling convention of a built-in function of Python around native code: which of its arguments the columns
+    (vectors) come from that the code takes, and what becomes of the code's results.
 
-    `places` has where each column comes from. `tuples` has the arguments that are tuples, and how many items each has;
-    its type is known when the function is made, as is what it is bound to. The results that `wrapped` names become the
-    only item of a tuple of the same type as an argument; those that `into` names are put into an argument, an array of
-    their shape that can be written to and that shares no memory with others.
+    `places` has the `Place` of each column, in order. `tuples` maps the index of each argument that is a tuple to its
+    number of items; the tuple's type is given when the function is made, as are arrays that it is bound to. `wrapped`
+    maps the index of a result to that of a tuple argument: the result is returned as the only item of a tuple of that
+    type. `into` maps the index of a result to that of an argument: an array of the result's shape, to write to, that
+    shares no memory with others. The last three are empty unless given. Nothing is checked.
     """
 
     places: tuple[Place, ...]
@@ -55,31 +58,39 @@ class Form(NamedTuple):
 
     @classmethod
     def plain(cls, count: int) -> Form:
-        """The form of a function of so many columns: each is an argument."""
+        """The `Form`, or calling convention, of a function of `count` arguments, each an array that is one column
+        (vector) of the native code. Nothing is checked."""
         return cls(tuple(Place(k) for k in range(count)))
 
     @classmethod
     def filling(cls, count: int, results: int) -> Form:
-        """The form of a function of arrays for so many results, then of so many columns."""
+        """The `Form`, or calling convention, of a function of `results` arrays, which the native code's results are
+        written into and which it returns, followed by `count` arguments, each an array that is one column (vector) of
+        the code. Nothing is checked."""
         return cls(tuple(Place(results + k) for k in range(count)), into={k: k for k in range(results)})
 
     @property
     def arguments(self) -> list[int]:
-        """Indices of the arguments."""
+        """Indices of the function's arguments, from 0, in a rising list: those that columns (vectors) come from and
+        those that results are written into."""
         return sorted({*self.into.values(), *(place.argument for place in self.places if place.argument is not None)})
 
     @property
     def types(self) -> dict[int, int]:
-        """Indices of the types of arguments that are tuples, among the objects that the function keeps."""
+        """Index of the type of each argument that is a tuple, by the argument's index, in the tuple of objects that the
+        built-in function keeps; these begin with what it calls instead of native code, at 0."""
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
-        """Index of a bound column among the objects that the function keeps."""
+        """Index of the array that is the column of index `column`, one that the function is bound to, in the tuple of
+        objects that the built-in function keeps: after what it calls instead of native code, the types of tuples and
+        earlier bound arrays. For a column that comes from an argument it means nothing; nothing is checked."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
     @property
     def spares(self) -> int:
-        """Index of the first array kept to be returned again, among the objects that the function keeps."""
+        """Index of the first result array that is kept to be returned again, in the tuple of objects that the built-in
+        function keeps: after what it calls instead of native code, the types of tuples and the bound arrays."""
         return self.bound(len(self.places))
 
 
@@ -113,8 +124,9 @@ class _Definition(ctypes.Structure):
 
 @functools.cache
 def has_builtins() -> bool:
-    """True if this Python lays out arrays and tuples as expected here. If so, native code is given the addresses it
-    needs."""
+    """True if this Python is CPython with tuples and NumPy arrays laid out in memory as native code here reads and
+    makes them; False otherwise. If so, the addresses of the functions of Python and NumPy that native code calls are
+    registered. It is found out once in a process. No error is to be expected."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
     if sys.byteorder != "little" or np.ndarray.__weakrefoffset__ != _Array.weak_references.offset:
@@ -139,11 +151,14 @@ def has_builtins() -> bool:
 def builtin(
     code: NativeCode, name: str, instead: Callable[..., Any], *bound: Any, results: int = 0
 ) -> Callable[..., Any]:
-    """A built-in function of Python for code that `builtin_source` is part of; `instead` is called for unusual
-    arguments.
+    """A built-in function of Python that runs native `code`, of whose LLVM IR the text of `builtin_source` is part; on
+    unusual arguments it calls `instead` with them. Usual ones are as many as expected, contiguous float64 arrays of the
+    expected lengths (in tuples of the expected types), finite where that is checked.
 
-    It is bound to types of tuples, and then to arrays, as its form says. Of `results` that are arrays it keeps the last
-    two each, to return them again once nobody else holds them.
+    `name` is the function's. It is `bound` to the types of tuples and then to arrays, in the order that the code's
+    `Form` has them in. Of `results` that are arrays, 0 unless given, it keeps the last two each, to return them again
+    once nothing else refers to them. `has_builtins` must have been True. Errors are those of `instead`; nothing is
+    checked here.
     """
     definition = _Definition(name.encode(), code.address(_ENTRY), _FASTCALL, None)
     kept = (instead, *bound, *[None] * (2 * results), code, definition)
@@ -156,7 +171,15 @@ def _api(name: str, *types: Any) -> Callable[..., Any]:
 
 
 def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form) -> str:
-    """LLVM IR of a built-in function; if `finite`, NaN and infinity are unusual too, computed or even given."""
+    """LLVM IR (text) of a built-in function of Python that calls a `routine` (traced function), whose own native
+    function has the name `symbol`, with the data of NumPy arrays and returns new arrays and floats, or a tuple of them;
+    `builtin` makes the function of it. `form`, a `Form`, says which of its arguments the routine's columns (vectors)
+    come from.
+
+    `finite` says where NaN and infinity make a call unusual, so that another function is called instead: True in
+    arguments and results, "results" in results alone, False nowhere. Not checked: the form must be one of as many
+    columns as the routine's arguments.
+    """
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}

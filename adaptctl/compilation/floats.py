@@ -18,9 +18,15 @@ Equation = Callable[..., tuple[Any, ...]]
 
 
 class OnFloats:
-    """A function of columns, called with arrays as a `Kernel` of it is, but run in Python.
+    """Function of vectors that runs in Python and is called with arrays, as a `Kernel` of it, native code, would be:
+    for mechanisms too large to compile.
 
-    Raises as a kernel does: InputError for arguments of another shape or kind, NonFiniteError if that was asked for.
+    Made of `function`, called by keyword with a `Column` (vector of floats) for each argument, which returns a tuple of
+    Columns and scalars; `arguments`, the arguments' names and lengths n; `name`, that in messages, empty unless given;
+    and `finite`, the check for NaN and infinity: True in arguments and results, "results" in results alone, False, the
+    default, nowhere. Construction checks nothing. A call takes array-likes (n,) by position and returns a tuple of
+    float64 arrays (n,) and floats, in the function's own units; it raises `InputError` for another number of arguments,
+    another shape and what holds no real numbers, `NonFiniteError` as `finite` says, and what the function raises.
     """
 
     def __init__(
@@ -41,7 +47,8 @@ class OnFloats:
 
     @property
     def call(self) -> OnFloats:
-        """The object itself, as a kernel's `call` is its fastest form: on floats there is no faster one."""
+        """The object itself, a function of array-likes (n,) by position. It is there because the `call` of a `Kernel`,
+        compiled code, is that one's fastest form; in Python there is no faster one."""
         return self
 
 
@@ -58,10 +65,16 @@ def native_or_floats(
     finite: Finite = False,
     form: Form | None = None,
 ) -> Kernel | OnFloats:
-    """The kernel of `function` for a mechanism of so many links, up to LARGEST_COMPILED; beyond, a function that runs
-    it in Python.
+    """A `Kernel`, native code for a `function` of vectors, where a mechanism has up to 100 `links` (LARGEST_COMPILED);
+    else an `OnFloats`, which runs the function in Python. Both are called with array-likes (n,) by position.
 
-    It is called with Columns by keyword, `arguments` has their names and lengths, and returns a tuple of Columns.
+    The function is called by keyword with a `Column` (vector of scalars) for each argument, `arguments` has their names
+    and lengths n, and it returns a tuple of Columns and scalars. `name` is that in messages, the function's own or none
+    where empty; `finite` says where NaN and infinity raise `NonFiniteError` in calls: True in arguments and results,
+    "results" in results alone, False, the default, nowhere; `form`, a `Form`, says which argument of a built-in
+    function made with `Kernel.otherwise` each column comes from, None where each is one. Up to 100 links it raises
+    `InputError` for no arguments at all and for lengths that are no whole numbers of at least 0, `TraceError` for a
+    function that cannot be traced, and what the function raises; beyond, nothing is checked.
     """
     if links > LARGEST_COMPILED:
         return OnFloats(function, arguments, name=name, finite=finite)

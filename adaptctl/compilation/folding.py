@@ -14,7 +14,9 @@ from adaptctl.compilation.graph import Expression, Op
 
 
 def add(x: Any, y: Any) -> Any:
-    """The expression `x + y`; a negated operand is subtracted."""
+    """The sum `x + y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new or
+    earlier expression, the other operand where one is the float 0, and 0.0 where one is the other's negation. A negated
+    operand is subtracted. Raises `TraceError` for expressions of two graphs."""
     if _is(x, 0.0) or _is(y, 0.0):
         return y if _is(x, 0.0) else x
     if _does(y, Op.NEGATE):
@@ -25,7 +27,9 @@ def add(x: Any, y: Any) -> Any:
 
 
 def subtract(x: Any, y: Any) -> Any:
-    """The expression `x - y`; a negated operand and a constant are added."""
+    """The difference `x - y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a
+    new or earlier expression; 0.0 where both are the same, also for NaN and infinity; `x` or `-y` where the other is
+    the float 0. A negated operand and a constant are added. Raises `TraceError` for expressions of two graphs."""
     if x is y:
         return 0.0
     if _is(x, 0.0):
@@ -38,7 +42,9 @@ def subtract(x: Any, y: Any) -> Any:
 
 
 def negate(x: Any) -> Any:
-    """The expression `-x`, for free where `x` is a difference, a negation or a constant multiple."""
+    """The expression `-x` of an expression `x` (a symbolic scalar). No operation is added where `x` is a difference, a
+    negation or a multiple by a constant: operands change places, or the sign of the constant does. Nothing is
+    raised."""
     if _does(x, Op.NEGATE):
         return x.operands[0]
     if _does(x, Op.SUBTRACT):
@@ -49,7 +55,10 @@ def negate(x: Any) -> Any:
 
 
 def multiply(x: Any, y: Any) -> Any:
-    """The expression `x * y`; signs move outwards, or into a constant factor."""
+    """The product `x * y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new
+    or earlier expression, the float 0.0 where one is 0, also times NaN and infinity, or the other one or its negation
+    where one is 1 or -1. Signs move outwards, or into a constant factor. Raises `TraceError` for expressions of two
+    graphs."""
     x, y = _ordered(x, y)
     if isinstance(x, float) and abs(x) in (0.0, 1.0):
         return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
@@ -61,7 +70,9 @@ def multiply(x: Any, y: Any) -> Any:
 
 
 def divide(x: Any, y: Any) -> Any:
-    """The expression `x / y`; signs move outwards, or into a constant operand."""
+    """The quotient `x / y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new
+    or earlier expression, the float 0.0 where `x` is 0, also by 0 and NaN, or `x` or its negation where `y` is 1 or -1.
+    Signs move outwards, or into a constant operand. Raises `TraceError` for expressions of two graphs."""
     if _is(x, 0.0):
         return 0.0
     if _is(y, 1.0) or _is(y, -1.0):
@@ -74,35 +85,43 @@ def divide(x: Any, y: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """The expression `|x|`."""
+    """The absolute value `|x|` of an expression `x` (a symbolic scalar), as an expression; `x` itself where it is an
+    absolute value. Signs within are dropped. Nothing is raised."""
     if _does(x, Op.NEGATE):
         return absolute(x.operands[0])
     return x if _does(x, Op.ABSOLUTE) else _make(Op.ABSOLUTE, x)
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """The expression of the smaller of two; NaN when either is NaN."""
+    """The smaller of `x` and `y`, expressions (symbolic scalars of one graph) or floats, at least one an expression: an
+    expression, which computes NaN where either is NaN; `x` where both are the same. Raises `TraceError` for expressions
+    of two graphs."""
     return x if x is y else _make(Op.MINIMUM, *_ordered(x, y))
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """The expression of the larger of two; NaN when either is NaN."""
+    """The larger of `x` and `y`, expressions (symbolic scalars of one graph) or floats, at least one an expression: an
+    expression, which computes NaN where either is NaN; `x` where both are the same. Raises `TraceError` for expressions
+    of two graphs."""
     return x if x is y else _make(Op.MAXIMUM, *_ordered(x, y))
 
 
 def elementary(op: Op) -> Callable[[Any], Any]:
-    """The function that makes expressions of one elementary operation, about which no law is used."""
+    """A function from an expression (a symbolic scalar) to the expression of one operation `op` on it, such as the
+    square root or rounding, which is never simplified. Nothing is checked."""
     return lambda x: _make(op, x)
 
 
 def sine(x: Any) -> Any:
-    """The sine of an angle, which may be known."""
+    """The sine of `x`, an expression (a symbolic scalar) in rad: an expression, or what has been noted as its sine in
+    its graph, which may be a float. Nothing is raised."""
     known = x.graph.known_sine(x)
     return known[0] if known else _make(Op.SIN, x)
 
 
 def cosine(x: Any) -> Any:
-    """The cosine of an angle, which may be known."""
+    """The cosine of `x`, an expression (a symbolic scalar) in rad: an expression, or what has been noted as its cosine
+    in its graph, which may be a float. Nothing is raised."""
     known = x.graph.known_sine(x)
     return known[1] if known else _make(Op.COS, x)
 

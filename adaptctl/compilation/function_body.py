@@ -31,10 +31,15 @@ class _Use(NamedTuple):
 
 
 class FunctionBody:
-    """LLVM instructions of one function's body, which computes expressions in their order: `memory` for the calls it
-    makes is set aside first.
+    """Body of one native function, written as LLVM instructions, lines of text, expression by expression: `lines` has
+    all, those first that set aside memory.
 
-    What it finds in memory it is passed two pointers to: %passed by other pieces, %same by what ran before all steps.
+    Made of the `expressions` that it computes, in order; `symbols`, the functions' names by `Routine` (traced
+    function), for calls; `lanes`, the `Lanes`, how many numbers are computed at once and in what precision; `found`, by
+    index of expression, the places of values that earlier functions of the same routine left in memory at the pointer
+    `%passed`; and `same`, the `Invariants`, expressions that are the same in all steps of a loop, which are in memory
+    at `%same`, none unless given. A place is an index in values of all lanes; the expression of index i is in the
+    register `%xi`. Nothing is checked.
     """
 
     def __init__(
@@ -56,11 +61,13 @@ class FunctionBody:
 
     @property
     def lines(self) -> list[str]:
-        """The instructions, memory first."""
+        """The instructions, LLVM's text line by line, those first that set aside memory."""
         return [*self._text.memory, *self._text.lines]
 
     def compute(self, expression: Expression) -> None:
-        """Write one expression into its register; what is in memory is loaded where it is first used."""
+        """Append the instructions that compute an `expression`, whose operands have been computed before. For one that
+        is in memory already, such as an input, a call's result or an invariant, none are appended here: it is loaded
+        where it is used. Raises `KeyError` for a call of a routine without a name in `symbols`."""
         self._now += 1
         self._sines.turn(self._turns.get(expression.index, ()))
         if expression.op is Op.CALL:
@@ -70,7 +77,9 @@ class FunctionBody:
             self._latest[expression.index] = _Use(f"%x{expression.index}", self._now)
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
-        """Write the store of a number into the k-th place after a pointer."""
+        """Append the instructions that write `value`, an expression that has been computed or a constant, into memory:
+        into the place of index `k`, in values of all lanes, after the LLVM pointer of the name `pointer`, such as
+        "%out0". Nothing is checked."""
         self._text.store(pointer, k, self._operand(value))
         if isinstance(value, Expression):
             self._stored.setdefault(value.index, (pointer, k))

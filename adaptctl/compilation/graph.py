@@ -38,10 +38,13 @@ class Op(StrEnum):
 
 
 class Expression:
-    """An expression: one operation on `operands`, earlier expressions of the same graph, or constants, which are plain
-    floats.
+    """Node of an expression graph, which records what a function computes of symbolic scalars; made by `Graph.make`,
+    which checks it.
 
-    `detail` says what operands cannot: which input, which routine is called, which of its results is meant.
+    It is the operation `op`, an `Op`, on `operands`, a tuple of earlier expressions of the same `graph` and of
+    constants, plain floats. `index` is its number in the graph, from 0. `detail` has what operands cannot say: of an
+    input, the numbers of the argument and of the scalar in it; of a call, the `Routine` (traced function) that is
+    called; of a result, the number of the part of the call's result and of the scalar in it; None for all others.
     """
 
     __slots__ = ("detail", "graph", "index", "op", "operands")
@@ -54,11 +57,14 @@ class Expression:
 
 
 class Graph:
-    """The expression graph of one trace. Operands come before what uses them, so the indices are a schedule.
+    """Expression graph of one trace, one run of a function on symbolic scalars: equal expressions are one object, and
+    the indices of operands are below those of what uses them, so that their order is one to compute in.
 
-    `routines` remembers the functions called; the graph of a called function shares its caller's. `sines` has the
-    sines and cosines of angles that were made of them. Those of a called function's inputs are the caller's to compute,
-    who may have them already: they are its argument of number `passed`, in pairs, of the inputs in `turned`.
+    `routines` maps what has been called in the trace (a function, its arguments' layout and constants) to its traced
+    `Routine`; the graph of a called function is given its caller's, others None for an empty one. `sines` maps angles,
+    expressions in rad, to the sine and cosine that are known of them. `passed`, None unless given, is for the graph of
+    a called function: the number of the extra argument in which its caller passes sines and cosines, in pairs; `turned`
+    has the inputs that these are of, in their order.
     """
 
     def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:
@@ -68,7 +74,9 @@ class Graph:
         self.passed, self.turned = passed, list[Expression]()
 
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
-        """The one expression with this operation, these operands and this detail."""
+        """The one expression of this graph, of the class `kind`, with the operation `op`, these `operands` (expressions
+        and floats) and this `detail` (what operands cannot say, None unless given): an earlier one where there is one,
+        else a new one. Raises `TraceError` where an operand is of another graph."""
         key = (op, operands, detail)
         found = self._expressions.get(key)
         if found is None:
@@ -77,7 +85,9 @@ class Graph:
         return cast(E, found)
 
     def known_sine(self, angle: Expression) -> tuple[Any, Any] | None:
-        """Sine and cosine of an angle that are known or passed; None where they are to be computed."""
+        """Sine and cosine, two expressions or floats, of `angle`, an expression of this graph in rad, where they are
+        known; None where they are to be computed. In the graph of a called function those of its inputs are taken to be
+        passed by the caller, and become inputs here. Nothing is checked."""
         if angle not in self.sines and self.passed is not None and angle.op is Op.INPUT:
             first = 2 * len(self.turned)
             self.turned.append(angle)
@@ -86,14 +96,16 @@ class Graph:
         return self.sines.get(angle)
 
     def require_own(self, values: Iterable[Any]) -> None:
-        """Raise `TraceError` when one of the values was traced elsewhere."""
+        """Raise `TraceError` where one of the `values` is an expression of another graph: a value of another trace (run
+        of a function on symbolic scalars), or of another called function. Floats and all else pass."""
         for x in values:
             if isinstance(x, Expression) and x.graph is not self:
                 raise untraceable("a value of another trace was used: pass it to the function as an argument")
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:
-    """All expressions that the outputs need, operands first."""
+    """The expressions that `outputs` need, these among them, in a list in which operands come before what uses them.
+    The outputs are of one graph; constants among them (floats) are passed over. Nothing is checked."""
     needed: set[Expression] = set()
     pending = [x for x in outputs if isinstance(x, Expression)]
     while pending:

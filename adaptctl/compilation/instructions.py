@@ -6,8 +6,9 @@ from adaptctl.compilation.lanes import Lanes
 
 
 class Instructions:
-    """LLVM instructions of one function's body, as text: `memory` that is set aside first, then `lines`, in order.
-    Numbers are in `lanes`, unless others are named."""
+    """LLVM instructions of one function's body, as lines of text: `memory` has those that set aside memory, which come
+    first, and `lines` all others, in order. Each number in a register or a place of memory is one in each of `lanes`,
+    the `Lanes` (count and precision). Nothing is checked."""
 
     def __init__(self, lanes: Lanes) -> None:
         self.memory: list[str] = []
@@ -15,22 +16,24 @@ class Instructions:
         self.lanes = lanes
 
     def add(self, line: str) -> None:
-        """Write an instruction."""
+        """Append an instruction, the `line`, as it is."""
         self.lines.append(line)
 
     def reserve(self, name: str, size: int) -> str:
-        """The name, as given, of a pointer to memory for `size` numbers."""
-        lanes = self.lanes
-        self.memory.append(f"{name} = alloca [{size} x {lanes.value}], align {max(lanes.alignment, 64)}")
+        """The `name` of an LLVM pointer, such as "%spare", as given, to memory set aside for `size` numbers of all
+        lanes."""
+        self.memory.append(f"{name} = alloca [{size} x {self.lanes.value}], align {max(self.lanes.alignment, 64)}")
         return name
 
     def load(self, name: str, pointer: str, k: int) -> str:
-        """The name, as given, of the number in the k-th place after a pointer."""
+        """The `name` of an LLVM register, such as "%x3", as given, into which the instructions appended here load the
+        number in the place of index `k` after a `pointer`, another register's name."""
         self.add(f"{name}.at = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name
 
     def store(self, pointer: str, k: int, value: str) -> None:
-        """Write the store of a value into the k-th place after a pointer."""
+        """Append the instructions that write a `value`, a register's name or a constant's text, into the place of index
+        `k` after a `pointer`, another register's name."""
         self.add(f"{pointer}.{k} = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"store {self.lanes.value} {value}, ptr {pointer}.{k}, align {self.lanes.size}")

@@ -15,9 +15,14 @@ _IN_EACH_STEP = (Op.CALL, Op.RESULT, Op.LESS, Op.LESS_EQUAL)
 
 
 class Invariants(NamedTuple):
-    """Expressions of a step that depend on held arguments alone: all that are `computed` of them, and those that it
-    uses, `stored` side by side in memory. By their indices, `places` are those of single ones there, `groups` those of
-    the first of what a call takes as one argument."""
+    """Loop invariants of a step's routine (its traced function): expressions that depend on held arguments alone, which
+    are the same in all steps, and are computed once before the first.
+
+    `computed` is the set of all these; `stored` lists the expressions that lie side by side in memory for the steps,
+    which may include held inputs; `places` has the index there of single expressions, by expression index; `groups` the
+    index there of the first of those that a call takes as one argument, by the tuple of their expression indices. Made
+    by `Invariants.of`; nothing is checked.
+    """
 
     computed: frozenset[Expression]
     stored: list[Expression]
@@ -26,7 +31,9 @@ class Invariants(NamedTuple):
 
     @classmethod
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
-        """The invariants of a routine, whose arguments of the numbers `held` are the same in all steps."""
+        """The `Invariants` of a step's `routine` (its traced function), the arguments of whose numbers in `held`, from
+        0, are the same in all steps: the expressions that depend on these alone, but for calls and comparisons, which
+        are made in each step. Nothing is raised."""
         same = _same(routine.body, held)
         found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]
@@ -41,12 +48,15 @@ class Invariants(NamedTuple):
         return found
 
     def before(self, routine: Routine) -> Routine:
-        """The routine that computes them from a step's arguments."""
+        """The `Routine` (traced function) that computes the s scalars stored for the steps, its only result, (s,), from
+        all arguments of the step's `routine`, of which it uses the held ones alone. Nothing is checked."""
         values: tuple[Any, ...] = tuple(self.stored)
         return Routine(f"{routine.name} before", routine.inputs, values, Layout(None, ((len(values),),)))
 
     def left(self, routine: Routine) -> list[Expression]:
-        """The rest of the routine's body, with those that are results as they are."""
+        """The expressions of the step's `routine` (its traced function) that each step still has to do, operands before
+        what uses them: all but the invariants, of which only those that are results of the step remain, to be copied.
+        Nothing is checked."""
         results = {x for x in routine.outputs if isinstance(x, Expression)}
         return [x for x in routine.body if x not in self.computed or x in results]
 
@@ -71,7 +81,9 @@ NONE = Invariants(frozenset(), [], {}, {})
 
 
 def arguments(call: Expression) -> Iterator[list[Any]]:
-    """The operands of a call, argument by argument."""
+    """Iterator over the arguments of a `call`, an expression of a call of a `Routine` (traced function): for each
+    argument of the routine a list of the operands, expressions and floats, that make it up. Raises `AttributeError` for
+    an expression of another kind."""
     rest = iter(call.operands)
     return (list(islice(rest, size)) for size in call.detail.inputs)
 

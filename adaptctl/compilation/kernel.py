@@ -38,10 +38,11 @@ def compile_function(
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
     these; the kernel returns the same with floats, arrays (n,) and (rows, n) in their place. `name` is the kernel's in
     messages, the function's own where empty. `finite` is True for a kernel that refuses NaN and infinity in what it is
-    given and in what it computes, "results" for one that does so only in the latter, False for one that never does.
-    `form`, a `Form`, says which argument of the function that `Kernel.otherwise` makes each column comes from; None
-    where each is an argument. Raises `InputError` for no arguments at all and for lengths that are no whole numbers of
-    at least 0, `TraceError` for a function that cannot be traced; what the function itself raises goes through.
+    given and in what it computes, "results" for one that does so only in the latter, False, the default, for one that
+    never does. `form`, a `Form`, says which argument of the function that `Kernel.otherwise` makes each column comes
+    from; None where each is an argument. Raises `InputError` for no arguments at all and for lengths that are no whole
+    numbers of at least 0, `TraceError` for a function that cannot be traced; what the function itself raises goes
+    through.
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")
@@ -60,6 +61,9 @@ class Kernel:
     results, (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind (`Op`). Units are
     the function's own. `call` is the built-in function without its Python wrapper: where every call counts, it takes 60
     ns less. Native code is made at the first use, separately for single samples and for many (`map`).
+
+    The constructor takes `traced`, a callable that returns the function's `Routine`, its expressions, and `arguments`,
+    `finite` and `form` as `compile_function` does; it checks none of them, but what `traced` raises goes through.
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
@@ -236,14 +240,17 @@ class Kernel:
 
 
 class Given(NamedTuple):
-    """The arguments of a kernel, names and lengths, and how they are checked."""
+    """Check of what a kernel (compiled function of vectors) is called with: `kernel` is its name, for messages, and
+    `columns` maps its arguments' names, in order, to their lengths n. Nothing is checked at construction."""
 
     kernel: str
     columns: Mapping[str, int]
 
     def arrays(self, arguments: Sequence[ArrayLike], sample_axes: int = 0) -> list[Array]:
-        """The arguments as arrays that native code can read, with the same samples; with `sample_axes` some may be of
-        one sample, for all. Raises `InputError` for another number of arguments, or another shape."""
+        """The `arguments`, array-likes, as C-contiguous float64 arrays (n,) in a list: those that are such arrays
+        themselves, others copied. With `sample_axes`, 0 unless given, as many leading axes of samples, equal in all,
+        come before the n; then an argument (n,) is one for all samples. Raises `InputError` for another number of
+        arguments, another shape and what holds no real numbers; NaN and infinity pass."""
         if len(arguments) != len(self.columns):
             expected = f"{len(self.columns)} arguments ({', '.join(self.columns)})"
             raise InputError(f"{self.kernel}: expected {expected}, got {len(arguments)}")
@@ -256,7 +263,8 @@ class Given(NamedTuple):
         return arrays
 
     def refuse(self, *arrays: Array) -> NoReturn:
-        """Raise `NonFiniteError` that names the array which is not finite, or says that the result is not."""
+        """Raise `NonFiniteError`, always: it names the first of the kernel's arguments, whose `arrays` (n,) are given
+        in order, that holds NaN or infinity, or says that the result does, where all arguments are finite."""
         for name, array in zip(self.columns, arrays, strict=True):
             if not np.isfinite(array).all():
                 raise NonFiniteError(f"{self.kernel}: argument {name!r}: expected finite numbers, got {array.tolist()}")

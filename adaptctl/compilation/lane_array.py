@@ -78,7 +78,8 @@ class LaneArray:
         return column
 
     def address_of(self, step: int) -> int:
-        """The address in memory of the numbers of the step of index `step`, where the array has one axis of steps."""
+        """The address in memory, an integer, of the numbers of the step of index `step`, from 0, in an array with one
+        axis of steps. Not checked: an index out of range gives an address out of the array."""
         return self.address + self.blocks.itemsize * step * self.stride
 
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:

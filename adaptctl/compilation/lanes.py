@@ -19,8 +19,9 @@ Precision: TypeAlias = Literal["double", "single"]
 
 @dataclass(frozen=True)
 class Lanes:
-    """The LLVM types for `count` numbers worked on by one instruction (SIMD lanes): vectors, or plain numbers when it
-    is 1."""
+    """Types and attributes, as LLVM text, for numbers that one instruction works on at once (SIMD lanes): `count` of
+    them, 1 (plain numbers, the default), 2, 4 or 8, or 16 in single precision; `precision` is "double", the default
+    (binary64), or "single" (binary32). Raises `InputError` for another count or precision."""
 
     count: int = 1
     precision: Precision = "double"
@@ -32,66 +33,74 @@ class Lanes:
 
     @property
     def size(self) -> int:
-        """Size of a number, bytes."""
+        """Size of one number in bytes: 8 in double precision, 4 in single."""
         return 8 if self.precision == "double" else 4
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
-        """The numbers' type in arrays."""
+        """NumPy type of the numbers: float64 in double precision, float32 in single."""
         return np.dtype(f"f{self.size}")
 
     @property
     def scalar(self) -> str:
-        """The LLVM type of one number."""
+        """The LLVM type of one number: "double", or "float" in single precision."""
         return "double" if self.precision == "double" else "float"
 
     @property
     def value(self) -> str:
-        """The LLVM type of the lanes' numbers."""
+        """The LLVM type of the numbers in all SIMD lanes, such as "<4 x double>", or of one number where there is one
+        lane."""
         return self._of(self.scalar)
 
     @property
     def integer(self) -> str:
-        """The LLVM type of whole numbers of as many bits."""
+        """The LLVM type of whole numbers as long as the floating-point ones, in all SIMD lanes, such as "<4 x i64>"."""
         return self._of(self._whole)
 
     @property
     def condition(self) -> str:
-        """The LLVM type of the lanes' comparison."""
+        """The LLVM type of the truth values of a comparison in all SIMD lanes, such as "<4 x i1>"."""
         return self._of("i1")
 
     @property
     def suffix(self) -> str:
-        """The suffix by which intrinsics name the lanes."""
+        """Ending of the names of LLVM's intrinsic functions for numbers in these SIMD lanes, such as "v4f64", or "f64"
+        for one."""
         bits = f"f{8 * self.size}"
         return bits if self.count == 1 else f"v{self.count}{bits}"
 
     @property
     def alignment(self) -> int:
-        """Alignment of the lanes in memory, bytes."""
+        """Alignment in memory, bytes, of the numbers in all SIMD lanes: their size together."""
         return self.size * self.count
 
     @property
     def attributes(self) -> str:
-        """LLVM attributes of every function on lanes: the stack is aligned so that no spilled vector straddles a cache
-        line."""
+        """LLVM attributes, as text, for every function on SIMD lanes: it raises no exceptions, and its stack is aligned
+        so that a vector put there lies in one cache line."""
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
-        """The LLVM constant of a number in every lane, as the digits of its bits."""
+        """The LLVM text of the constant `x`, a float, in every SIMD lane, rounded to the precision and written as the
+        digits of its bits, NaN and infinity too. Nothing is raised."""
         digits = f"0x{struct.pack('>d', self.rounded(x)).hex()}"  # of a double in either precision
         return digits if self.count == 1 else "<" + ", ".join([f"{self.scalar} {digits}"] * self.count) + ">"
 
     def rounded(self, x: float) -> float:
-        """The number of this precision that stands for x: what is finite and not 0 stays so."""
+        """The float that stands for `x` in the precision: `x` itself in double; in single the nearest, where finite
+        numbers stay finite and what is not 0 stays so, from about 1.2e-38 to 3.4e38 in size. Nothing is raised."""
         return x if self.precision == "double" else single(x)
 
     def whole(self, k: int) -> str:
-        """The LLVM constant of a whole number in every lane."""
+        """The LLVM text of the whole number `k` in every SIMD lane, as an integer as long as the floating-point
+        numbers. Its range is not checked."""
         return str(k) if self.count == 1 else "<" + ", ".join([f"{self._whole} {k}"] * self.count) + ">"
 
     def filled(self, name: str, **values: object) -> str:
-        """The text of `name`.ll, with these types and other values in place of its $names."""
+        """The text of the LLVM template `name`.ll beside this module, with the lanes' types, sizes and attributes
+        (`scalar`, `value`, `integer`, `condition`, `suffix`, `count`, `alignment`, `attributes`) and further `values`
+        by name in place of its $names. Raises `FileNotFoundError` for an unknown template, `KeyError` for a $name
+        without a value."""
         types = ("scalar", "value", "integer", "condition", "suffix", "count", "alignment", "attributes")
         template = Template(Path(__file__).with_name(f"{name}.ll").read_text(encoding="utf-8"))
         return template.substitute({of: getattr(self, of) for of in types}, **values)
@@ -105,13 +114,15 @@ class Lanes:
 
 
 def require_precision(precision: object) -> None:
-    """Raise `InputError` for what is no `Precision`."""
+    """Raise `InputError` unless `precision` is a `Precision`: "double" or "single"."""
     if precision not in get_args(Precision):
         raise InputError(f"precision: expected one of {', '.join(get_args(Precision))}, got {precision!r}")
 
 
 def single(x: float) -> float:
-    """The number of single precision that stands for x: what is finite and not 0 stays so."""
+    """The float that stands for `x` in single precision (binary32): the nearest, where finite numbers stay finite and
+    what is not 0 stays so, from about 1.2e-38 to 3.4e38 in size. NaN, infinities and 0 are as they were. Nothing is
+    raised."""
     if not math.isfinite(x) or x == 0.0:
         return x
     limits = np.finfo(np.float32)

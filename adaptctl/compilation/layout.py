@@ -13,10 +13,11 @@ Shape = tuple[int, ...]
 
 
 class Layout(NamedTuple):
-    """The layout of a result: a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple
-    (its type is `container`) of these.
+    """Layout of a function's result or arguments, whose scalars are all in one sequence: a scalar, a `Column` (vector),
+    a list of Columns (the rows of a matrix), or a tuple of such parts.
 
-    `shapes` has the shape of each part: (), (n,) or (rows, n).
+    `container` is the type of the tuple, a NamedTuple's among them, None where there is one part without a tuple;
+    `shapes` has the shape of each part: (), (n,) or (rows, n). Nothing is checked.
     """
 
     container: type[tuple[Any, ...]] | None
@@ -24,32 +25,40 @@ class Layout(NamedTuple):
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Number of scalars in each part."""
+        """Number of scalars in each part (a scalar, a vector or a matrix) of the result, in order: a tuple of
+        integers."""
         return tuple(math.prod(shape) for shape in self.shapes)
 
     @property
     def places(self) -> tuple[slice, ...]:
-        """Index of each part among all scalars."""
+        """Slices of the parts (scalars, vectors, matrices) of the result in the sequence of all its scalars, one each,
+        in order."""
         return tuple(slice(end - size, end) for size, end in zip(self.sizes, accumulate(self.sizes), strict=True))
 
     @property
     def contain(self) -> Callable[[Iterator[Any]], Any]:
-        """Function that puts parts into their container; a part that needs none is the first and only one."""
+        """Function that puts an iterator of parts (scalars, vectors, matrices) into the tuple or NamedTuple that they
+        make up; where there is none, it returns the first and only part."""
         return next if self.container is None else getattr(self.container, "_make", tuple)
 
     def restored(self, scalars: Sequence[Any]) -> Any:
-        """The result in its own form, from its scalars in order."""
+        """The result in its own form (a scalar, a `Column`, a list of Columns, or a tuple or NamedTuple of these) from
+        the sequence of all its `scalars` in order. Not checked: too few may raise `IndexError`, too many are
+        ignored."""
         parts = (scalars[place] for place in self.places)
         return self.contain(_restored(part, shape) for part, shape in zip(parts, self.shapes, strict=True))
 
 
 def numbered(sizes: Iterable[int]) -> list[tuple[int, int]]:
-    """For each scalar of parts of these sizes, the index of its part and its index within the part."""
+    """List of pairs (index of the part, index within it), both from 0, one for each scalar in order, for parts such as
+    vectors that have these `sizes`, numbers of scalars. Nothing is checked."""
     return [(part, k) for part, size in enumerate(sizes) for k in range(size)]
 
 
 def flatten(value: Any) -> tuple[Layout, list[Any]]:
-    """The layout of a result or of an argument tuple, and its scalars in order."""
+    """The `Layout` of a `value` (a function's result or its tuple of arguments) and the list of all its scalars in
+    order. Parts are Columns (vectors), lists of Columns of one length (the rows of a matrix), and all else, which
+    counts as a scalar unseen; a tuple or NamedTuple holds several. Nothing is raised."""
     container = type(value) if isinstance(value, tuple) else None
     parts = [_flat(part) for part in (value if isinstance(value, tuple) else (value,))]
     return Layout(container, tuple(shape for shape, _ in parts)), [x for _, scalars in parts for x in scalars]

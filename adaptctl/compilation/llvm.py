@@ -24,8 +24,14 @@ BEFORE = ".before"
 
 
 def program(routine: Routine, lanes: Lanes, same: Invariants = NONE) -> tuple[str, str]:
-    """The IR of a routine and of all it calls, and the name of the routine in it, which finds in memory what is the
-    same in all steps; that is computed by another function, of this name and `BEFORE`."""
+    """The LLVM IR (text) of a `routine`, a traced function, and of all that it calls, and the name of its function in
+    it, which takes a pointer to each argument and to each part of the result. `lanes`, the `Lanes`, says how many
+    numbers are computed at once by SIMD instructions and in what precision.
+
+    `same`, for a step of a loop, are the `Invariants`, which do not change from step to step, none unless given: the
+    function then takes a further pointer to memory that has them, and another function, its name followed by ".before",
+    computes them. Nothing is checked.
+    """
     symbols = _symbols(routine)
     parts = {r: pieces(r.body) for r in symbols}
     functions = [_function(r, parts[r], symbols, lanes) for r in symbols if r is not routine]

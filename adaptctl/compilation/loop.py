@@ -14,17 +14,19 @@ from adaptctl.compilation.routine import Routine
 ENTRY = "run"
 
 NativeLoop = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 6, *[ctypes.c_void_p] * 5)
-"""ENTRY takes the first block and the last but one, the number of steps, the strides of shared,
-driven and outputs, then the addresses of state, held, shared, driven and outputs.
+"""ENTRY takes the first block and the one after the last, the number of steps, the strides of shared, driven and
+outputs, then the addresses of state, held, shared, driven and outputs.
 
 In an array one block follows the other, in a block the columns of its source, and every scalar has all its lanes
-side by side; shared has one block for all. A stride is the number of doubles from step to step, 0 for an array without
+side by side; shared has one block for all. A stride is how many numbers lie from step to step, 0 for an array without
 steps.
 """
 
 
 class Source(StrEnum):
-    """The source of a step's argument."""
+    """Source of a step's argument, for a step that is taken by many members (copies of its state): "state", of each
+    member, which each step replaces; "held", of each member, the same in all steps; "shared", the same for all members,
+    new in each step; "driven", of each member, new in each step."""
 
     STATE = "state"
     """one a lane, replaced in each step by the first results"""
@@ -37,8 +39,15 @@ class Source(StrEnum):
 
 
 def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]], same: int = 0) -> str:
-    """LLVM IR of the function ENTRY, the loop over steps of a routine whose arguments come source by source, with these
-    lengths. `same` is the number of scalars that another function computes before the steps of each block."""
+    """LLVM IR (text) of the function `run`, one native call of which takes many steps of a `routine` (traced function)
+    for many members (copies of its state), a block of them, as many as `lanes`, at a time.
+
+    `symbol` is the name of the routine's own function; `columns` has the lengths of its arguments by `Source` (state,
+    held, shared, driven), in that order; its first results are the new state, the others outputs. `same` is the number
+    of scalars that the function of the name `symbol` and ".before" computes before the steps of each block, 0, the
+    default, where there is none. Not checked: `columns` must have all four sources, with no lengths where there are no
+    arguments.
+    """
     results, states = routine.layout.sizes, len(columns[Source.STATE])
     count = {str(source): sum(lengths) for source, lengths in columns.items()}
     inputs = {f"%{source}.at": lengths for source, lengths in columns.items()}

@@ -21,7 +21,9 @@ _RECIPE = 3
 
 
 class NativeCode:
-    """Machine code in memory, as long as this lives."""
+    """Machine code in the memory of this process, which stays there as long as the object lives: made of the bytes of a
+    compiled object file, `data`, and of the LLVM target `machine` that it was compiled for; `load` makes it of LLVM IR.
+    The bytes are not checked."""
 
     def __init__(self, data: bytes, machine: llvm.TargetMachine) -> None:
         self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
@@ -30,13 +32,16 @@ class NativeCode:
         weakref.finalize(self, _release, self.engine).atexit = False
 
     def address(self, symbol: str) -> int:
-        """The address of a function."""
+        """The address in memory, an integer, of the function of the name `symbol` in the code; 0 where there is none of
+        that name."""
         with _compiler():
             return int(self.engine.get_function_address(symbol))
 
 
 def load(text: str, processor: Processor | None = None) -> NativeCode:
-    """Machine code of a module, for this processor unless another is named."""
+    """The `NativeCode` of a module of LLVM IR, `text`: compiled for a `processor`, None for this machine's, or read
+    from the cache of compiled objects of earlier processes. Raises `RuntimeError` for text that LLVM refuses,
+    `InputError` where the environment variable ADAPTCTL_PROCESSOR names a level that this machine does not have."""
     with _compiler():
         processor = processor or Processor.host()
         machine = processor.machine()
@@ -44,7 +49,8 @@ def load(text: str, processor: Processor | None = None) -> NativeCode:
 
 
 def define(addresses: Mapping[str, int]) -> None:
-    """Register the addresses of functions and objects that code loaded from now on names."""
+    """Register the `addresses` in memory of functions and objects, by the names under which native code that is loaded
+    later refers to them. They hold for the whole process; nothing is checked."""
     with _compiler():
         for name, address in addresses.items():
             llvm.add_symbol(name, address)

@@ -48,7 +48,9 @@ class _Traced(Expression):
 
 
 class Truth(_Traced):
-    """The outcome of a comparison of nodes, true or false once it is known; only `where` can use it."""
+    """Outcome of a comparison (<, <=, > or >=) of symbolic scalars (`Node`), true or false once they are known. It is a
+    condition for `where`; any other use, such as `if`, `and`, `==` or arithmetic, raises `TraceError` or
+    `TypeError`."""
 
     __slots__ = ()
 
@@ -75,7 +77,13 @@ _less, _less_equal = _comparison(Op.LESS), _comparison(Op.LESS_EQUAL)
 
 
 class Node(_Traced):
-    """A traced number: arithmetic, elementary functions and comparisons with it make new nodes."""
+    """Symbolic scalar: a number that is not known yet, in a function that is run once to record what it computes.
+    Arithmetic (+ - * /, abs), NumPy's sin, cos, sqrt, exp, log, tanh, arctan2, rint, minimum and maximum, and `where`
+    make new nodes of the same expression graph, or floats where the result is known; <, <=, > and >= make a `Truth`.
+
+    Raises `TraceError`, a `TypeError`, on other uses: `if`, `and`, `==`, `**`, `float` or `int` of it, another function
+    of NumPy, an array that it is put into or meets, and a node of another graph. Operators such as % raise `TypeError`.
+    """
 
     __slots__ = ()
 
@@ -96,7 +104,9 @@ class Node(_Traced):
         return folding.absolute(self)
 
     def with_sine(self, sine: Value, cosine: Value) -> Node:
-        """This angle, known to have a sine and a cosine."""
+        """This angle, rad, itself, once its `sine` and `cosine` (symbolic scalars or floats) are noted in its
+        expression graph, so that they are not computed when they are asked for later. Not checked: the numbers must be
+        right."""
         self.graph.sines[self] = sine, cosine
         return self
 
@@ -117,7 +127,9 @@ Value: TypeAlias = Node | float
 
 
 def lift(x: Any) -> Value | None:
-    """A node as it is, a number as a float; None for anything else."""
+    """A scalar of a traced function made of `x`: a `Node` (symbolic scalar) as it is, a real number of Python or NumPy
+    as a float, with -0.0 as 0.0, and None for anything else. An array without axes counts as a number: it raises what
+    `float` does, `TypeError` or `ValueError`, where it holds none."""
     if isinstance(x, Node):
         return x
     if isinstance(x, float | int | np.floating | np.integer) or (isinstance(x, np.ndarray) and x.ndim == 0):

@@ -29,8 +29,9 @@ log = logging.getLogger(__name__)
 
 
 def cache_folder() -> Path | None:
-    """The folder of compiled objects: `ADAPTCTL_CACHE`, or else `adaptctl` in `XDG_CACHE_HOME` or `~/.cache`; None
-    where `ADAPTCTL_CACHE` is `off`, and where no home is known."""
+    """Path of the folder in which compiled objects are kept for other processes, which need not exist: that of the
+    environment variable ADAPTCTL_CACHE, or else `adaptctl` in XDG_CACHE_HOME or `~/.cache`; None where ADAPTCTL_CACHE
+    is "off", and where the user has no home folder. Nothing is raised."""
     chosen, caches = os.environ.get("ADAPTCTL_CACHE", ""), Path(os.environ.get("XDG_CACHE_HOME", ""))
     if chosen == "off":
         return None
@@ -44,13 +45,16 @@ def cache_folder() -> Path | None:
 
 
 class ObjectCache(NamedTuple):
-    """Cache of compiled objects on disk, by keys of 32 bytes, in a folder of at most `limit` bytes."""
+    """Cache of compiled objects, bytes, on disk: one file in `folder` for each key of 32 bytes. The folder has at most
+    `limit` bytes, 256 MiB unless given, and a 64th more for each process that writes; what was used longest ago is
+    deleted. The folder need not exist. No method raises an error of the file system."""
 
     folder: Path
     limit: int = LIMIT
 
     def get(self, key: bytes) -> bytes | None:
-        """The object kept under this key, or None if it is absent, damaged or written by another user."""
+        """The bytes kept under `key`, 32 bytes, or None where there are none, they are damaged, or the folder or file
+        belongs to another user or could be written by one. The log tells the reason; no `OSError` is raised."""
         try:
             _require_own(self.folder.stat())
             content = _read(self._path(key))
@@ -64,7 +68,9 @@ class ObjectCache(NamedTuple):
         return data
 
     def put(self, key: bytes, data: bytes) -> None:
-        """Keep an object under a key, where the folder can be written."""
+        """Keep `data`, the bytes of a compiled object, under `key`, 32 bytes, for later processes, and delete what was
+        used longest ago where the cache is full. Where the folder cannot be made or written, or others could write to
+        it, nothing is kept and the log tells the reason; no `OSError` is raised."""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _require_own(self.folder.stat())

@@ -21,8 +21,10 @@ _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 
 
 class Piece(NamedTuple):
-    """A piece of a routine: expressions to compute, in order; by their indices, the places in shared memory of those
-    among them that later pieces need (`kept`), and of what it needs of earlier ones (`found`)."""
+    """Piece of a long routine (traced function), compiled as a function of its own: `expressions`, to be computed in
+    their order; `kept`, the places in memory, shared by all pieces, of those that later pieces need; and `found`, the
+    places there of what earlier pieces computed and this one needs. Places are indices, by expression index. Nothing is
+    checked."""
 
     expressions: Sequence[Expression]
     kept: dict[int, int]
@@ -30,10 +32,11 @@ class Piece(NamedTuple):
 
 
 def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece]:
-    """The pieces of a routine's expressions, all in one where they are few; those of the indices `given` are in memory.
-
-    Comparisons are made again where they are used, for memory holds numbers only.
-    """
+    """The `Piece`s, in their order, that a routine's (traced function's) expressions, `body`, are compiled in: one
+    where there are at most 6000 of them, else of about 1500 each, since LLVM's time grows with the square of a
+    function's length. `given` has the indices of expressions that are in memory already and pass between no pieces,
+    none unless given. Comparisons are made again in each piece that uses them, for memory holds numbers alone. Nothing
+    is checked."""
     parts = [_with_truths(part) for part in _parts(body)]
     homes = {x.index: k for k, part in reversed(list(enumerate(parts))) for x in part}
     used = [_operands(x for x in part if x.index not in given) for part in parts]

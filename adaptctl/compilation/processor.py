@@ -21,23 +21,23 @@ _LEVELS = {"sse2": ("x86-64", ("sse2",)), "avx2": ("x86-64-v3", _AVX2), "avx512"
 
 
 class Processor(NamedTuple):
-    """A processor: LLVM's name for it, and its features beyond that: "+avx2,-avx512f,..."."""
+    """Processor that native code is made for: `name`, LLVM's name of it, such as "x86-64-v3", and `features`, its
+    instruction sets as LLVM writes them, such as "+avx2,-avx512f". Nothing is checked."""
 
     name: str
     features: str
 
     @classmethod
     def host(cls) -> Processor:
-        """The processor this runs on; where ADAPTCTL_PROCESSOR names a level, no more than that level of it.
-
-        Raises InputError for a level that is unknown or that the processor does not have.
-        """
+        """The processor of this machine; where the environment variable ADAPTCTL_PROCESSOR is "sse2", "avx2" or
+        "avx512", no more than that level of it. Raises `InputError` for another level (but "native" or an empty one),
+        and one that the processor does not have."""
         level = os.environ.get("ADAPTCTL_PROCESSOR", "")
         return _whole() if level in ("", "native") else _whole().limited(level)
 
     def limited(self, level: str) -> Processor:
-        """The processor with the features of a level alone: "sse2", "avx2" or "avx512". Raises `InputError` for an
-        unknown level, and for one that the processor lacks."""
+        """This processor with the instruction sets of a `level` alone, "sse2", "avx2" or "avx512". Raises `InputError`
+        for an unknown level, and for one that the processor lacks."""
         if level not in _LEVELS:
             known = ", ".join(("native", *_LEVELS))
             raise InputError(f"ADAPTCTL_PROCESSOR: expected one of {known}, got {level!r}")
@@ -50,16 +50,19 @@ class Processor(NamedTuple):
 
     @property
     def lanes(self) -> int:
-        """Number of doubles in one instruction: 8, 4 or 2, and 1 where the processor is not known."""
+        """Number of doubles that one SIMD instruction works on: 8 with AVX-512, 4 with AVX, 2 with SSE2 or Neon, and 1
+        where none of these is known."""
         has = self.features.split(",")
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
     def lanes_of(self, precision: Precision) -> int:
-        """Number of numbers of a precision in one instruction."""
+        """Number of floating-point numbers of a `precision` that one SIMD instruction works on: `lanes` in "double",
+        twice as many in "single", but 1 where no SIMD instructions are known. The precision is not checked."""
         return self.lanes if precision == "double" or self.lanes == 1 else 2 * self.lanes
 
     def machine(self) -> llvm.TargetMachine:
-        """LLVM's target machine, which makes code for this processor, to be run in this process."""
+        """A new LLVM target machine, llvmlite's object that compiles, for this processor, with code to be run in this
+        process. LLVM's native target must have been initialised."""
         target = llvm.Target.from_default_triple()
         return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
 

@@ -14,7 +14,9 @@ _SCALARS = ("adaptctl.compilation.", "adaptctl.scalars.", "numpy.")
 
 
 def untraceable(why: str) -> TraceError:
-    """An error that shows the line to change: the nearest that is not the library's, or else the nearest equation."""
+    """A `TraceError`, to be raised, for what a traced function cannot do: its message is the reason `why`, followed by
+    file, number and text of the line to change, the nearest of the calls under way that is not the library's own, or
+    else of the library's nearest equation. It has the reason alone where there is neither."""
     from traceback import walk_stack  # here, since only errors need it
 
     traced = takewhile(lambda at: _module(at) != _TRACER, walk_stack(sys._getframe(1)))

@@ -27,10 +27,13 @@ _left = iter(range(MOST))
 
 
 def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Result]) -> Result:
-    """The result of a computation, or what an earlier process computed from equal inputs by equal code and arithmetic.
+    """The result of `compute()`, or what an earlier process kept of it, computed under the same name `what` from equal
+    `inputs`, by equal source code of this library and on equal hardware and settings.
 
-    `inputs`, in JSON's types, are all that the result depends on; `kind` is its type, of numbers and text alone, which
-    come back to the last bit. Errors are not kept. Nothing is kept where the cache is off.
+    `inputs`, in JSON's types, are all that the result depends on; `kind` is the result's type, made of numbers and
+    text, which come back to the last bit. A process keeps at most 16 results. Nothing is kept where the cache is off
+    (ADAPTCTL_CACHE is "off"), or where the library has no source files on disk. What `compute` raises goes through;
+    `TypeError` is raised for inputs that JSON does not have.
     """
     folder, source = cache_folder(), source_state()
     if folder is None or not source:
@@ -47,7 +50,9 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 def arithmetic() -> list[str]:
-    """The arithmetic that decides last bits: NumPy and its BLAS, the processor, settings that choose its code."""
+    """Texts that tell what decides the last bits of results: NumPy's version, its BLAS, the kind of machine, the number
+    of processors that may be used, the instruction sets that NumPy sees, and those environment variables for OpenBLAS,
+    MKL, OMP_NUM_THREADS and ADAPTCTL_PROCESSOR that are set. Nothing is raised."""
     chosen = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING))
     return [*_here(), *chosen]
 
@@ -64,14 +69,16 @@ def _here() -> tuple[str, ...]:
 
 @functools.cache
 def source_state() -> str:
-    """A hash of the sizes and times of change of the library's source files, by which Python trusts its bytecode too;
-    empty where the library is in an archive."""
+    """SHA-256 hash (hexadecimal) of paths, sizes and times of change of the library's source files, which changes with
+    them; empty where there are none, as where the library is in an archive. It is computed once in a process; nothing
+    is raised."""
     found = sorted(source_files(str(Path(__file__).parent.parent)))
     return hashed(found) if found else ""
 
 
 def source_files(folder: str) -> Iterator[tuple[str, int, int]]:
-    """Path, size and time of change (ns) of every source file below a folder."""
+    """Iterator over the Python source files below `folder`, at any depth and in no fixed order: path, size in bytes and
+    time of change in ns of each. What cannot be read is left out; nothing is raised."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if entry.name.endswith(".py"):

@@ -25,8 +25,8 @@ _FREE = (Op.INPUT, Op.CALL, Op.RESULT)
 
 
 class Operations(Counter[Op]):
-    """Counts of the scalar operations of a routine by kind (`Op`), those of called routines included: a Counter, in
-    which a kind that does not occur is 0."""
+    """Counts of the scalar operations of a routine (traced function) by kind (`Op`), those of called routines included:
+    a Counter, in which a kind that does not occur is 0. Nothing is checked."""
 
     @property
     def flops(self) -> int:
@@ -43,6 +43,7 @@ class Routine:
 
     `sines` is for a function that is called within a trace (`outlined`), () for others: the indices, among the scalars
     of all arguments, of those whose sines and cosines the caller computes. They are its last argument then, in pairs.
+    Nothing is checked.
     """
 
     name: str
@@ -53,20 +54,20 @@ class Routine:
 
     @cached_property
     def body(self) -> list[Expression]:
-        """The routine's expressions that its outputs need, in an order to compute them: operands before what uses
-        them."""
+        """The routine's `Expression`s (nodes of its graph) that its outputs need, in a list in an order to compute
+        them: operands before what uses them."""
         return reachable(self.outputs)
 
     @property
     def calls(self) -> list[Routine]:
-        """The routines that this routine calls, one entry for each call, in order: one that is called twice is there
-        twice."""
+        """The routines (traced functions) that this routine calls, one entry for each call, in order: one that is
+        called twice is there twice."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
     @cached_property
     def operations(self) -> Operations:
-        """Number of scalar operations of one evaluation, counted by kind, those of called routines included; inputs and
-        calls themselves are none."""
+        """Number of scalar operations of one evaluation, counted by kind (`Op`), those of called routines included;
+        inputs and calls themselves are none."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)

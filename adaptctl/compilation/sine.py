@@ -10,8 +10,14 @@ from adaptctl.scalars.elementary import polynomial
 
 
 class Sine(NamedTuple):
-    """Numbers from which sine and cosine follow in one precision: within 2 ulp in double, in single within 2 ulp of
-    1."""
+    """Constants from which sine and cosine are computed with additions and multiplications alone, in one precision:
+    within 2 ulp (units in the last place) in double, in single within 2 ulp of 1.
+
+    `farthest`, rad, is the largest angle, in size, for which they serve; `shift` a number so large that a sum with it
+    is rounded to a whole number; `quarter` three numbers whose sum is pi/2, the first two with so few bits that small
+    multiples are exact; `sine` the coefficients of (sin r - r)/r^3 and `cosine` those of (cos r - 1 + r^2/2)/r^4 as
+    polynomials in r^2, from the constant on, for an angle r within pi/4. Nothing is checked.
+    """
 
     farthest: float
     """rad; up to here `reduced` holds"""
@@ -25,10 +31,11 @@ class Sine(NamedTuple):
     """(cos r - 1 + r^2/2) / r^4 in powers of r^2"""
 
     def reduced(self, x: Any) -> tuple[Any, Any, Any]:
-        """Sine and cosine of the rest r of |x| up to `farthest` (rad), x being k quarter turns and r; after them
-        k + `shift`, whose last bits are those of the whole number k.
+        """Sine and cosine of r, and k + `shift`, for an angle `x` = k pi/2 + r, rad, with k whole and r from -pi/4 to
+        pi/4: three scalars. `x`, a scalar of any kind, is at most `farthest` in size, which is not checked. The last
+        bits of k + `shift` are those of k: they tell sign and exchange of sine and cosine of `x` itself.
 
-        r is in [-pi/4, pi/4]; the quarter is subtracted in three parts (Cody and Waite 1980).
+        r is found by subtracting k pi/2 in three parts (Cody and Waite 1980).
         """
         first, second, third = self.quarter
         shifted = x * (2.0 / math.pi) + self.shift
@@ -38,7 +45,8 @@ class Sine(NamedTuple):
         return r + r * z * polynomial(self.sine, z), (1.0 - 0.5 * z) + z * z * polynomial(self.cosine, z), shifted
 
     def turned(self, sine: Any, cosine: Any, step: Any) -> tuple[Any, Any]:
-        """Sine and cosine of an angle a `step` (rad, up to `STEP`) farther than that of the sine and cosine given."""
+        """Sine and cosine of an angle that is `step` larger than the one whose `sine` and `cosine` are given: two
+        scalars, of any kind. `step`, rad, is at most 1/16 (STEP) in size, which is not checked."""
         z = step * step
         of_step = step + step * z * polynomial(self.sine[:TERMS], z)
         less = z * (0.5 - z * polynomial(self.cosine[:TERMS], z))  # 1 less the step's cosine
@@ -78,5 +86,6 @@ SINGLE = Sine(
 
 
 def sine_for(precision: Precision) -> Sine:
-    """The numbers for sine and cosine in a precision."""
+    """The `Sine`, the constants for computing sine and cosine, of a `precision`: "double", or for anything else single
+    precision. Nothing is raised."""
     return DOUBLE if precision == "double" else SINGLE

@@ -19,10 +19,11 @@ _WIDE = (2, 4, 8)
 
 
 class SinesAtOnce:
-    """Sines and cosines of groups of angles, which are left in memory, pair after pair.
+    """Sines and cosines of groups of angles, rad, as LLVM instructions appended to a function's `text`
+    (`Instructions`), which leave them in memory, pair after pair.
 
-    What is in registers loses its place where a branch may go to the C library's sines, so a group has one branch, not
-    one for each angle. `operand` gives the name of an expression's value.
+    A branch to the C library's sines, for angles that are far, costs all that is in registers its place: so each group
+    has one branch. `operand` is a function that returns the name of an expression's value. Nothing is checked.
     """
 
     def __init__(self, text: Instructions, operand: Callable[[Any], str]) -> None:
@@ -31,13 +32,15 @@ class SinesAtOnce:
         self._size: dict[str, int] = {}
 
     def place(self, x: Expression) -> tuple[str, int] | None:
-        """The place of a sine or cosine that was computed, a pointer and a number of places after it; None for
-        others."""
+        """The place in memory of an expression `x`, a sine or cosine that was computed: the name of a pointer and an
+        index, in numbers, after it. None for other expressions."""
         found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
     def turn(self, angles: Sequence[Expression]) -> None:
-        """Write sines and cosines of angles that are known by now: by a turn where they are a step from others."""
+        """Append the instructions of sines and cosines of `angles`, expressions whose values are known by now; those that
+        were computed are left out. An angle that is a short step in time from one of known sine is turned by that
+        step."""
         most = _WIDE[-1] if self._text.lanes.count == 1 else len(angles)
         for _, group in groupby((x for x in angles if x not in self._pairs), self._from):
             some = list(group)
@@ -160,8 +163,9 @@ class _Group(NamedTuple):
 
 
 def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expression]]:
-    """Groups of angles whose sines can be computed at once: by the index of the first expression that asks for one,
-    those that are known then. All arguments' are known when the first is asked for."""
+    """Groups of angles whose sines and cosines can be computed at once, among a routine's `expressions` in order: by the
+    index of an expression, the angles to turn before it. Arguments of the routine, which are known from the beginning,
+    come before the first expression; other groups are those that expressions in a row ask for."""
     asked = [x.operands[0] for x in expressions if x.op in ANGLES]
     given = [x for x in dict.fromkeys(asked) if x.op is Op.INPUT]
     groups = {expressions[0].index: given} if given else {}

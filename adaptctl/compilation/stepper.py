@@ -68,7 +68,10 @@ class Stepper:
     `outputs` the shapes of what it returns after the new state, (), (n,) or (rows, n). `lanes` members are worked on at
     once, in numbers of a `precision`, "double" or "single", whose NumPy type is `dtype`. `operations` counts the scalar
     operations of a step of one member by kind (`Op`), without those on held columns alone, which are done once a run.
-    Raises `InputError` where the step's result does not begin with the new state.
+
+    The constructor takes `routine`, the traced step, `columns`, `lanes`, a `Lanes` (number and precision), and the
+    `processor`, a `Processor`, that it is compiled for. Raises `InputError` where the step's result is no tuple that
+    begins with the new state.
     """
 
     def __init__(self, routine: Routine, columns: Mapping[Source, Columns], lanes: Lanes, processor: Processor) -> None:
@@ -97,8 +100,10 @@ class Stepper:
 
 
 class Signals(NamedTuple):
-    """Memory for the signals of some steps, as `Ensemble.signals` makes it: `shared`, the columns that are the same for
-    all members, and `driven`, those of each member, a `LaneArray` each, one block or more a step."""
+    """Memory for the signals of some steps, made by `Ensemble.signals` for an ensemble of members (copies of a state):
+    `shared`, the columns that are the same for all members, (steps, lanes, n), and `driven`, those of each member,
+    (steps, members, n), where n is a column's length and lanes the number of members that are computed at once; a
+    `LaneArray` each. Nothing is checked."""
 
     shared: LaneArray
     driven: LaneArray
@@ -160,8 +165,9 @@ class Ensemble:
 
     def signals(self, steps: int) -> Signals:
         """Memory, zero, for the `Signals` of `steps` steps, to be filled by column and step, as `record_into` reads it:
-        `shared` has axes (steps, lanes, n), to be filled with equal lanes, and `driven` (steps, members, n). Raises
-        `InputError` for steps that are no whole number of at least 0."""
+        `shared`, the columns that are the same for all members, has axes (steps, lanes, n), to be filled alike for each
+        of the `lanes` members that are computed at once, and `driven`, those of each member, (steps, members, n); n is
+        a column's length. Raises `InputError` for steps that are no whole number of at least 0."""
         columns, lanes = self.stepper.columns, self.stepper.lanes
         shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,), self.stepper.dtype)
         return Signals(shared, self._array(columns[Source.DRIVEN], steps))

@@ -24,7 +24,8 @@ RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
 
 class BatchedRun(NamedTuple):
-    """A run of a batch before it begins: the controllers compared, and the episode that each drives."""
+    """A run of an experiment before it begins, to be computed together with others: `contenders`, the controllers
+    compared, a `Contender` each, and `begun`, the `BegunEpisode` that each of them drives. Nothing is checked."""
 
     contenders: list[Contender]
     begun: BegunEpisode
@@ -33,10 +34,16 @@ class BatchedRun(NamedTuple):
 def batched(
     experiments: Sequence[Experiment], controllers: Sequence[str], precision: Precision = "double"
 ) -> RunOutcomes:
-    """Outcomes, by their number, of those experiments that can run together in one batch.
+    """Outcomes of those `experiments` that can be computed together in native code, by their index: for each a list of
+    pairs, a controller's name and its `RunOutcome`. The others are left out: all where any is no `Learning`, a
+    comparison of controllers, and those whose plant has effects or kinematic loops or whose reference is no sinusoids
+    of the joints.
 
-    These are comparisons on an ideal plant, whose references are sinusoids; their runs are those of each experiment by
-    itself, to round-off, which is `precision`'s. Others are left out.
+    `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of the
+    numbers. In double the outcomes are those of each experiment by itself, to round-off. An experiment that raises an
+    `AdaptctlError` before it runs has the one outcome "failed", with the error's message and no controller's name; so
+    have, in single, runs that cannot be made in that precision. Other errors of an experiment or of the simulation in
+    double go through.
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
@@ -77,11 +84,13 @@ def _trial(experiment: Learning, controllers: Sequence[str], episodes: Episodes)
 
 
 class NamedRun(Protocol):
-    """An object with a `name`."""
+    """Protocol of what `named` chooses from by name, such as a contender or a recorded run: an object with a `name`.
+    Nothing is checked."""
 
     @property
     def name(self) -> str:
-        """The object's name."""
+        """The name of the controller, which an implementation must return: different from those of others to choose
+        from."""
         ...
 
 
@@ -89,7 +98,8 @@ Some = TypeVar("Some", bound=NamedRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
-    """The candidates with these names, all where none is given. Raises `NotFoundError` for a name that none has."""
+    """The `candidates` that have one of the `names`, in the candidates' order; all where there are no names. Raises
+    `NotFoundError`, with the names that exist, for a name that no candidate has."""
     known = [one.name for one in candidates]
     for name in names:
         if name not in known:
@@ -99,7 +109,8 @@ def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
 
 @lru_cache(maxsize=8)
 def offline(mechanism: Mechanism) -> FundamentalBasis:
-    """The fundamental basis of a mechanism."""
+    """The fundamental (base) parameters of a `mechanism`, a `FundamentalBasis`, found from energies at random states;
+    those of the last 8 mechanisms are remembered. Raises `RankError` where their number cannot be certified."""
     return fundamental_basis(essential_space(mechanism))
 
 
@@ -112,7 +123,9 @@ def _loaded(experiment: Learning) -> Mechanism:
 
 @lru_cache(maxsize=64)
 def robot(source: str) -> Mechanism:
-    """The robot of that name or file, as it was when first asked for."""
+    """The `Mechanism` of a built-in robot's name or a file (.urdf, .xml, .toml), `source`: the 64 last asked for are
+    remembered, so that a file is not read again where it has changed. Raises `NotFoundError` for an unknown name,
+    `FileError` for a file that cannot be used."""
     return interned(load(source))
 
 
@@ -120,7 +133,8 @@ _MECHANISMS: dict[str, Mechanism] = {}
 
 
 def interned(mechanism: Mechanism) -> Mechanism:
-    """The mechanism of the same description that was met first, so that native code is shared."""
+    """The mechanism that stands for all of one description: the first that was given here, `mechanism` itself where it
+    is. Runs on equal mechanisms then share native code. At most 65 are remembered."""
     if len(_MECHANISMS) > 64:
         _MECHANISMS.clear()
     return _MECHANISMS.setdefault(mechanism.description.sha256, mechanism)

@@ -25,9 +25,13 @@ UNWATCHED = {
 
 @dataclass(frozen=True)
 class Cluster:
-    """A cluster to use: so many workers of this machine's, or a scheduler by its address or the file that it wrote.
+    """A Dask cluster for a sweep: `jobs` worker processes on this machine, from 1 to 4096, or a scheduler that runs
+    already, by its address, `scheduler`, such as "tcp://host:8786", or by the file that it wrote, `scheduler_file`.
+    Where all three are None, as by default, there is a worker for each processor of this machine.
 
-    `tls` has the files of the authority, the certificate and the key of a scheduler whose address is ``tls://``.
+    `tls` has the files of the certificate authority, the certificate and the key for a scheduler whose address begins
+    with "tls://", None for no encryption. Raises `InputError` at construction for more than one of the three, jobs out
+    of range, and files that do not exist.
     """
 
     jobs: int | None = None
@@ -47,7 +51,9 @@ class Cluster:
 
     @contextmanager
     def client(self) -> Iterator[Any]:
-        """A Dask client, connected. Raises `InputError` where there is no scheduler, no worker, or another version."""
+        """Context manager of a connected Dask client; its own workers end with the block, those of another scheduler go
+        on. Raises `InputError` where the scheduler is not reached within 15 s, has no worker after 15 s, or a worker
+        lacks adaptctl or has another version of it; `MissingExtraError` where Dask is not installed."""
         dask, distributed = _dask()
         patient = {"distributed.comm.timeouts.connect": PATIENCE, "logging.distributed": "error"}
         with dask.config.set(UNWATCHED | patient):
@@ -87,7 +93,8 @@ class Cluster:
 
 
 def versions() -> str:
-    """Version of adaptctl on a worker."""
+    """Version of adaptctl, as text, where the function is called: on a worker of a cluster, to compare it with this
+    one's. Nothing is raised."""
     return __version__
 
 

@@ -15,26 +15,33 @@ WHAT_IS_HELD = frozenset({"payload"})
 
 
 class BegunEpisode(NamedTuple):
-    """An episode that has begun, and the environment that it is of."""
+    """An episode of a tracking environment that has begun: `episode`, its plant, state, parameters and reference, and
+    `env`, the environment without Gymnasium's wrappers. Nothing is checked."""
 
     episode: Episode
     env: Any
 
     @property
     def error_bound(self) -> Array:
-        """Errors (r,), rad or m, that end the episode."""
+        """The position errors (r,), rad (m if prismatic), of the r primary joints beyond which the environment ends the
+        episode."""
         bound: Array = self.env.error_bound
         return bound
 
 
 class Episodes:
-    """Episodes of many experiments, of which those with equal tasks on one mechanism differ in parameters alone."""
+    """Store of the episodes of many experiments at their beginning, empty at first. Those of equal tasks on one
+    mechanism share an environment, which is made and reset once, and differ in the arm's true parameters alone, such as
+    by a payload."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Mechanism, SinusoidTask], BegunEpisode] = {}
 
     def of(self, experiment: Learning, mechanism: Mechanism) -> BegunEpisode:
-        """The episode of an experiment as its environment begins it. Raises what the environment raises."""
+        """The episode of an `experiment` on a `mechanism`, a `BegunEpisode`, as the experiment's environment begins it
+        by its seed and options; an experiment with another kind of environment or other options than a payload gets an
+        environment of its own. Raises what the environment raises, such as `InputError` for another number of
+        joints."""
         if type(experiment).environment is not StatedTask.environment or experiment.options.keys() - WHAT_IS_HELD:
             return _begun(experiment, mechanism)
         key = mechanism, experiment.task(mechanism)  # type: ignore[attr-defined]  # as its environment tells

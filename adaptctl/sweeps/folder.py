@@ -21,7 +21,10 @@ SCHEMA, TABLE, STUDY = "adaptctl/sweep/1", "sweep.parquet", "study.json"
 
 
 class Saved(msgspec.Struct, forbid_unknown_fields=True):
-    """Content of a sweep's `study.json`."""
+    """Content of the file study.json in a sweep's folder: the `version` of adaptctl that began it; `sha256`, a hash of
+    all that decides the runs; the `experiment`'s name and the `question` of the study; the `command` line's words; the
+    names of the settings with several values, `swept`; the number of `runs` in all; and `shard`, the number of runs in
+    one file of rows. `schema` is the format's name. Types are checked where a file is read, not at construction."""
 
     schema: Literal["adaptctl/sweep/1"]
     version: str
@@ -36,7 +39,9 @@ class Saved(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Shard:
-    """A shard of a sweep: runs that are computed, and kept, together; `key` is the hash of their settings."""
+    """A shard of a sweep: runs that are computed together and kept in one file. `runs` has the settings of each by
+    name; `key`, 32 hexadecimal digits, is a hash of all that decides their results, and names the file. Nothing is
+    checked."""
 
     key: str
     runs: tuple[Mapping[str, Any], ...]
@@ -44,7 +49,8 @@ class Shard:
 
 @dataclass(frozen=True)
 class Folder:
-    """The folder of a study's sweep, `shard` runs a file."""
+    """The folder of a sweep at `path`: of the runs of a `study`, kept in files, shards, of `shard` runs each. Made by
+    `Folder.opened`; construction neither checks nor writes."""
 
     path: Path
     study: SweepStudy
@@ -52,7 +58,11 @@ class Folder:
 
     @classmethod
     def opened(cls, path: Path, study: SweepStudy, shard: int, command: Sequence[str]) -> Folder:
-        """The folder, made where there is none. Raises `InputError` for a folder of something else."""
+        """The `Folder` of the sweep of a `study` at `path`: one that was begun earlier, with its own number of runs a
+        shard (a file), or a new one, with `shard` of them, which is made with its study.json. `command` has the command
+        line's words, to be kept there. Raises `InputError` for a folder with the sweep of another study or of another
+        version of adaptctl, or with other files; `FileError` where study.json cannot be read or written; `OSError`
+        where the folder cannot be made."""
         place = path / STUDY
         if place.is_file():
             saved = read_json(place, Saved)
@@ -79,7 +89,8 @@ class Folder:
         return cls(path, study, shard)
 
     def shards(self) -> Iterator[Shard]:
-        """The study's shards, in order."""
+        """Iterator over the study's shards, its runs in groups of equal number (the last may have fewer) that are kept
+        in a file each, in the order of the runs. Raises what `SweepStudy.runs` raises."""
         runs: list[Mapping[str, Any]] = []
         for settings in self.study.runs():
             runs.append(settings)
@@ -95,11 +106,12 @@ class Folder:
         return Shard(hashed(decides)[:32], tuple(runs))
 
     def place(self, shard: Shard) -> Path:
-        """The file of a shard."""
+        """Path of the Parquet file of a `shard`, a group of the sweep's runs; it need not exist. Nothing is raised."""
         return self.path / "shards" / f"{shard.key}.parquet"
 
     def has(self, shard: Shard) -> bool:
-        """True if a shard's file is there, can be read, and has all its runs."""
+        """True if the file of a `shard`, a group of the sweep's runs, exists, can be read and says that it has the rows
+        of all its runs; False otherwise. Nothing is raised."""
         try:
             about = pq.read_metadata(self.place(shard)).metadata or {}
         except (OSError, pa.ArrowInvalid):
@@ -107,12 +119,15 @@ class Folder:
         return bool(about.get(b"runs") == str(len(shard.runs)).encode())
 
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write a shard, whole or not at all. Raises FileError where it cannot be written."""
+        """Write the file of a `shard`, a group of the sweep's runs, with their `rows`, mappings by column: whole or not
+        at all. Raises `FileError` where the file cannot be written, `OSError` where its folder cannot be made,
+        `KeyError` for a row without one of the columns."""
         (self.path / "shards").mkdir(exist_ok=True)
         _write(self.place(shard), table(self.study, rows, len(shard.runs)))
 
     def finished(self) -> pa.Table:
-        """Table of all rows, in order, which is written too. Raises `FileError` while a shard is missing."""
+        """Table (pyarrow) of the rows of all runs, in their order, which is written to sweep.parquet in the folder too.
+        Raises `FileError` where the file of a shard, a group of runs, is missing or the table cannot be written."""
         parts = []
         for shard in self.shards():
             if not self.has(shard):
@@ -124,7 +139,9 @@ class Folder:
 
 
 def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa.Table:
-    """Rows as a table whose columns tell their meaning."""
+    """Table (pyarrow) of `rows`, mappings by column, of `runs` runs of a `study`. Each column's metadata has its
+    meaning, with the unit; the table's has experiment, version, precision and number of runs. Raises `KeyError` for a
+    row without one of the columns."""
     kinds = {"int64": pa.int64(), "double": pa.float64(), "string": pa.string()}
     columns = columns_of(study.kind)
     fields = [pa.field(name, kinds[kind], metadata={"meaning": meaning}) for name, (kind, meaning) in columns.items()]
@@ -135,7 +152,8 @@ def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa
 
 
 def read_table(path: Path) -> pa.Table:
-    """The rows of a sweep's folder, so far. Raises `FileError` where there are none."""
+    """Table (pyarrow) of the rows of the sweep in the folder `path`: all, in order, where it is finished, else those so
+    far, in the order of their files' names. Raises `FileError` where there are none or a file cannot be read."""
     if (path / TABLE).is_file():
         return _read(path / TABLE)
     parts = [_read(place) for place in sorted((path / "shards").glob("[!.]*.parquet"))]
@@ -145,7 +163,8 @@ def read_table(path: Path) -> pa.Table:
 
 
 def saved_study(path: Path) -> Saved:
-    """The study whose sweep is in a folder. Raises `FileError` for another folder."""
+    """Content, a `Saved`, of the file study.json in the folder `path`: what its sweep varies. Raises `FileError` where
+    there is none, or it cannot be read or has other content."""
     if not (path / STUDY).is_file():
         raise FileError(f"{path}: is no sweep's folder: {STUDY} is missing")
     return read_json(path / STUDY, Saved)

@@ -29,8 +29,14 @@ SMALL = 0.5
 
 @dataclass(frozen=True)
 class GainStability(SweepMeasurement):
-    """Measurement of stability by gain: Slotine and Li's law with the true parameters holds an arm at a random posture,
-    where T_c lambda_max(M^-1 K) is the gain: the run is done where the errors stay small, and diverged where they grow.
+    """Measurement of the gain at which a sampled control loop loses stability. Slotine and Li's law with the true
+    parameters holds an arm at a random posture, drawn by `seed`, for `periods` control periods, from joint velocities
+    of 1e-3 rad/s (m/s): the run is done where errors stay below 1e-3 rad (m), and diverged where one grows beyond.
+
+    `robot` is a built-in robot's name or a file; `gain`, no unit, is T_c lambda_max(M^-1 K): T_c is the control period
+    `control_period`, s, lambda_max the largest eigenvalue, M the mass matrix at the posture and K the law's velocity
+    gains. Raises `InputError` for settings of another type or out of their bounds, `NonFiniteError` for NaN or
+    infinity.
     """
 
     name: ClassVar[str] = "gain-stability"
@@ -42,7 +48,9 @@ class GainStability(SweepMeasurement):
 
     @classmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """Outcome of each measurement, computed together where robot and periods are the same."""
+        """The `RunOutcome` of each of the measurements `chosen`, in their order: "done", "diverged", or "failed" with
+        the reason where the robot or its loop cannot be made. Those of equal robot, control period and number of
+        periods are computed together; where one of these fails, all do. No `AdaptctlError` is raised."""
         groups: dict[tuple[str, float, int], list[int]] = {}
         for k, one in enumerate(chosen):
             groups.setdefault((one.robot, one.control_period, one.periods), []).append(k)

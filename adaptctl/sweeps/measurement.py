@@ -21,16 +21,21 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class SweepMeasurement(CheckedSettings, ABC):
-    """Base class of measurements in sweeps: settings, and a function from many of them to their outcomes."""
+    """Abstract base class of measurements, which only a sweep runs: a frozen dataclass of settings, as an experiment's,
+    with a function, `outcomes`, from many of them to their outcomes. Raises `InputError` at construction for a setting
+    of another type than its default or out of its bounds, `NonFiniteError` for NaN or infinity."""
 
     @classmethod
     @abstractmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The outcome of each measurement. Raises nothing for what is wrong with one of them: its outcome says it."""
+        """The `RunOutcome` of each of the measurements `chosen`, in their order, which an implementation must return.
+        It should raise nothing for what is wrong with one of them, whose outcome is "failed" then, with the reason."""
 
 
 def kind_of(name: str) -> type[CheckedSettings]:
-    """Class of the measurement or experiment of that name. Raises NotFoundError with the experiments' names."""
+    """Class of the settings of the measurement or experiment of a `name`, such as "gain-stability" or
+    "puma560-adaptive"; its module is imported here. Raises `NotFoundError`, with the experiments' names, for another
+    name."""
     if name not in MEASUREMENTS:
         return find(name)
     module, kind = MEASUREMENTS[name]

@@ -11,7 +11,12 @@ from adaptctl.simulation import Rollouts
 
 
 class RunOutcome(NamedTuple):
-    """Outcome of a run, in numbers; None for what is not known."""
+    """Outcome of one run of a sweep. `status` is "done", "diverged" or "failed", and `reason` says why it is not done.
+    Errors are of joint positions, rad (m if prismatic): `rms_error` is their root mean square over all joints and the
+    time until the run ended or diverged, `rms_error_last` that over the last two seconds, `largest_error` the largest
+    of any joint. `diverged_at` is the time, s, and `diverged_joint` the joint, from 1, of an error out of bounds;
+    `lyapunov_rise`, J, the largest rise of the law's Lyapunov function from one sample to the next. All but the status
+    are None or empty unless given: None where a number is not known. Nothing is checked."""
 
     status: str
     reason: str = ""
@@ -24,12 +29,15 @@ class RunOutcome(NamedTuple):
 
     @classmethod
     def failed(cls, reason: str) -> RunOutcome:
-        """Outcome of a run that could not be made."""
+        """The outcome "failed" of a run that could not be made or computed, for the `reason` given, with no numbers.
+        Nothing is raised."""
         return cls("failed", reason)
 
     @classmethod
     def each_of(cls, runs: Rollouts) -> list[RunOutcome]:
-        """Outcomes of many runs, in their order."""
+        """The outcome of each of many simulated `runs`, `Rollouts`, in their order: "diverged" where a joint left its
+        bound of error, "done" otherwise. Root mean squares and rises of the Lyapunov function that are not finite
+        become None. Nothing is raised."""
         means = (np.sqrt(np.mean(errors**2, axis=-1)) for errors in (runs.rms_error, runs.final_rms_error))
         largest, rises = runs.largest_error.max(axis=-1), runs.lyapunov_rise
         columns = (x.tolist() for x in (*means, largest, rises, runs.diverged_at, runs.diverged_joint))

@@ -23,9 +23,14 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 @dataclass(frozen=True)
 class RankCertificate(SweepMeasurement):
-    """Measurement of rank on a random chain: the rank that the singular values of its energies certify, against the one
-    that follows from its joints one by one. The run is done where they agree, and failed where they do not, or where
-    nothing is certified."""
+    """Measurement of the rank, the number of identifiable parameters, of a random chain of `links` links: the one that
+    the singular values of its energies certify, against the one that follows from its joints one by one. The run is
+    done where they agree, and failed where they do not, or where nothing is certified.
+
+    `prismatic` is the share of joints that slide; `aligned` that of axes and twists at right angles, and of offsets
+    that are zero; the chain is drawn by `seed`. Raises `InputError` for settings of another type or out of their
+    bounds, `NonFiniteError` for NaN or infinity.
+    """
 
     name: ClassVar[str] = "rank-certificate"
 
@@ -37,11 +42,13 @@ class RankCertificate(SweepMeasurement):
 
     @classmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """Outcome of each measurement: the ranks from energies and from joints."""
+        """The `RunOutcome` of each of the measurements `chosen`, in their order: "done" or "failed", with the rank from
+        energies and that from joints, or the error, as its reason. No `AdaptctlError` is raised."""
         return [one._judged() for one in chosen]
 
     def mechanism(self) -> Mechanism:
-        """The chain whose rank is certified."""
+        """The `Mechanism` whose rank is certified: a chain of `links` links of random frames, joints and inertias, the
+        same for the same settings and seed. No error is to be expected."""
         rng = np.random.default_rng([self.seed, self.links])
         return Mechanism(Description("chain", tuple(self._link(rng, i) for i in range(self.links)), GRAVITY))
 

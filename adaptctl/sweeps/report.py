@@ -30,35 +30,39 @@ BINS = 8
 
 @dataclass(frozen=True, eq=False)
 class SweepReport:
-    """Report of a sweep: its study and the table of its rows."""
+    """Report of a sweep, finished or not: `study`, the content of its study.json, and `table` (pyarrow), the rows of
+    its runs so far, one for each run and controller. Made by `SweepReport.of`; nothing is checked at construction."""
 
     study: Saved
     table: pa.Table
 
     @classmethod
     def of(cls, path: Path) -> SweepReport:
-        """Report of a sweep's folder, finished or not. Raises `FileError` for another folder."""
+        """Report of the sweep in the folder `path`, finished or not. Raises `FileError` for a folder without a sweep or
+        without a finished row, and for files that cannot be read."""
         return cls(saved_study(path), read_table(path))
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
-        """Rows of the table, as mappings."""
+        """Rows of the sweep's table, one for each run and controller, as a list of mappings by column."""
         return list(self.table.to_pylist())
 
     @cached_property
     def controllers(self) -> list[str]:
-        """Names of the controllers compared, in their order."""
+        """Names of the controllers that the sweep compares, in the order in which rows have them; one empty name where
+        rows have none, as those of a measurement."""
         return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"])) or [""]
 
     def of_controller(self, name: str) -> list[dict[str, Any]]:
-        """Rows of the table of the controller of a name, as mappings."""
+        """Rows of the controller of a `name`, as a list of mappings by column; empty for a name that no row has.
+        Nothing is raised."""
         return [row for row in self.rows if row["controller"] == name]
 
     def without_effect(self) -> dict[str, list[str]]:
-        """Swept settings that change no result, of some controllers: those, by the setting's name.
-
-        Found from pairs of runs that differ in that setting alone, which a grid has.
-        """
+        """Mapping from the names of swept settings to those of the controllers whose results the setting does not
+        change; without settings that change the results of all. It is found from runs that differ in that setting
+        alone, as a grid has: their status is equal, and their errors are within 1e-9 of their size. Nothing is
+        raised."""
         found: dict[str, list[str]] = {}
         for setting in self.study.swept:
             idle = [name for name in self.controllers if _is_idle(self.of_controller(name), setting, self.study.swept)]
@@ -67,11 +71,12 @@ class SweepReport:
         return found
 
     def counts(self, rows: Sequence[dict[str, Any]]) -> dict[str, int]:
-        """Number of rows of each status."""
+        """Number of the `rows` of each status, by "done", "diverged" and "failed". Nothing is raised."""
         return {status: sum(row["status"] == status for row in rows) for status in ("done", "diverged", "failed")}
 
     def worst(self, name: str) -> list[dict[str, Any]]:
-        """The rows of a controller to look at first: what diverged soonest, then the largest errors."""
+        """The rows, at most 5, of the controller of a `name` to look at first, mappings by column: those that diverged,
+        the soonest first, then those with the largest errors. Failed runs are left out. Nothing is raised."""
 
         def badness(row: dict[str, Any]) -> tuple[float, float]:
             gone = row["diverged_at"] if row["status"] == "diverged" else np.inf
@@ -80,7 +85,9 @@ class SweepReport:
         return sorted((row for row in self.of_controller(name) if row["status"] != "failed"), key=badness)[:WORST]
 
     def replay(self, row: dict[str, Any]) -> str:
-        """The command that runs a row's settings again, into a recording."""
+        """The command, a line for a shell, that runs the settings of a `row` again: an experiment with a recording of
+        it in a folder below results/, a measurement as a sweep of one run. Raises `NotFoundError` where the experiment
+        is not built in."""
         again = ["sweep"] if self.study.experiment in MEASUREMENTS else ["experiment", "run"]
         words = ["adaptctl", *again, self.study.experiment]
         for entry in fields(kind_of(self.study.experiment)):
@@ -91,7 +98,9 @@ class SweepReport:
         return shlex.join([*words, "--out", f"results/{self.study.experiment}-replay"])
 
     def maps(self, name: str) -> Iterator[SettingsMap]:
-        """Maps of a controller's rows over each two swept settings of numbers."""
+        """Iterator over the maps of the outcomes of the controller of a `name`, a `SettingsMap` for each two swept
+        settings that are numbers. Settings of more than 16 values are put together in 8 bins; failed runs are left out.
+        Nothing is raised."""
         rows = [row for row in self.of_controller(name) if row["status"] != "failed"]
         numeric = [s for s in self.study.swept if rows and not isinstance(rows[0][s], str)]
         for x, y in combinations(numeric, 2):
@@ -106,7 +115,8 @@ class SweepReport:
             yield SettingsMap(x, y, across, down, error, stable)
 
     def facts(self) -> list[Fact]:
-        """Questions and answers at the head of the page."""
+        """The facts at the head of the report's page, questions with answers in words: the numbers of runs and rows,
+        the share of rows that are done in %, and the numbers of those that diverged or failed. Nothing is raised."""
         counts = self.counts(self.rows)
         share = counts["done"] / max(1, len(self.rows))
         return [
@@ -118,7 +128,9 @@ class SweepReport:
         ]
 
     def text(self) -> str:
-        """The report for a terminal."""
+        """The report as text of several lines for a terminal: for each controller the number of rows of each status,
+        and median and largest error at the end, rad or m; up to 5 reasons of failed runs; and settings that change no
+        result. Nothing is raised."""
         lines = [f"{self.study.experiment}: {len(self.rows)} rows of {self.study.runs} runs"]
         for name in self.controllers:
             rows = self.of_controller(name)
@@ -144,7 +156,9 @@ def _error(row: dict[str, Any]) -> float | None:
 
 
 def write_report(path: Path) -> Path:
-    """Write a folder's report as a page; returns its place. Raises `FileError` where it cannot be written."""
+    """Write the report of the sweep in the folder `path` as a page, report.html in it, whose path is returned. Raises
+    `FileError` for a folder without a sweep or without a finished row, for files that cannot be read, and where the
+    page cannot be written."""
     report, place = SweepReport.of(path), path / "report.html"
     figures = {name: [map_figure(name, shown) for shown in report.maps(name)] for name in report.controllers}
     content = {"report": report, "figures": figures, "facts": report.facts()}

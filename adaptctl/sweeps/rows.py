@@ -37,8 +37,14 @@ def rows_of(
     controllers: Sequence[str] = (),
     precision: Precision = "double",
 ) -> list[Row]:
-    """The rows of runs, in their order; `precision` is that of runs that are computed together. A run that fails is a
-    row with its reason; nothing but Ctrl-C is raised."""
+    """The rows of `runs` of an `experiment` or measurement, by its name, in the runs' order: one for each run and
+    controller, a mapping by column with settings, controller, outcome, version, time and host. A run has its settings
+    by name, defaults for the others.
+
+    `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of
+    runs that are computed together in native code. A run that raises an `AdaptctlError` is a row of status "failed"
+    with its reason. Raises `NotFoundError` for an unknown experiment, `TypeError` for a setting that it does not have.
+    """
     with warnings.catch_warnings():
         for category in (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning):
             warnings.simplefilter("ignore", category)  # an experiment by itself tells them, and not a thousand times
@@ -77,7 +83,9 @@ def _outcomes(
 
 
 def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
-    """Kinds and units of the columns of a table, by name: settings, then outcomes."""
+    """Type and meaning, with the unit, of the columns of a sweep's table, by name, in order: the settings of the
+    experiment or measurement of class `kind`, then controller, outcome, version, time and host. Types are "int64",
+    "double" and "string". Nothing is raised."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     about = {
         "version": ("string", "of adaptctl"),
@@ -95,7 +103,10 @@ def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> Checke
 
 
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
-    """Outcomes of an experiment that runs by itself, by controller."""
+    """Outcomes of an `experiment` that runs by itself, not with others: pairs of a controller's name and its
+    `RunOutcome`, for those that `controllers` names, all where empty. Where the experiment compares no controllers, or
+    it raises an `AdaptctlError`, an `ArithmeticError` or a `LinAlgError`, there is one outcome "failed" with the reason
+    and an empty name."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
         if compare is None:

@@ -23,7 +23,8 @@ SMALLEST = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double"
 
 @dataclass(frozen=True, eq=False)
 class BestSettings:
-    """The best settings of a search, their controller, and the number that is smallest there."""
+    """The best settings that a search found: `settings`, their values by name; `controller`, the name of the one that
+    ran; `value`, the smallest number, in its own unit; and `trials`, the number of runs in all. Nothing is checked."""
 
     settings: Mapping[str, Any]
     controller: str
@@ -38,11 +39,14 @@ def search(
     progress: Callable[[float], object] = lambda share: None,
     seed: int = 0,
 ) -> BestSettings:
-    """The settings within a study's ranges with the smallest `minimise`, by tree-structured Parzen estimators
-    (Bergstra, Bardenet, Bengio and Kegl 2011).
+    """The `BestSettings` within the ranges of a `study`'s settings: those with the smallest number in the column
+    `minimise`, such as "rms_error", found in `trials` runs by tree-structured Parzen estimators (Bergstra, Bardenet,
+    Bengio and Kegl 2011). Runs that fail or diverge count as infinitely bad.
 
-    Runs that fail or diverge count as infinitely bad. The study names the controller, or its first is taken. Raises
-    `InputError` for a number that rows do not have, and where no run succeeds.
+    The controller is the first that the study names, or else the experiment's first. `progress(share)` is called with
+    the share that is done, 0 to 1; it does nothing unless given. `seed`, 0 unless given, is that of the choice of
+    settings. Raises `InputError` for a column that is no number of an outcome, and where no run is done with that
+    number; `MissingExtraError` where Optuna is not installed; `NotFoundError` for an unknown experiment.
     """
     optuna = _optuna()
     if minimise not in SMALLEST:
@@ -71,7 +75,8 @@ def search(
 
 
 def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
-    """Write the settings found as a study's file, of one run. Raises FileError where it cannot be written."""
+    """Write the settings and the controller that a search `found` as the file (TOML) at `path` of a study of one run,
+    of the experiment of `study`. Raises `FileError` where it cannot be written."""
     lines = [
         'schema = "adaptctl/study/1"',
         f'experiment = "{study.experiment}"',

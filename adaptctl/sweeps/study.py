@@ -27,7 +27,12 @@ Sampling = Literal["grid", "latin-hypercube", "sobol"]
 
 
 class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
-    """Content of a study's file."""
+    """Content of a study's file (TOML): the name of an `experiment` or measurement; the `question` that its runs
+    answer; the values of its `settings` by name, each a number, a list, or text such as "0..5:11"; `controllers`, the
+    names of those that run, all where empty; `sampling`, "grid", the default, for all combinations of values, or a draw
+    of `samples` of them by "latin-hypercube" or "sobol", with its `sampling_seed`; and the `precision`, "double" unless
+    given, of runs that are computed together. `schema` is the format's name. Types are checked where a file is read,
+    not at construction."""
 
     schema: Literal["adaptctl/study/1"]
     experiment: str
@@ -42,8 +47,15 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class SweepStudy:
-    """A study: an experiment and the values of its settings; `controllers` are those that run, all where none is
-    named, and `precision` is that of runs that are computed together."""
+    """A study, the runs of a sweep: the name of an `experiment` or measurement, and the values of its `settings` by
+    name, a tuple of them or a `Span`, a range to draw from; the others keep their defaults. `controllers` names those
+    that run, all where it is empty, and `question` is what the runs answer.
+
+    `sampling` is "grid", the default, for all combinations of values, or "latin-hypercube" or "sobol" for `samples`
+    draws of them, by `sampling_seed`; `precision`, "double" or "single", is that of runs that are computed together in
+    native code. Raises `InputError` at construction for another precision, a `Span` in a grid, and where it is no grid
+    for samples out of 1 to 10 000 000.
+    """
 
     experiment: str
     settings: Mapping[str, tuple[Any, ...] | Span]
@@ -67,9 +79,14 @@ class SweepStudy:
 
     @classmethod
     def named(cls, target: str, given: Mapping[str, str], **options: Any) -> SweepStudy:
-        """The study of an experiment's name, of a shipped study's, or of a file, with settings as they are typed.
+        """The study that `target` names: an experiment, all of whose settings have their defaults, a study that comes
+        with the package, or a study's file (.toml). `given` has values of settings as they are typed, such as "4,8,12"
+        or "0..5:11", in place of the study's, by name; `options` are other fields of the study to replace, where they
+        are not empty.
 
-        Raises `NotFoundError` for names that do not exist, `FileError` and `InputError` for wrong contents.
+        Raises `NotFoundError` for an unknown target and an experiment's unknown setting; `FileError` for a file that
+        cannot be read, has other content or leads to an unknown experiment or setting; `InputError` for values that are
+        none of the setting's, and for options that do not fit.
         """
         if target in (entry.name for entry in EXPERIMENTS):
             return cls._made(StudyFile("adaptctl/study/1", target), given, options)
@@ -106,23 +123,26 @@ class SweepStudy:
 
     @property
     def kind(self) -> type[CheckedSettings]:
-        """Class of the experiment or measurement."""
+        """Class of the experiment or measurement, a dataclass of its settings. Raises `NotFoundError` for an unknown
+        name."""
         return kind_of(self.experiment)
 
     @property
     def count(self) -> int:
-        """Number of runs."""
+        """Number of runs: of all combinations of the settings' values in a grid, else `samples`."""
         if self.sampling != "grid":
             return self.samples
         return prod(len(values) for values in self.settings.values() if isinstance(values, tuple))
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """Names of the settings that have more than one value."""
+        """Names of the settings that have more than one value, or a range to draw from, in their order."""
         return tuple(name for name, x in self.settings.items() if isinstance(x, Span) or len(x) > 1)
 
     def runs(self) -> Iterator[dict[str, Any]]:
-        """The settings of each run that are not the experiment's own defaults, in a fixed order."""
+        """Iterator over the runs, in a fixed order: for each the values, by name, of the settings that the study has;
+        the others keep the experiment's defaults. Draws are the same for the same `sampling_seed`. Raises
+        `NotFoundError` for an unknown experiment where the runs are drawn."""
         if self.sampling == "grid":
             for values in product(*(x for x in self.settings.values() if isinstance(x, tuple))):
                 yield dict(zip(self.settings, values, strict=True))
@@ -153,19 +173,21 @@ class SweepStudy:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of all that decides the runs."""
+        """SHA-256 hash (hexadecimal) of all that decides the runs and their results: experiment, values, controllers
+        (in any order), sampling and precision, but not the question."""
         values = {k: [x.low, x.high] if isinstance(x, Span) else list(x) for k, x in self.settings.items()}
         sampling = [self.sampling, self.samples, self.sampling_seed] if self.sampling != "grid" else []
         return hashed([self.experiment, values, sorted(self.controllers), sampling, *self.unusual])
 
     @property
     def unusual(self) -> list[str]:
-        """Choices that decide results besides the settings, where they are not the usual ones: single precision."""
+        """Choices besides settings and controllers that decide results, where they are not the usual ones, for hashes:
+        ["single"] for runs in single precision, else an empty list."""
         return [self.precision] if self.precision != "double" else []
 
 
 def shipped() -> list[str]:
-    """Names of the studies that come with the package."""
+    """Names of the studies that come with the package, sorted. Nothing is raised."""
     return sorted(path.stem for path in STUDIES.glob("*.toml"))
 
 

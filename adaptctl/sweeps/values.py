@@ -18,24 +18,29 @@ _RANGE = re.compile(r"^\s*(?P<low>[^:]+?)\.\.(?P<high>[^:]+?)(?::(?P<count>[^:]*
 
 @dataclass(frozen=True)
 class Span:
-    """A range of a setting with both ends in it, to draw from."""
+    """A range of values of a setting to draw from, in the setting's unit: from `low` to `high`, both in it, and `whole`
+    where its values are whole numbers. Nothing is checked."""
 
     low: float
     high: float
     whole: bool
 
     def at(self, share: float) -> float | int:
-        """The value at a share of the way: whole numbers all alike likely."""
+        """The value at a `share`, from 0 to 1, of the way from `low` to `high`; where values are whole, one of them,
+        each for an equal part of the way. The share is not checked."""
         if self.whole:
             return int(min(self.low + math.floor(share * (self.high - self.low + 1)), self.high))
         return self.low + share * (self.high - self.low)
 
 
 def parsed(entry: Field[Any], text: str) -> tuple[Any, ...] | Span:
-    """The values of a setting: ``4,8,12``, ``0..99`` of whole numbers, ``0..5:11`` for so many evenly apart, and of
-    numbers ``0..5``, to draw from. A setting of several numbers takes them apart by blanks, ``90 150 70``.
+    """The values of a setting as they are typed, `text`: ``4,8,12``, ``0..99`` of whole numbers, ``0..5:11`` for so
+    many evenly apart, and of numbers ``0..5``, a `Span` to draw from; a tuple for all but the last. A setting of
+    several numbers takes them apart by blanks, ``90 150 70``. `entry` is the setting's dataclass field, whose default
+    tells the kind of value.
 
-    Raises `InputError` for what is none of this.
+    Raises `InputError` for what is none of this, equal values, a range that does not rise, other than 2 to 1 000 000
+    values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
     """
     if not isinstance(entry.default, tuple | str) and (match := _RANGE.match(text)):
         return _range(entry, match)
@@ -63,7 +68,9 @@ def _range(entry: Field[Any], match: re.Match[str]) -> tuple[Any, ...] | Span:
 
 
 def as_span(entry: Field[Any], values: tuple[Any, ...] | Span) -> Span | None:
-    """The range that values of numbers span, to draw from; None for those of other kinds, which are picked from."""
+    """The `Span` to draw from that `values` of a setting are: a span itself, or two or more whole numbers, each one
+    more than the last, of a setting of whole numbers. None for other values, one of which is picked. `entry` is the
+    setting's dataclass field, whose default tells its kind. Nothing is raised."""
     if isinstance(values, Span):
         return values
     if len(values) > 1 and isinstance(entry.default, int) and list(values) == list(range(values[0], values[-1] + 1)):
