@@ -43,7 +43,9 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
 
 
 def shown_baselines(returns: dict[str, float]) -> str:
-    """Text of the returns, a line each, the least first."""
+    """A table of controllers' mean returns as text: one line for each entry of `returns`, name and return (no unit, two
+    decimals), the least first. `returns` is what `baselines` returns, a mapping from names to mean returns; an empty
+    one gives an empty text. Nothing is checked."""
     rows = sorted(returns.items(), key=lambda row: row[1])
     return "\n".join(f"{name:<28}{value:12.2f}" for name, value in rows)
 

@@ -115,8 +115,13 @@ class ResidualVectorEnv(ControlledVectorEnv):
 
 
 def parts_of(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> list[slice]:
-    """Slices of the parts of an observation for a controller. Raises `InputError` for what is no controller, and where
-    wrappers have changed observations or actions, which are to be those of the plant."""
+    """The places in an observation of what a `controller` is given, a list of five slices: positions p, velocities v,
+    and the reference's positions, velocities and accelerations. `env` is a single-arm environment, in wrappers or not.
+
+    Raises `InputError` for what is no `Controller`, for an environment whose `unwrapped` has no `observation_slices`
+    with these names or no `control_period`, for another number of joints than the controller's, and where wrappers have
+    changed the observation or the action space.
+    """
     require_controller(controller)
     parts, _ = interface(env, controller)
     inner = env.unwrapped

@@ -14,8 +14,8 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights of the reward of tracking: those of the squared errors and torques, summed over the joints, that are
-    subtracted at each control period.
+    """Weights of the reward of tracking a reference: those of the squared errors and torques, summed over the joints,
+    that are subtracted at each control period.
 
     `position`, per rad^2 (m^2) of tracking error; `velocity`, per (rad/s)^2 ((m/s)^2) of velocity error; `torque`, no
     unit, per square of torque over its limit; `termination`, no unit, is subtracted once when an error passes its

@@ -225,8 +225,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The running episode's reference: a function from times (s) to a `ReferencePoint`. Raises Gymnasium's
-        `ResetNeeded` before the first reset."""
+        """The running episode's reference: a function from times (s) to a `ReferencePoint`, positions, velocities and
+        accelerations of the joints in rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises Gymnasium's `ResetNeeded` before the
+        first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
@@ -289,9 +290,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
-        """The running episode as an `Episode` for `simulate`: plant, state, parameters, reference, random numbers,
-        control periods left (0 where it is over), judge of rewards and ends. Raises Gymnasium's `ResetNeeded` before
-        the first reset."""
+        """The running episode as an `Episode`, from which `simulate` goes on in native code: the plant and its state,
+        the true inertial parameters, the reference, the random generator, the number of control periods left (0 where
+        it is over), and the function that computes rewards and ends. `take_back` gives the episode back. Raises
+        Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("hand_over")
         return Episode(
             self.plant,

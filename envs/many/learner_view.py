@@ -17,9 +17,9 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """A view of a vector environment of ours with N arms, in wrappers or not, for learners that take one flag `done`
-    for both kinds of an episode's end: actions (N, a) in [-1, 1], no unit, are shares of the largest action, such as
-    torque limits, and infos one dictionary an arm.
+    """A view of a vector environment of adaptctl with N arms, in wrappers or not, for learners that take one flag
+    `done` for both kinds of an episode's end: actions (N, a) in [-1, 1], no unit, are shares of the largest action,
+    such as torque limits, and infos one dictionary an arm.
 
     `env` is the environment; `observation_space`, n numbers, and `action_space`, a numbers, are those of one arm.
     `done` (N,) is terminated or truncated. The info of an arm that is done has `terminal_observation` (n,), the last of
