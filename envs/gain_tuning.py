@@ -128,16 +128,16 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
     ## Observation space
 
-    That of the environment, (n,), in its units; n = 5r + r L of ours, for r joints and L look-ahead times. `info` has,
-    besides the environment's, `gains`: a mapping from the names to the m numbers (m,) of each gain in the control
-    period that is over, in the gain's own unit.
+    That of the environment, (n,), in its units; n = 5r + r L for a `TrackingEnv` of r joints and L look-ahead times.
+    `info` has, besides the environment's, `gains`: a mapping from the names to the m numbers (m,) of each gain in the
+    control period that is over, in the gain's own unit.
 
     ## Errors
 
     `InputError` for a `controller` that is none or not for the environment's joints, an environment without the
-    `observation_slices` and the `control_period` of ours, or whose observations or actions a wrapper has changed,
-    `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and
-    for none.
+    attributes `observation_slices` and `control_period` of a `TrackingEnv`, or whose observations or actions a wrapper
+    has changed, `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for
+    unknown gains, and for none.
     """  # noqa: E501  # an example
 
     def __init__(
@@ -158,7 +158,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         names to arrays. `seed` is that of the random numbers, None to go on with them; `options` are those of
         `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
         `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none. Raises
-        `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
+        be followed to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])

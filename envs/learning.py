@@ -130,7 +130,8 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         unit, and `info` of an episode, which begins. `seed` is that of the random numbers, None to go on with them;
         `options` are those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
         "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none.
-        Raises `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        Raises `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops
+        cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
@@ -170,8 +171,9 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
         `seed` s gives arm i the seed s + i, a list each its own, None lets the random numbers go on. `options` are
         those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
         `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), for all arms or one each, None
-        for none. Raises `InputError` for bad seeds and options, `NotFoundError` for unknown ones, Gymnasium's
-        `ResetNeeded` for a part of the arms before the first reset of all.
+        for none. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown ones,
+        `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of the arms
+        before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info

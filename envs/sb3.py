@@ -40,7 +40,8 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
     def reset(self) -> Array:
         """The first observations (N, n), n numbers an arm in the environment's units, of a new episode of each of the N
         arms, with the seeds and options that `seed` and `set_options` of stable-baselines3 have set, which are then
-        forgotten. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown options."""
+        forgotten. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown options;
+        `SingularityError` where loops cannot be followed to the start."""
         observations = self.view.reset(self._seeds, self._options)
         self._reset_seeds()
         self._reset_options()

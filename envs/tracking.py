@@ -306,9 +306,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """The `info` (true parameters, energy and more) of an episode that `hand_over` gave away and goes on from
-        `state`. It took `steps` control periods, `clipped` of them with a clipped torque; `terminated` is True if it
-        ended. Nothing is checked. Raises Gymnasium's `ResetNeeded` before the first reset."""
+        """The `info` (true parameters, energy and more) of an episode that `hand_over` gave away and that goes on here
+        from `state`, the plant's. `steps` is the number of control periods it took since, `clipped` that of those with
+        a clipped torque; `terminated` is True if it ended. Nothing is checked. Raises Gymnasium's `ResetNeeded` before
+        the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps

@@ -127,8 +127,8 @@ class Arms:
     def advance(self, torque: Array, moving: Numbers) -> StepResult:
         """The results, a `StepResult` of N rows, of one control period of all N arms under torques `torque` (N, r), N m
         (N), clipped to the torque limits and held. `moving` are the indices of the arms that count: rows of others mean
-        nothing. The torques are not checked. Raises `NonFiniteError`, naming the arm and the time, where the motion of
-        one of these runs away."""
+        nothing. Raises `InputError` for torques that do not broadcast to (N, r), `NonFiniteError`, naming the arm and
+        the time, where the motion of a moving arm runs away; NaN in the torques is not looked for."""
         self.steps += 1
         time = np.asarray(self.single.control_period * self.steps, dtype=np.float64)
         self._give(torque, time, moving)

@@ -49,7 +49,8 @@ class LearnerView:
         options, those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
         "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), of the same names
         for all arms. Raises `InputError` for bad seeds and options, other names, and another number of seeds or
-        options, `NotFoundError` for unknown options."""
+        options, of these `NotFoundError` for unknown options; `SingularityError` where loops cannot be followed to the
+        start."""
         count = self.env.num_envs
         listed = isinstance(options, Sequence) and all(isinstance(own, Mapping) for own in options)
         if not listed or len(options) != count:
