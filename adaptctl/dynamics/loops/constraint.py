@@ -200,7 +200,7 @@ class Closing:
     `loops` and `followers` (couplings) give scalar conditions, in this order, 3, 5 or 6 for a loop of kind POINT, AXIS
     or WELD and one for a coupling; `rows` are the indices, rising, of those that are used, the independent ones.
     `primary` (r) are the indices of the joints whose positions are given, `dependent` (n - r) those of the others,
-    which the conditions determine.
+    which the conditions determine. Nothing is checked.
     """
 
     loops: tuple[Loop, ...]

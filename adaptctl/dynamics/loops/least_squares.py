@@ -13,7 +13,7 @@ class System(Protocol):
 
     def solve(self, right: Column) -> Column:
         """The solution x (n,) of A x = b for a right side b (m,), in the unit of b over that of A. An implementation
-        returns the least-squares solution where there are more rows than columns. It raises `ValueError` for a b of
+        returns the least-squares solution where there are more rows than columns, and raises `ValueError` for a b of
         another length."""
         ...
 

@@ -16,7 +16,7 @@ class Following:
     with which velocities and torques are mapped.
 
     Made of `closing`, which has the indices of primary and dependent joints, and `slopes`, for each primary joint a
-    `Column` (n - r,) of the derivatives of the dependent joints by it, rad or m per rad or m.
+    `Column` (n - r,) of the derivatives of the dependent joints by it, rad or m per rad or m. Nothing is checked.
     """
 
     def __init__(self, closing: Closing, slopes: Sequence[Column]) -> None:

@@ -82,12 +82,13 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """A link's motion under two angular velocities w and r, by which its accelerations are bilinear, in the link's
-    axes: its point at u (3), m, accelerates by acc + lever u, m/s^2, gravity's acceleration subtracted.
+    """The motion of a link in its own axes, with accelerations that are bilinear in two of its angular velocities, w
+    and r, such as that of the actual motion and that of a reference motion: its point at u (3), m, accelerates by acc +
+    lever u, m/s^2, gravity's acceleration subtracted.
 
-    Made of `products`, those of w and r, rad^2/s^2; `alpha` (3), the angular acceleration, rad/s^2; and `acc` (3), the
-    acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2, follows from the first
-    two.
+    Made of `products`, the symmetric products of w and r, rad^2/s^2; `alpha` (3), the angular acceleration, rad/s^2;
+    and `acc` (3), the acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2,
+    follows from the first two. Nothing is checked.
     """
 
     __slots__ = ("acc", "alpha", "lever", "products")

@@ -24,8 +24,8 @@ class Wrench:
 def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
     """The `Wrench` (force, N, and moment about the link's origin, N m, in the link's axes) that gives a link its
     `motion`, against inertia and gravity: force m acc + lever mc, moment mc x acc + that of the inertia
-    (`inertia_moments`). `ten` (10,) are the link's inertial parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
-    I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin); acc and lever are those of `motion`. Another number of
+    (`inertia_moments`), acc and lever being those of `motion`. `ten` (10,) are the link's inertial parameters m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin); another number of
     them raises `ValueError` or `IndexError`."""
     m, mc = ten[0], Vec(ten[1], ten[2], ten[3])
     force = m * motion.acc + motion.lever @ mc
