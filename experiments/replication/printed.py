@@ -48,7 +48,7 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """Quotation from Sheu and Walker (1991) that is to be judged: `where`, the number of its section; `quote`, the
-    sentence; and `numbers`, those in question, with spaces between."""
+    sentence; and `numbers`, those in question, as text with spaces between."""
 
     where: str
     quote: str
@@ -74,10 +74,11 @@ def printed() -> Printed:
 
 @dataclass(frozen=True)
 class Number:
-    """Number as printed: its `text`; its `value`; `unit`, one unit of its last digit; and `digits`, how many it has.
+    """Number as printed: its `text`; its `value`; `unit`, what one unit of its last digit is worth; and `digits`, how
+    many it has.
 
     Digits are the decimals where there are any and no exponent, since columns of a table share them; else all digits
-    but leading zeros.
+    but leading zeros. Nothing is checked at construction.
     """
 
     text: str

@@ -20,8 +20,8 @@ def write_summary(path: str | Path, replication: Replication) -> None:
 
 
 def summary(replication: Replication) -> dict[str, Any]:
-    """Summary of the replication in JSON's types: settings, counts by verdict, and every item of Sheu and Walker (1991)
-    with its checks and claims."""
+    """Summary of the replication in JSON's types: settings, counts by verdict, and every item (table, figure or
+    section) of Sheu and Walker (1991) with its checks and claims."""
     items = replication.items
     return {
         "schema": SCHEMA,

@@ -35,7 +35,7 @@ def headline(replication: Replication) -> str:
 
 def facts(replication: Replication) -> Iterator[Fact]:
     """Facts of the replication, questions that a person asks first with their answers: counts of printed numbers by
-    verdict, of crosses, of draws, and the time taken, s."""
+    verdict, of crosses and blanks, of random draws of states, and the time taken, s."""
     n, m = replication.numbers, replication.marks
     yield Fact("Printed numbers", f"{n.printed}, {n.given} of them inputs")
     yield Fact("Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit")
