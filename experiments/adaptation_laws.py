@@ -96,10 +96,14 @@ class AdaptationLaws(RoughStart, Learning):
     adaptation law of `laws`, and the other control laws in it.
 
     In the settings, s is the sliding variable, the velocity error plus the bandwidth times the position error.
-    `first_estimate` is in words for the report, `comparing` tells there how laws are compared; `error_bound` (rad or m)
-    is the joint error that ends a run. Raises at construction `NotFoundError` for an unknown law or motion,
-    `InputError` for a law given twice or a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or
-    infinity.
+    `leakage` and `sliding_leakage` are the leaks of sigma- and e-modification towards the rough model; `prediction`,
+    `cutoff` and `forgetting` belong to laws that learn from errors of predicted, filtered torques; `recall`,
+    `excitation` and `alarm` to the memory of composite learning; `samples` and `novelty` to the stack of samples that
+    concurrent learning keeps. `first_estimate` is in words for the report, `comparing` tells there how laws are
+    compared; `error_bound` (rad or m) is the joint error that ends a run.
+
+    Raises at construction `NotFoundError` for an unknown law or motion, `InputError` for a law given twice or a setting
+    of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "adaptation-laws"
@@ -175,9 +179,12 @@ class AdaptationLaws(RoughStart, Learning):
     def compare(self, progress: Progress) -> Comparison:
         """Comparison of the runs of all controllers, its answer with a note on each law that found no excitation above
         its threshold and so stored nothing to learn from. `progress(what, share)` gets the step's name and the share
-        done, 0 to 1. Raises `InputError` for a reference that the arm cannot follow, among them `GainError` for gains
-        too large for the control period; `RankError` where the number of fundamental (base) parameters cannot be
-        certified."""
+        done, 0 to 1. Ctrl-C keeps the runs begun, as a comparison that is not complete.
+
+        Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
+        unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
+        period; `RankError` where the number of fundamental (base) parameters cannot be certified.
+        """
         done = super().compare(progress)
         notes = [*([done.answer] if done.answer else []), *forgotten_notes(done.findings)]
         return replace(done, answer=" ".join(notes) or None)
@@ -408,7 +415,8 @@ def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
 
 def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
     """Median time, s, in which a controller computes one torque on Python's floats, not compiled: over 20 states spread
-    evenly over a run, each with the controller's first state."""
+    evenly over a run, each with the controller's memory before its first tick. Raises `IndexError` for a run without
+    samples."""
     o, on_floats = run.rollout, controller.on_floats
     kept = leaves(controller.init(o.p[0], o.v[0]))
     costs = []

@@ -104,8 +104,8 @@ class AdaptiveTracking(Learning):
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
         """Tuning of a mechanism, `Tuning`: the reference, gains, torque limits and integration steps that `tune`
-        chooses for this experiment's settings; the last four are cached. With MuJoCo, the reference is kept clear of
-        contacts. Raises `InputError` where no gains can hold a joint."""
+        chooses for this experiment's settings; the last four tunings are cached. With MuJoCo, the reference is kept
+        clear of contacts. Raises `InputError` where no gains can hold a joint."""
         return _tuned(self, mechanism)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:

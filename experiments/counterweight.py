@@ -34,10 +34,11 @@ EVERY, FEW, HELD = "all", "few", "held"
 
 
 class Burden(NamedTuple):
-    """Burden of a run on the arm: root mean square tracking errors of all joints (rad or m), of the whole run and of
-    its last two seconds (None where it was shorter); root mean square torque of all joints together, as a share of
-    their limits (no unit); the motors' work, the integral of |torque times velocity| summed over joints, J; the
-    duration, s; and True in `stopped` where an error passed its bound."""
+    """Burden of a run on the arm: root mean square tracking errors of all joints (rad or m), `rms_error` of the whole
+    run and `final_rms_error` of its last two seconds (None where it was shorter); `rms_torque`, the root mean square
+    torque of all joints together, as a share of their limits (no unit); `work`, the motors', the integral of |torque
+    times velocity| summed over joints, J; the `duration`, s; and `stopped`, True where an error passed its bound.
+    Nothing is checked at construction."""
 
     rms_error: float
     """rad or m, all joints"""
@@ -60,8 +61,10 @@ class CounterweightedTracking(ClosedLoopExperiment):
     essential components that carry most energy, and holding their true values. Essential components are the parts of
     the inertial parameters along orthonormal directions, by falling energy.
 
-    Raises `InputError` at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN
-    or infinity.
+    The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
+    joint to the next; `beyond` is the share by which the box around a link's joints and centre of mass is widened to
+    have its counterweight. Raises `InputError` at construction for a setting of the wrong type or out of its bounds,
+    `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "counterweight"

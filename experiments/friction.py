@@ -123,8 +123,8 @@ class FrictionInJoints(OnRealPlant):
         ]
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the tracking errors of the last two seconds, with friction among the parameters, without, and
-        by computed torque; `outcome` has the runs; `found`, the findings by name, is not used."""
+        """Sentence with the RMS tracking errors of the last two seconds, mrad, with friction among the parameters,
+        without, and by computed torque; `outcome` has the runs; `found`, the findings by name, is not used."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "

@@ -181,8 +181,8 @@ class Learning(ClosedLoopExperiment):
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers besides the runs: the largest difference of torques, N m, between adapting the
-        fundamental and all parameters, where both were run; a subclass may give others. `outcome` has the runs, `basis`
-        the mechanism's fundamental (base) parameters."""
+        fundamental (base) parameters and adapting all, where both were run; a subclass may give others. `outcome` has
+        the runs, `basis` the mechanism's fundamental parameters."""
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:

@@ -138,8 +138,8 @@ class NoiseAndDelay(AdaptationLaws):
         yield from self._loop(outcome.mechanism)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the least and the greatest parameter error at the end and drift a minute of the laws that
-        adapt; `outcome` has the runs, `found` the findings by name."""
+        """Sentences with the least and the greatest parameter error at the end (no unit) and drift (1/min) of the laws
+        that adapt; `outcome` has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
         ended = super().answer(outcome, found)

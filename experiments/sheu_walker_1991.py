@@ -52,13 +52,15 @@ class SheuWalker1991(Experiment):
     def run(self, progress: Progress) -> Result:
         """Result of the replication: outcome in words, facts, and a function that writes the folder. `progress(what,
         share)` gets the step's name and the share done, 0 to 1; Ctrl-C (`KeyboardInterrupt`) keeps the tables and
-        figures done, and is raised where there are none."""
+        figures done, and is raised where there are none. Raises `RankError` where an arm's number of independent
+        parameters cannot be certified."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Replication:
         """Replication, a `Replication`, of the tables and figures asked for, in the paper's order. `progress(what,
         share)` gets the step's name and the share done, 0 to 1; Ctrl-C (`KeyboardInterrupt`) keeps those done, as a
-        replication that is not complete, and is raised where there are none."""
+        replication that is not complete, and is raised where there are none. Raises `RankError` where an arm's number
+        of independent parameters cannot be certified."""
         started, names = time.perf_counter(), chosen(self.only)
         study, items = self._study(), list[Item]()
         try:

@@ -40,9 +40,10 @@ class StableBandwidth(AdaptationLaws):
     """Experiment on elastic joints: the largest bandwidth of the tracking loop at which each law is stable on an arm
     whose motors turn the links through springs, by the springs' stiffness.
 
-    The laws are compared on the stiffest springs; then, for every law and stiffness and for the rigid arm, bandwidths
-    from 0.5 to 1024 1/s are tried by bisection. Raises at construction `NotFoundError` for an unknown law, `InputError`
-    for a law given twice and settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    The laws are compared on the stiffest springs, which the settings call the contest; then, for every law and
+    stiffness and for the rigid arm, bandwidths from 0.5 to 1024 1/s are tried by bisection. Raises at construction
+    `NotFoundError` for an unknown law, `InputError` for a law given twice and settings of the wrong type or out of
+    their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "stable-bandwidth"

@@ -70,11 +70,11 @@ class TwoPlants(AdaptiveTracking):
     def outcome(
         self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
-        """Outcome of the contest: runs of the `contenders` (controllers with names) on the environment `env`, MuJoCo's
-        with the default `plant`, then of the first one in `plant`, if that is MuJoCo at a quarter of its time steps,
-        and in adaptctl's plant, each with the arm `mechanism`. `progress(label, share)` gets a run's label and the
-        share of it done, 0 to 1. Ctrl-C keeps the runs begun. Raises `GainError` for gains too large for the control
-        period, `NonFiniteError` where a motion runs away."""
+        """Outcome of the contest: runs of the `contenders` (controllers with names) on the environment `env`, then of
+        the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the arm
+        `mechanism`. `env` is MuJoCo's with the default `plant`; where `plant` is "adaptctl", no run is in MuJoCo.
+        `progress(label, share)` gets a run's label and the share of it done, 0 to 1. Ctrl-C keeps the runs begun.
+        Raises `GainError` for gains too large for the control period, `NonFiniteError` where a motion runs away."""
         done = super().outcome(env, mechanism, contenders, progress)
         for name, label, other in (
             (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),

@@ -26,7 +26,8 @@ class Counts:
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> Counts:
-        """Counts by verdict of some `checks`, each of one entry that Sheu and Walker (1991) print."""
+        """Counts by verdict of some `checks`, each of one entry that Sheu and Walker (1991) print, a number or a
+        cross."""
         by = Counter(check.verdict for check in checks)
         done = [check for check in checks if check.verdict is Outturn.REPRODUCED]
         short = [(check.of_digits or 0) - (check.digits or 0) for check in done]

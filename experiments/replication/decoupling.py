@@ -47,13 +47,13 @@ class Decoupling:
 
     @property
     def left(self) -> int:
-        """Number of independent parameters that are left when all relations hold: k fundamental ones less the
-        relations."""
+        """Number of independent parameters that are left when all relations hold: the number k of fundamental (base)
+        parameters less that of the relations."""
         return self.basis.rank - len(self.relations)
 
     def lines(self) -> tuple[str, ...]:
-        """Texts of the relations, one each, such as "link5.mc_x* = 0.6667 link4.mc_x*"; the star marks fundamental
-        (base) parameters."""
+        """Texts of the relations, one each, such as "link5.mc_x* = 0.6667 link4.mc_x*", with coefficients in SI units;
+        the star marks fundamental (base) parameters."""
         return tuple(_line(row, self.basis.names) for row in self.relations)
 
     def of_parameters(self) -> Array:

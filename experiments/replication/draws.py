@@ -39,8 +39,8 @@ class Draws:
 
     @property
     def rank(self) -> int:
-        """Number k of the arm's essential parameters, the directions of its inertial parameters that change
-        energies."""
+        """Number k of the arm's essential parameters, the directions of its inertial parameters that change energies.
+        Raises `RankError` where it cannot be certified."""
         return self.arm.space.rank
 
     @property

@@ -57,7 +57,7 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """Contents of Sheu and Walker (1991) that can be computed again: `tables` and quotations (`claims`), each by a
-    short name, such as "table7"; `schema` names the file's format."""
+    short name, such as "table7" or "puma_rank"; `schema` names the file's format."""
 
     schema: Literal["adaptctl/printed/1"]
     tables: dict[str, Table]

@@ -154,8 +154,8 @@ class Study:
 
     @property
     def drawn(self) -> dict[str, Draws]:
-        """Random draws that were computed until now, by the arm's name: "puma560", "semi_direct_drive" and
-        "nearly_parallelogram"."""
+        """Random draws of states that were computed until now, by the arm's name: "puma560", "semi_direct_drive" and
+        "nearly_parallelogram"; those that were not are left out."""
         labels = {
             "puma_draws": "puma560",
             "five_bar_draws": "semi_direct_drive",
@@ -165,7 +165,8 @@ class Study:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """Texts of the choices behind the random draws: their number, and the ranges of positions and velocities."""
+        """Texts, two, of the choices behind the random draws of states: their number, and the ranges of positions and
+        velocities."""
         return (
             f"{self.seeds} draws of {self.samples} states, positions uniform within the table's ranges",
             f"velocities uniform up to {self.velocity_scale:.4g} times the table's bound, so that their root mean "

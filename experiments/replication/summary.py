@@ -15,7 +15,7 @@ SCHEMA = "adaptctl/replication/1"
 
 def write_summary(path: str | Path, replication: Replication) -> None:
     """Write the replication's summary as a JSON file, whole or not at all: every printed entry beside the computed one,
-    with its verdict. Raises `FileError` where it cannot be written."""
+    with its verdict. Raises `FileError` where it cannot be written, and for a number that is NaN or infinite."""
     write_json(path, summary(replication))
 
 

@@ -114,7 +114,8 @@ def percent(share: float) -> str:
 
 @dataclass(frozen=True)
 class Relations:
-    """Relations among parameters, written out for the report: a `heading` and `lines`, an equation each."""
+    """Relations among parameters, written out for the report: a `heading`, and `lines` of text, each an equation or,
+    where the relations are a table, a row of it. Nothing is checked at construction."""
 
     heading: str
     lines: tuple[str, ...]
@@ -159,7 +160,7 @@ class Item:
 
     @property
     def label(self) -> str:
-        """Name of the item as a text has it, such as "Table 7"."""
+        """Name of the item as a sentence has it, such as "Table 7" or "Section 5.3"."""
         for kind in ("table", "figure", "section"):
             if self.name.startswith(kind):
                 return f"{kind.capitalize()} {self.name.removeprefix(kind)}"

@@ -52,7 +52,7 @@ class Side:
 
     @property
     def full(self) -> ControllerRun | None:
-        """Run of the arm that adapts all parameters; None where it was not run."""
+        """Run of the arm that adapts all parameters, named "adaptive-full"; None where it was not run."""
         return next((run for run in self.comparison.runs if run.name == "adaptive-full"), None)
 
     @property
