@@ -158,9 +158,10 @@ class AdaptiveTracking(Learning):
         self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
     ) -> SlotineLi:
         """Slotine and Li's control law on a `model` of k parameters, with the tuned gains. `adaptation` is an
-        adaptation law, or the gain Gamma, (k,) or (k, k), or None for none; `first` (k,) is the first estimate in SI
-        units, zeros where None. Raises `GainError` for gains too large for the control period along the tuned
-        reference, `InputError` for other shapes."""
+        adaptation law, or the gain Gamma, (k,) or (k, k), in the parameters' SI units squared per J, or None to switch
+        adaptation off; `first` (k,) is the first estimate in SI units, zeros where None. Raises `GainError` for gains
+        too large for the control period along the tuned reference, `InputError` for other shapes and where no gains can
+        hold a joint."""
         tuning = self.tuning(model.mechanism)
         gains, given = tuning.gains, (first, self.control_period, tuning.workspace, tuning.torque_limits)
         return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, *given)

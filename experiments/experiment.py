@@ -85,8 +85,8 @@ class ClosedLoopExperiment(Experiment):
 
 
 def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
-    """Check that the experiment's settings in `names`, tuples, have `count` entries each. Raises `InputError` for
-    another number; `meaning` says in its message what the entries are, such as "one a joint"."""
+    """Raise `InputError` unless the experiment's settings in `names`, tuples, have `count` entries each; `meaning` says
+    in its message what the entries are, such as "one a joint". Raises `AttributeError` for a name of no setting."""
     for name in names:
         if (given := len(getattr(experiment, name))) != count:
             raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")

@@ -88,8 +88,8 @@ class IdentifyThenAdapt(OnRealPlant):
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of their standard deviations where the true parameters of links and drives are off
-        by `parameter_error`, a share of their size."""
+        `rate` (1/J) times the square of each one's standard deviation where the true parameters of links and drives are
+        off by `parameter_error`, a share of their size."""
         true = model.mechanism.inertial_parameters
         return np.asarray(self.rate * deviations(model, true, self.parameter_error) ** 2)
 

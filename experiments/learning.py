@@ -248,9 +248,9 @@ class Learning(ClosedLoopExperiment):
         self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
     ) -> SlotineLi:
         """Slotine and Li's control law on a `model` of k parameters, with this experiment's gains and control period.
-        `adaptation` is an adaptation law, or the gain Gamma, (k,) or (k, k), or None for none; `first` (k,) is the
-        first estimate in SI units, zeros where None. Raises `GainError` for gains too large for the control period,
-        `InputError` for other shapes."""
+        `adaptation` is an adaptation law, or the gain Gamma, (k,) or (k, k), in the parameters' SI units squared per J,
+        or None to switch adaptation off; `first` (k,) is the first estimate in SI units, zeros where None. Raises
+        `GainError` for gains too large for the control period, `InputError` for other shapes."""
         gains = self.gains(model.mechanism)
         return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period)
 

@@ -26,12 +26,12 @@ class RangedGain:
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of each parameter's prior range. Raises `InputError` for ranges or a rate that are
-        not positive and finite."""
+        `rate` (1/J) times the square of each parameter's prior range (its greatest plausible error). Raises
+        `InputError` for ranges or a rate that are not positive and finite."""
         return adaptation_gain(model, self.ranges, self.rate)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text for the report on the adaptation gain Gamma: rate times squared prior range of masses, first moments and
-        inertias; `mechanism` is not used."""
+        """Text for the report on the adaptation gain Gamma: `rate` (1/J) times the squared prior range (greatest
+        plausible error) of masses, kg, first moments, kg m, and inertias, kg m^2; `mechanism` is not used."""
         of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)

@@ -48,10 +48,10 @@ class RoughStart:
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of each one's deviation from the rough model."""
+        `rate` (1/J) times the square of each one's standard deviation from the rough model."""
         return self.rate * self.deviations(model) ** 2
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text for the report on the adaptation gain Gamma: rate times squared deviation from the rough model;
-        `mechanism` is not used."""
+        """Text for the report on the adaptation gain Gamma: `rate` (1/J) times the squared standard deviation of each
+        parameter from the rough model; `mechanism` is not used."""
         return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"
