@@ -23,16 +23,17 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     """Mean returns (sums of an episode's rewards, no unit), by name, of five controllers that drive the arm of a
     tracking environment.
 
-    `env` is a `TrackingEnv`, one within wrappers, or a vector environment of ours, of whose arms one is taken; a copy
-    is driven, without the wrappers, and `env` stays as it is. The names are "zero torque"; "PD", without gravity
+    `env` is a `TrackingEnv`, one within wrappers, or a vector environment of adaptctl, of whose arms one is taken; a
+    copy is driven, without the wrappers, and `env` stays as it is. The names are "zero torque"; "PD", without gravity
     compensation; "PD with gravity", compensated with the true parameters; "Slotine-Li from nothing", Slotine and Li's
     adaptive law from an estimate of zero; and "computed torque" with the true parameters. Their gains are those that
     `tune` designs for a `bandwidth` of 8 rad/s and a `hold` of 1, no unit: the greatest product allowed of control
     period and damping gain over inertia. The mean is over as many episodes as `episodes` says; episode k, from 0, has
     the seed `seed` + k.
 
-    Raises `InputError` for another environment, and for `episodes` and a `seed` that are no whole numbers of at least 1
-    and 0, and what `tune` and the environment raise.
+    Raises `InputError` for another environment, for `episodes` and a `seed` that are no whole numbers of at least 1 and
+    0, and where `tune` finds no gains, as for a control period above 0.1 s; `NonFiniteError` for a motion that runs
+    away.
     """
     first, runs = whole_count(seed, "seed"), whole_count(episodes, "episodes", 1)
     own, seeds = deepcopy(tracking_of(env)), range(first, first + runs)
@@ -43,7 +44,9 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
 
 
 def shown_baselines(returns: dict[str, float]) -> str:
-    """Text of the returns, a line each, the least first."""
+    """A table of controllers' mean returns as text: one line for each entry of `returns`, name and return (no unit, two
+    decimals), the least first. `returns` is what `baselines` returns, a mapping from names to mean returns; an empty
+    one gives an empty text. Nothing is checked."""
     rows = sorted(returns.items(), key=lambda row: row[1])
     return "\n".join(f"{name:<28}{value:12.2f}" for name, value in rows)
 

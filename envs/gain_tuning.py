@@ -22,10 +22,13 @@ HALVINGS = 12
 
 @dataclass(frozen=True, eq=False)
 class GainRange:
-    """Range of gains of a controller of r joints that may be moved, each between `lowest` and `highest` times what it
-    is.
+    """Range in which actions move some tunable gains of a `controller` of r joints, each gain between `lowest` and
+    `highest` times its own value, and the map from actions to gains.
 
-    Gains of one number a joint have an action each; others, such as Gamma, have one for all their numbers.
+    `names` are the gains that are moved, keys of `controller.numbers`, a mapping from names to arrays. A gain of one
+    number a joint (r,) takes r actions, another, such as `adaptation.gain`, one for all its numbers; a is the number of
+    all actions. An action x, no unit, in [-1, 1] multiplies by `highest`^x where it is positive, else by
+    (1/`lowest`)^x: 0 leaves the gain. Made by `GainRange.of`, which checks; nothing is checked at construction.
     """
 
     controller: Controller[Any]
@@ -35,10 +38,13 @@ class GainRange:
 
     @classmethod
     def of(cls, controller: Controller[Any], names: Iterable[str], span: float) -> GainRange:
-        """The range from 1 / span to span, or to what the control period carries where all are that large.
+        """The `GainRange` of the gains `names` of a `controller`, from 1/`span` to `span` times what they are (`span`,
+        no unit, above 1). Where the control period cannot carry all these gains at `span` times their values, the upper
+        end is instead the largest factor that it can, at least 1, found by bisection.
 
-        Raises `NotFoundError` for names that are none of `controller.numbers`, `InputError` for what are no names and
-        on a bad span.
+        `names` is one name of `controller.numbers` (its tunable gains) or several. Raises `InputError` for a
+        `controller` that is none, names that are no text and a `span` that is not a finite number above 1;
+        `NotFoundError` for a name that is not there, and for no names.
         """
         require_controller(controller)
         chosen = names_of(names)
@@ -58,17 +64,21 @@ class GainRange:
 
     @property
     def space(self) -> gymnasium.spaces.Box:
-        """The space of actions (a,) of one arm."""
+        """The action space of one arm, `Box(-1, 1, (a,), float32)`, no unit: a is one action for each joint of a gain
+        that has one number a joint, and one for every other gain."""
         return gymnasium.spaces.Box(-1.0, 1.0, (sum(self.sizes.values()),), np.float32)
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Numbers of actions by the gains' names."""
+        """Number of actions of each gain that may be moved, by its name, in the order of the actions: the number of
+        joints for a gain of one number a joint, else 1."""
         shapes = {name: self.controller.numbers[name].shape for name in self.names}
         return {name: self.controller.dof if shape == (self.controller.dof,) else 1 for name, shape in shapes.items()}
 
     def gains(self, actions: Array) -> dict[str, Array]:
-        """The gains that may be moved, by name (..., n), under actions (..., a)."""
+        """The scaled gains under actions (..., a), no unit, clipped to [-1, 1]: a mapping from the name of each gain
+        that may be moved to its m numbers (..., m) in the gain's own unit, a matrix row by row. a is the sum of
+        `sizes`: one action a joint for a gain of one number a joint, else one. Nothing is checked."""
         within = np.clip(actions, -1.0, 1.0)
         factors = np.where(within > 0.0, self.highest, 1.0 / self.lowest) ** within
         ends = np.cumsum(list(self.sizes.values())).tolist()
@@ -76,7 +86,10 @@ class GainRange:
         return {name: self.controller.numbers[name].ravel() * factor for name, factor in parts.items()}
 
     def packed(self, actions: Array) -> Array:
-        """All the controller's numbers (N, g) as `Controller.packed` has them, under actions (N, a)."""
+        """All g tunable numbers of the controller for each of N arms, (N, g), each in its own unit, under the arms'
+        actions (N, a), no unit, clipped to [-1, 1]: in the order of `controller.numbers`, matrices row by row, as
+        `Controller.step_tuned` takes them. Gains that may not be moved keep their values; a is the number of actions of
+        one arm. Nothing is checked."""
         moved, count = self.gains(actions), len(actions)
         rows = [moved.get(name, np.tile(own.ravel(), (count, 1))) for name, own in self.controller.numbers.items()]
         return np.concatenate(rows, axis=1)
@@ -115,16 +128,16 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
     ## Observation space
 
-    That of the environment, (n,), in its units; n = 5r + r L of ours, for r joints and L look-ahead times. `info` has,
-    besides the environment's, `gains`: a mapping from the names to the m numbers (m,) of each gain in the control
-    period that is over, in the gain's own unit.
+    That of the environment, (n,), in its units; n = 5r + r L for a `TrackingEnv` of r joints and L look-ahead times.
+    `info` has, besides the environment's, `gains`: a mapping from the names to the m numbers (m,) of each gain in the
+    control period that is over, in the gain's own unit.
 
     ## Errors
 
     `InputError` for a `controller` that is none or not for the environment's joints, an environment without the
-    `observation_slices` and the `control_period` of ours, or whose observations or actions a wrapper has changed,
-    `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and
-    for none.
+    attributes `observation_slices` and `control_period` of a `TrackingEnv`, or whose observations or actions a wrapper
+    has changed, `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for
+    unknown gains, and for none.
     """  # noqa: E501  # an example
 
     def __init__(
@@ -145,7 +158,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         names to arrays. `seed` is that of the random numbers, None to go on with them; `options` are those of
         `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
         `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none. Raises
-        `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
+        be followed to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
@@ -195,7 +209,8 @@ class TuningVectorEnv(ControlledVectorEnv):
 
 
 def names_of(gains: object) -> tuple[str, ...]:
-    """Names of gains, given as one or several. Raises `InputError` for what are none."""
+    """The names of gains as a tuple, from one name or an iterable of several, `gains`; an empty one gives (). Raises
+    `InputError` for anything else. Whether a controller has gains of these names is not checked."""
     names = (gains,) if isinstance(gains, str) else tuple(gains) if isinstance(gains, Iterable) else None
     if names is None or not all(isinstance(name, str) for name in names):
         raise InputError(f"gains: expected a name, or several, such as ['damping'], got {gains!r:.80}")

@@ -29,11 +29,17 @@ RATE = 5.0
 
 @dataclass(frozen=True, eq=False)
 class NormalisedView:
-    """Observations of a tracking environment as numbers in (-1, 1): x / (|x| + s), which tells small errors well and
-    has no bound where they are cut off.
+    """A view of a tracking environment's observations as numbers x / (|x| + c) in (-1, 1), no unit: large values are
+    never cut off, small errors stay well apart. The object is called with observations (..., n) and returns such
+    numbers (..., n), float32.
 
-    In turn, each (r,): error, velocity error, position from the middle of the joint's range, velocity, the
-    reference's acceleration, and for each time ahead how far the reference then is from the reference now.
+    For r joints and L look-ahead times n = 5r + r L, and x is in turn, each (r,): position error, velocity error,
+    position from the middle of the joint's range, velocity, the reference's acceleration, and for each time ahead how
+    far the reference then is from the reference now; rad, rad/s, rad/s^2 (m, m/s, m/s^2).
+
+    `slices` are the environment's `observation_slices`, a mapping from names such as `p` to their places in an
+    observation; `middle` (r,) are the middles of the joints' ranges, rad (m); `scale` (n,) are the c, each in its x's
+    unit: the x that is seen as 1/2. Made by `NormalisedView.of`; nothing is checked.
     """
 
     slices: Mapping[str, slice]
@@ -43,7 +49,9 @@ class NormalisedView:
 
     @classmethod
     def of(cls, env: TrackingEnv) -> NormalisedView:
-        """The view of an environment's observations."""
+        """The `NormalisedView` of the observations of `env`, a `TrackingEnv`: errors are scaled by a tenth of half the
+        joint's range or of the error bound, whichever is less, velocity errors by 5/s times that, and the rest by half
+        the range, a joint without one having 1 rad (m). Nothing is checked."""
         lower, upper = motion_ranges(env.mechanism)
         half = 0.5 * (upper - lower)
         error = PRECISION * np.minimum(half, env.error_bound)
@@ -53,7 +61,8 @@ class NormalisedView:
 
     @property
     def space(self) -> gymnasium.spaces.Box:
-        """The space of what is seen of one arm."""
+        """The observation space of one arm as seen in this view, `Box(-1, 1, (n,), float32)`, no unit: n = 5r + r L for
+        r joints and L look-ahead times."""
         return gymnasium.spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
 
     def __call__(self, observation: Any) -> Observation:
@@ -121,7 +130,8 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         unit, and `info` of an episode, which begins. `seed` is that of the random numbers, None to go on with them;
         `options` are those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
         "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none.
-        Raises `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        Raises `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops
+        cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
@@ -161,8 +171,9 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
         `seed` s gives arm i the seed s + i, a list each its own, None lets the random numbers go on. `options` are
         those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
         `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), for all arms or one each, None
-        for none. Raises `InputError` for bad seeds and options, `NotFoundError` for unknown ones, Gymnasium's
-        `ResetNeeded` for a part of the arms before the first reset of all.
+        for none. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown ones,
+        `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of the arms
+        before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info
@@ -189,24 +200,51 @@ MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
 
 
 def learning(**settings: Any) -> LearningEnv:
-    """A learning environment, `adaptctl/Learning-v0`: `TrackingEnv` with settings that suit learners where none are
-    given."""
+    """The learning environment `adaptctl/Learning-v0`: a `TrackingEnv` of any robot in a `LearningEnv`, which scales
+    observations and actions to [-1, 1].
+
+    `settings` are arguments of `TrackingEnv` by keyword; those not given have its defaults, but for `control_period`,
+    0.02 s, and `duration`, 5 s. Raises what `TrackingEnv` raises: `InputError` for bad values, of these `NotFoundError`
+    for an unknown built-in robot and `FileError` for a bad file; `TypeError` for an unknown argument.
+    """
     return LearningEnv(TrackingEnv(**DEFAULTS | settings))
 
 
 def puma560_learning(**settings: Any) -> LearningEnv:
-    """A learning environment for the PUMA 560, `adaptctl/Puma560Learning-v0`: `Puma560TrackingEnv` with settings that
-    suit learners."""
+    """The learning environment of the PUMA 560 arm, `adaptctl/Puma560Learning-v0`: a `Puma560TrackingEnv` in a
+    `LearningEnv`, which scales observations and actions to [-1, 1].
+
+    `settings` are arguments of `Puma560TrackingEnv` by keyword; those not given have its defaults, but for
+    `control_period`, 0.02 s, and `duration`, 5 s. Raises what that environment raises: `InputError` for bad values, of
+    these `NotFoundError` for an unknown built-in robot and `FileError` for a bad file; `TypeError` for an unknown
+    argument.
+    """
     return LearningEnv(Puma560TrackingEnv(**DEFAULTS | settings))
 
 
 def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """A learning environment for many arms, `adaptctl/Learning-v0`, whose episodes begin again in the same step."""
+    """The learning environment `adaptctl/Learning-v0` of `num_envs` arms: a `VectorTrackingEnv` of any robot in a
+    `LearningVectorEnv`, which scales observations and actions to [-1, 1]. An arm whose episode ends begins the next in
+    the same step (`autoreset_mode` "SameStep").
+
+    `settings` are arguments of `VectorTrackingEnv` by keyword; those not given have its defaults, but for
+    `control_period`, 0.02 s, `duration`, 5 s, and `autoreset_mode`. Raises what that environment raises: `InputError`
+    for bad values, of these `NotFoundError` for unknown names and `FileError` for a bad file; `TypeError` for an
+    unknown argument.
+    """
     return LearningVectorEnv(VectorTrackingEnv(num_envs, **MANY | settings))
 
 
 def many_puma560_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """A learning environment for many PUMA 560, `adaptctl/Puma560Learning-v0`."""
+    """The learning environment `adaptctl/Puma560Learning-v0` of `num_envs` PUMA 560 arms: a `Puma560VectorTrackingEnv`
+    in a `LearningVectorEnv`, which scales observations and actions to [-1, 1]. An arm whose episode ends begins the
+    next in the same step (`autoreset_mode` "SameStep").
+
+    `settings` are arguments of `Puma560VectorTrackingEnv` by keyword; those not given have its defaults, but for
+    `control_period`, 0.02 s, `duration`, 5 s, and `autoreset_mode`. Raises what that environment raises: `InputError`
+    for bad values, of these `NotFoundError` for unknown names and `FileError` for a bad file; `TypeError` for an
+    unknown argument.
+    """
     return LearningVectorEnv(Puma560VectorTrackingEnv(num_envs, **MANY | settings))
 
 
@@ -225,7 +263,8 @@ def _observed(env: Any) -> TrackingEnv:
 
 
 def tracking_of(env: Any) -> TrackingEnv:
-    """The tracking environment that an environment, of one arm or of many, is made on."""
+    """The `TrackingEnv` under the wrappers of an environment `env`; for a vector environment of many arms, the single
+    one that all its arms are like. Raises `InputError` for an environment that is not made on a `TrackingEnv`."""
     inner = getattr(env, "unwrapped", env)
     inner = getattr(inner, "single", inner)
     if not isinstance(inner, TrackingEnv):

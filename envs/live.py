@@ -14,12 +14,13 @@ from adaptctl.recording.live import Live
 
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
-    """A wrapper of a single-arm environment that shows each of its control periods in `live`, a `Live` view, and
-    changes nothing else.
+    """A wrapper of a single-arm environment that shows each of its control periods in `live`, a `Live` view (curves and
+    the arm, drawn by the rerun viewer), and changes nothing else.
 
-    `env` is one of ours, or one whose `env.unwrapped` has a `control_period` (s) and `observation_slices`, a mapping
-    from `p` and `reference_p`, positions and the reference's, to their slices (r,) of the observation, r joints. Raises
-    `InputError` for another one, and for one in wrappers that change its observations: put these around this one.
+    `env` is an environment of adaptctl, or one whose `env.unwrapped` has a `control_period` (s) and
+    `observation_slices`, a mapping from `p` and `reference_p`, positions and the reference's, to their slices (r,) of
+    the observation, r joints. Raises `InputError` for another one, and for one in wrappers that change its
+    observations: put these around this one.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:

@@ -32,15 +32,24 @@ FADE_SLOPE = 1.875
 
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
-    """The reference that is meant; a new random one is drawn from `rng`. Raises `InputError` where none is meant."""
+    """The reference that `trajectory` stands for, a function from times (s) to a `ReferencePoint` (positions,
+    velocities, accelerations): a `Reference` itself; for a seed the random one of that seed; for "random" or None a new
+    random one, drawn from `rng`. Random ones are those of `random_sinusoids` for the `mechanism`. Raises `InputError`
+    for anything else, and where a mechanism's loops leave no room for a random one."""
     return all_drawn([trajectory], mechanism, lambda _: rng)[0]
 
 
 def all_drawn(
     trajectories: Sequence[Trajectory], mechanism: Mechanism, generator: Callable[[int], np.random.Generator]
 ) -> list[Reference]:
-    """The references that trajectories stand for; a new random one, the k-th, is drawn from `generator(k)`, and equal
-    seeds share one. Raises `InputError` for what stands for none."""
+    """The references that `trajectories` stand for, as many, each a function from times (s) to a `ReferencePoint`
+    (positions, velocities, accelerations). Each trajectory is a `Reference`, which stands for itself; a seed, a whole
+    number of at least 0, equal ones sharing one reference; or "random" or None for a new random one, of which the one
+    of index k is drawn from `generator(k)`.
+
+    Random ones are those of `random_sinusoids` for the `mechanism`. Raises `InputError` for anything else, and where a
+    mechanism's loops leave no room for a random one.
+    """
     sources: dict[Hashable, np.random.Generator] = {}
     keys: list[Hashable] = []
     for k, given in enumerate(trajectories):
@@ -58,7 +67,9 @@ def all_drawn(
 
 
 def require_trajectory(given: object, what: str = "trajectory") -> None:
-    """Raise `InputError` for what stands for no reference."""
+    """Raise `InputError` unless `given` stands for a reference: a callable, as a `Reference` is, a seed (a whole number
+    of at least 0), "random" or None. `what` is the name by which the message calls it, "trajectory" unless given. The
+    callable is not called."""
     is_seed = isinstance(given, int | np.integer) and given >= 0
     is_word = given is None or (isinstance(given, str) and given == "random")
     if not (is_seed or is_word or callable(given)):
@@ -78,7 +89,9 @@ def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoid
 
 
 def many_random_sinusoids(mechanism: Mechanism, rngs: Iterable[np.random.Generator]) -> list[Sinusoids]:
-    """One `random_sinusoids` for each generator; loops are tried for all at once."""
+    """A list of random references for a `mechanism`, one `Sinusoids` for each generator in `rngs`: those that
+    `random_sinusoids` gives of each, in the same order. The loops of a mechanism are tried for all together, which is
+    faster than one after the other. Raises `InputError` where no reference fits within the loops."""
     references = [_within_limits(mechanism, rng) for rng in rngs]
     return references if mechanism.continuation is None else _where_loops_allow(mechanism, references)
 

@@ -35,15 +35,15 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
     ## Observation space
 
-    That of the environment, (n,), in its units; n = 5r + r L of ours, for L look-ahead times. `info` has, besides the
-    environment's, `base_torque` (r,), N m (N): the controller's torque in the control period that is over, after a
-    reset in the first one to come.
+    That of the environment, (n,), in its units; n = 5r + r L for a `TrackingEnv` with L look-ahead times. `info` has,
+    besides the environment's, `base_torque` (r,), N m (N): the controller's torque in the control period that is over,
+    after a reset in the first one to come.
 
     ## Errors
 
     `InputError` for a `controller` that is none or not for the environment's joints, an environment without the
-    `observation_slices` and the `control_period` of ours, or whose observations or actions a wrapper has changed, and a
-    `share` that is not above 0 and at most 1.
+    attributes `observation_slices` and `control_period` of a `TrackingEnv`, or whose observations or actions a wrapper
+    has changed, and a `share` that is not above 0 and at most 1.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
@@ -62,7 +62,8 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         (N), r joints. `seed` is that of the random numbers, None to go on with them; `options` are those of
         `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
         `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none. Raises
-        `InputError` for bad options, `NotFoundError` for unknown ones, Gymnasium's `Error` for a bad seed."""
+        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
+        be followed to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)
@@ -115,8 +116,13 @@ class ResidualVectorEnv(ControlledVectorEnv):
 
 
 def parts_of(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> list[slice]:
-    """Slices of the parts of an observation for a controller. Raises `InputError` for what is no controller, and where
-    wrappers have changed observations or actions, which are to be those of the plant."""
+    """The places in an observation of what a `controller` is given, a list of five slices: positions p, velocities v,
+    and the reference's positions, velocities and accelerations. `env` is a single-arm environment, in wrappers or not.
+
+    Raises `InputError` for what is no `Controller`, for an environment whose `unwrapped` has no `observation_slices`
+    with these names or no `control_period`, for another number of joints than the controller's, and where wrappers have
+    changed the observation or the action space.
+    """
     require_controller(controller)
     parts, _ = interface(env, controller)
     inner = env.unwrapped

@@ -14,13 +14,13 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights of the reward of tracking: those of the squared errors and torques, summed over the joints, that are
-    subtracted at each control period.
+    """Weights of the reward of tracking a reference: those of the squared errors and torques, summed over the joints,
+    that are subtracted at each control period.
 
     `position`, per rad^2 (m^2) of tracking error; `velocity`, per (rad/s)^2 ((m/s)^2) of velocity error; `torque`, no
-    unit, per square of torque over its limit; `termination`, no unit, is subtracted once when an error passes its
-    bound. Without it a learner whose every reward is negative would do best by ending the episode at once. Raises
-    `InputError` for a weight that is no number, negative or not finite.
+    unit, per square of torque over its limit; `termination`, no unit, is subtracted once when an episode is terminated,
+    as by an error that passes its bound. Without it a learner whose every reward is negative would do best by ending
+    the episode at once. Raises `InputError` for a weight that is no number, negative or not finite.
     """
 
     position: float = 1.0

@@ -15,12 +15,14 @@ from adaptctl.errors import InputError, NonFiniteError
 
 
 def control_period_of(given: object) -> float:
-    """A control period in s. Raises `InputError` for what is none."""
+    """The control period `given`, s, as a float. Raises `InputError` unless it is a positive finite number."""
     return positive_number(given, "control_period: expected a positive time in s")
 
 
 def steps_of(duration: object, control_period: float) -> int:
-    """Number of control periods (s) in a duration (s). Raises `InputError` for less than one."""
+    """The number of control periods, each of `control_period` (s), in a `duration` (s), rounded to the nearest whole
+    number. Raises `InputError` for a `duration` that is no positive finite number, or shorter than one control
+    period."""
     what = f"duration: expected at least one control period of {control_period:g} s"
     if (length := positive_number(duration, what)) < control_period:
         raise InputError(f"{what}, got {length}")
@@ -28,8 +30,8 @@ def steps_of(duration: object, control_period: float) -> int:
 
 
 def times_ahead_of(given: Sequence[float]) -> Array:
-    """Look-ahead times (L,), s. Raises `InputError` for another shape, and for times that are negative or not
-    finite."""
+    """The look-ahead times, L of them, (L,), s, as a read-only float64 array, from a sequence `given`, which may be
+    empty. Raises `InputError` for another shape, what are no numbers, and times that are negative or not finite."""
     times = frozen_array(given, (np.size(given),), "look_ahead")
     if (times < 0.0).any():
         raise InputError(f"look_ahead: expected times of at least 0 s, got {times.tolist()}")
@@ -37,20 +39,22 @@ def times_ahead_of(given: Sequence[float]) -> Array:
 
 
 def initial_error_of(given: ArrayLike, dof: int) -> Array:
-    """Initial errors (r,), rad (m), from one number or one a joint. Raises `InputError` on another shape,
-    `NonFiniteError` on NaN and infinity."""
+    """The initial position errors (r,) of r joints, rad (m if prismatic), from one number for all or one a joint,
+    `given`; `dof` is r. Raises `InputError` for another shape and what are no numbers, `NonFiniteError` on NaN and
+    infinity."""
     return finite_numbers(per_joint(given, dof, "initial_error"), "initial_error")
 
 
 def weights_of(given: object) -> RewardWeights:
-    """Weights of the reward, None for the defaults. Raises `InputError` for others."""
+    """The `RewardWeights` given, or the default ones for None. Raises `InputError` for anything else."""
     if given is not None and not isinstance(given, RewardWeights):
         raise InputError(f"reward_weights: expected RewardWeights(...), got {given!r:.80}")
     return given or RewardWeights()
 
 
 def finite_numbers(given: ArrayLike, what: str) -> Array:
-    """Numbers of any shape. Raises `InputError` for what are none, `NonFiniteError` on NaN and infinity."""
+    """The numbers `given` as a float64 array of the same shape, whatever it is. Raises `InputError` for what are no
+    numbers, `NonFiniteError` on NaN and infinity; `what` is the name by which messages call them."""
     array = numbers(given, what)
     if not np.isfinite(array).all():
         place = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
@@ -59,14 +63,17 @@ def finite_numbers(given: ArrayLike, what: str) -> Array:
 
 
 def require_integrator(given: object) -> None:
-    """Raise `InputError` for what is neither an integrator nor None."""
+    """Raise `InputError` unless `given` is an integrator, an object with the members `step` and `implicit` such as
+    `RungeKutta4()`, or None. A class in place of an object is refused."""
     if given is not None and (isinstance(given, type) or not (hasattr(given, "step") and hasattr(given, "implicit"))):
         raise InputError(f"integrator: expected an Integrator, such as RungeKutta4(), or None, got {given!r:.80}")
 
 
 def require_reference(given: Trajectory, dof: int) -> None:
-    """Raise `InputError` for what stands for no reference, and for a reference of another number of joints; lists, one
-    reference for each of many arms, are looked at when these begin."""
+    """Raise `InputError` unless `given` stands for a reference of `dof` joints: a callable (a `Reference`), a seed (a
+    whole number of at least 0), "random" or None. A callable is called with the time 0 s as an array (1,), and must
+    return positions, velocities and accelerations, (1, `dof`) each; what it raises goes through. A list, tuple or array
+    of several, one for each of many arms, passes here and is checked at a reset."""
     if isinstance(given, list | tuple | np.ndarray):
         return
     require_trajectory(given, "reference")

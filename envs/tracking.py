@@ -225,8 +225,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The running episode's reference: a function from times (s) to a `ReferencePoint`. Raises Gymnasium's
-        `ResetNeeded` before the first reset."""
+        """The running episode's reference: a function from times (s) to a `ReferencePoint`, positions, velocities and
+        accelerations of the joints in rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises Gymnasium's `ResetNeeded` before the
+        first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
@@ -289,9 +290,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
-        """The running episode as an `Episode` for `simulate`: plant, state, parameters, reference, random numbers,
-        control periods left (0 where it is over), judge of rewards and ends. Raises Gymnasium's `ResetNeeded` before
-        the first reset."""
+        """The running episode as an `Episode`, from which `simulate` goes on in native code: the plant and its state,
+        the true inertial parameters, the reference, the random generator, the number of control periods left (0 where
+        it is over), and the function that computes rewards and ends. `take_back` gives the episode back. Raises
+        Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("hand_over")
         return Episode(
             self.plant,
@@ -304,9 +306,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """The `info` (true parameters, energy and more) of an episode that `hand_over` gave away and goes on from
-        `state`. It took `steps` control periods, `clipped` of them with a clipped torque; `terminated` is True if it
-        ended. Nothing is checked. Raises Gymnasium's `ResetNeeded` before the first reset."""
+        """The `info` (true parameters, energy and more) of an episode that `hand_over` gave away and that goes on here
+        from `state`, the plant's. `steps` is the number of control periods it took since, `clipped` that of those with
+        a clipped torque; `terminated` is True if it ended. Nothing is checked. Raises Gymnasium's `ResetNeeded` before
+        the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps

@@ -17,9 +17,9 @@ __all__ = ["EXPERIMENTS", "GROUP", "Entry", "find", "offered"]
 
 
 class Entry(NamedTuple):
-    """Entry of the list of experiments, all that is needed to choose one without importing it: `name`, as the command
-    line takes it, such as "two-arms"; `summary`, a line of words; `module`, the Python module that defines the
-    experiment; and `kind`, the name of its class there."""
+    """Entry of the list of built-in experiments, all that is needed to choose one without importing it: `name`, as the
+    command line takes it, such as "two-arms"; `summary`, one line of words; `module`, the full name of the Python
+    module that defines the experiment; and `kind`, the name of its class there. Nothing is checked at construction."""
 
     name: str
     summary: str

@@ -92,9 +92,19 @@ EULER = "gradient-euler"
 @dataclass(frozen=True)
 class AdaptationLaws(RoughStart, Learning):
     """Experiment that compares adaptation laws and control laws on one arm, reference and seed, all from one rough
-    model, which has every link's parameters off by `parameter_error`: Slotine and Li's control law with each adaptation
-    law of `laws`, and the other control laws. Raises at construction `NotFoundError` for an unknown law or motion,
-    `InputError` for a law given twice or a setting out of bounds."""
+    model, which has every link's parameters off by `parameter_error`, a share: Slotine and Li's control law with each
+    adaptation law of `laws`, and the other control laws in it.
+
+    In the settings, s is the sliding variable, the velocity error plus the bandwidth times the position error.
+    `leakage` and `sliding_leakage` are the leaks of sigma- and e-modification towards the rough model; `prediction`,
+    `cutoff` and `forgetting` belong to laws that learn from errors of predicted, filtered torques; `recall`,
+    `excitation` and `alarm` to the memory of composite learning; `samples` and `novelty` to the stack of samples that
+    concurrent learning keeps. `first_estimate` is in words for the report, `comparing` tells there how laws are
+    compared; `error_bound` (rad or m) is the joint error that ends a run.
+
+    Raises at construction `NotFoundError` for an unknown law or motion, `InputError` for a law given twice or a setting
+    of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
+    """
 
     name: ClassVar[str] = "adaptation-laws"
     title: ClassVar[str] = "{robot}: adaptation laws and control laws side by side"
@@ -153,7 +163,7 @@ class AdaptationLaws(RoughStart, Learning):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question for its report: which laws do best from a rough model."""
+        """Text of the experiment's question, a paragraph for its report: which laws do best from a rough model."""
         return (
             "An arm whose links are known within "
             f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. {self.comparing}"
@@ -167,16 +177,22 @@ class AdaptationLaws(RoughStart, Learning):
     """Sentences on how laws are compared, and by which measure."""
 
     def compare(self, progress: Progress) -> Comparison:
-        """Comparison of the runs of all controllers, its answer with a note on laws that never found enough excitation
-        to store. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a
-        reference that the arm cannot follow, `GainError` for gains too large for the control period."""
+        """Comparison of the runs of all controllers, its answer with a note on each law that found no excitation above
+        its threshold and so stored nothing to learn from. `progress(what, share)` gets the step's name and the share
+        done, 0 to 1. Ctrl-C keeps the runs begun, as a comparison that is not complete.
+
+        Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
+        unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
+        period; `RankError` where the number of fundamental (base) parameters cannot be certified.
+        """
         done = super().compare(progress)
         notes = [*([done.answer] if done.answer else []), *forgotten_notes(done.findings)]
         return replace(done, answer=" ".join(notes) or None)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment with the arm's reference, torque limits and plant effects such as noise; an
-        error above `error_bound` ends a run. Raises `InputError` for a reference that the arm cannot follow."""
+        """Gymnasium tracking environment of a mechanism with its reference, torque limits and effects of the plant
+        besides rigid links, such as noise; a joint error above `error_bound` (rad or m) ends a run. Raises `InputError`
+        for a reference that the arm cannot follow."""
         import gymnasium
 
         return gymnasium.make(
@@ -195,19 +211,24 @@ class AdaptationLaws(RoughStart, Learning):
     """rad or m: the error of a joint that ends a run"""
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """Largest torques (r,) that the motors of the r primary joints give, N m (N for a prismatic joint)."""
+        """Largest torques (r,) that the motors of the r primary (independently moving) joints give, N m (N if
+        prismatic): the mechanism's limits, or, where a joint has none, four times the largest torque that it needs in
+        200 random states."""
         return finite_torque_limits(mechanism)
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the plant: an encoder with velocity noise (deviation `velocity_noise`, rad/s), none if 0."""
+        """Effects of the plant besides rigid links: an encoder with velocity noise of standard deviation
+        `velocity_noise` (rad/s), none if that is 0."""
         from adaptctl.simulation.effects import Encoder
 
         if self.velocity_noise:
             yield Encoder(velocity_noise=self.velocity_noise)
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Reference of r joints, rad: five sinusoids each about a bent posture (with loops, home), by seed, or the most
-        exciting Fourier series. Raises `InputError` for over six joints, and, if most exciting, for loops."""
+        """Reference of the mechanism's r primary (independently moving) joints, rad: a sum of five sinusoids for each,
+        drawn by seed, about a posture with a bent elbow (with closed loops, about the home position), or, where
+        `motion` is "exciting", the most exciting Fourier series. Raises `InputError` for more than six joints and, for
+        the Fourier series, for closed loops."""
         if self.motion == EXCITING:
             return most_exciting(mechanism, self.seed)
         if mechanism.dof > len(CENTER):
@@ -219,8 +240,9 @@ class AdaptationLaws(RoughStart, Learning):
         return Sinusoids(center, self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Reference:
-        """Reference of the r primary joints that is run: `reference`, brought to rest at `halt` (s) unless that is 0.
-        Raises `InputError` where closed loops do not allow all of it, and as `reference` does."""
+        """Reference of the r primary (independently moving) joints, rad, that is run: the one that `reference` returns,
+        brought to rest at `halt` (s) unless that is 0. Raises `InputError` where closed loops do not allow all of it,
+        and as `reference` does."""
         moving = self.reference(mechanism)
         reference = Halted(moving, self.halt) if self.halt else moving
         p = reference(np.linspace(0.0, self.duration, REACHES)).p
@@ -233,7 +255,8 @@ class AdaptationLaws(RoughStart, Learning):
         return reference
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings for the report: the reference's form and frequencies, Hz. `env` (environment) is unused."""
+        """Settings for the report: the reference's form and frequencies, Hz, each with name, value and meaning. `env`,
+        the tracking environment, is not used."""
         if self.motion == EXCITING:
             yield Setting("reference", "Fourier series of five harmonics of 0.1 Hz a joint", "optimised for condition")
             return
@@ -242,8 +265,9 @@ class AdaptationLaws(RoughStart, Learning):
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Contenders (controllers to compare, with names) in the order in which they run: one for each of `laws`, the
-        first the experiment's subject, then one with adaptation off; `basis` has the mechanism's k fundamental (base)
-        parameters, which they adapt. Raises `GainError` for gains too large for the control period."""
+        first the experiment's subject, then one with adaptation off. `basis` has the mechanism's k fundamental (base)
+        parameters, which they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a
+        basis of another geometry than the mechanism's."""
         model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
         gains, first = self.gains(mechanism), self.first(model)
         knows = f"links within {100 * self.parameter_error:.0f} %"
@@ -331,8 +355,9 @@ class AdaptationLaws(RoughStart, Learning):
         }
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: each law's parameter error at the end (a share of the torque of all parameters, by
-        the fundamental ones of `basis`), what its memory stored, and the median time, us, of a torque in Python."""
+        """Findings, named numbers: each law's parameter error at the end, a share (no unit) of the torque of all
+        parameters; what its memory stored; and the median time, us, of computing one torque on Python's floats.
+        `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
         errors = self._errors(outcome, basis)
         contenders = {c.name: c for c in self.contenders(errors.model.mechanism, basis)}
         for run in outcome.runs:
@@ -345,8 +370,8 @@ class AdaptationLaws(RoughStart, Learning):
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the least and the greatest parameter error at the end, of the laws that adapt; None where none
-        has one. `found` has the findings by name."""
+        """Sentence with the least and the greatest parameter error (no unit) at the end, of the laws that adapt; None
+        where no law does. `outcome` has the runs, `found` the findings by name."""
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = found.span("parameter_error", adapting)
@@ -354,7 +379,8 @@ class AdaptationLaws(RoughStart, Learning):
         return f"{start} {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure (`Drawing`) of parameter errors (no unit) over time, s, on the base parameters of `basis`."""
+        """Figure for the report, as a `Drawing`: parameter errors (no unit) over time, s. `outcome` has the runs,
+        `basis` the fundamental (base) parameters by which errors are measured."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._errors(outcome, basis)
@@ -376,9 +402,9 @@ class AdaptationLaws(RoughStart, Learning):
 
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """Fourier series, rad, on which a mechanism's regressor of base parameters is conditioned best, found by
-    `exciting_reference` with `seed`; the last four are cached. Raises `InputError` for a mechanism with closed
-    loops."""
+    """Fourier series of joint positions, rad, on which a mechanism's regressor of base parameters has the least
+    condition number, found by `exciting_reference` with `seed`; the last four are cached. Raises `InputError` for a
+    mechanism with closed loops, `RankError` where the number of base parameters cannot be certified."""
     from adaptctl.control import exciting_reference
 
     if mechanism.description.loops is not None:
@@ -389,7 +415,8 @@ def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
 
 def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
     """Median time, s, in which a controller computes one torque on Python's floats, not compiled: over 20 states spread
-    evenly over a run, each with the controller's first state."""
+    evenly over a run, each with the controller's memory before its first tick. Raises `IndexError` for a run without
+    samples."""
     o, on_floats = run.rollout, controller.on_floats
     kept = leaves(controller.init(o.p[0], o.v[0]))
     costs = []

@@ -36,9 +36,13 @@ PLANTS = ("adaptctl", "mujoco")
 @dataclass(frozen=True)
 class AdaptiveTracking(Learning):
     """Experiment of learning to track on any arm from knowing none of its inertial parameters: reference, gains and
-    integration are those that `tune` chooses for it, and the plant is adaptctl's own or MuJoCo. Raises `InputError` at
-    construction for another `plant`, for a floating base in MuJoCo, and for a setting of the wrong type or out of its
-    bounds, `NonFiniteError` for NaN or infinity."""
+    integration steps are those that `tune` chooses for it, and the plant is adaptctl's own or MuJoCo.
+
+    In the settings' formulas T_c is the control period, M the mass matrix, B the viscous friction, K the damping, Y the
+    regressor, Γ the adaptation gain and λ_max the largest eigenvalue. Raises `InputError` at construction for another
+    `plant`, for a floating base in MuJoCo, and for a setting of the wrong type or out of its bounds, `NonFiniteError`
+    for NaN or infinity.
+    """
 
     name: ClassVar[str] = "adaptive"
     title: ClassVar[str] = "{robot}: learning to track from knowing nothing"
@@ -99,15 +103,15 @@ class AdaptiveTracking(Learning):
         return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
-        """Tuning of a mechanism, `Tuning`: the reference, gains and integration for this experiment's settings; the
-        last four are cached. With MuJoCo, the reference is kept clear of contacts. Raises `InputError` where no gains
-        can hold a joint."""
+        """Tuning of a mechanism, `Tuning`: the reference, gains, torque limits and integration steps that `tune`
+        chooses for this experiment's settings; the last four tunings are cached. With MuJoCo, the reference is kept
+        clear of contacts. Raises `InputError` where no gains can hold a joint."""
         return _tuned(self, mechanism)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a mechanism on its tuned reference, with the tuned torque limits, N m (N),
-        and first error, rad (m), moved by adaptctl's plant or by MuJoCo. Raises `InputError` where no gains can hold a
-        joint."""
+        """Gymnasium tracking environment of a mechanism on its tuned reference, with the tuned torque limits, N m (N if
+        prismatic), and first error, rad (m), moved by adaptctl's plant or by MuJoCo. Raises `InputError` where no gains
+        can hold a joint, `FileError` for a MuJoCo scene that cannot be used."""
         import gymnasium
 
         tuning = self.tuning(mechanism)
@@ -137,13 +141,15 @@ class AdaptiveTracking(Learning):
         return {"body": self.root or None, "servos_off": self.servos_off}
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Tuned gains of Slotine and Li's law for the r primary joints: the bandwidth Lambda (r,), 1/s, and the damping
-        K (r,), N m s/rad (N s/m for a prismatic joint). Raises `InputError` where none can hold a joint."""
+        """Tuned gains of Slotine and Li's law for the r primary (independently moving) joints: the bandwidth Lambda
+        (r,), 1/s, and the damping K (r,), N m s/rad (N s/m if prismatic). Raises `InputError` where no gains can hold a
+        joint."""
         return self.tuning(mechanism).gains
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Tuned adaptation gain Gamma, in the parameters' SI units squared per J: its diagonal (P,) for a model of all
-        P parameters, or, mapped from these, the matrix (k, k) for one of k fundamental (base) parameters."""
+        P parameters or, mapped from these, the matrix (k, k) for one of k fundamental (base) parameters. Raises
+        `InputError` where no gains can hold a joint of the model's mechanism."""
         tuning = self.tuning(model.mechanism)
         everything = len(model.columns) == len(model.mechanism.parameter_names)
         return tuning.adaptation if everything else tuning.gain_on(model)
@@ -152,17 +158,20 @@ class AdaptiveTracking(Learning):
         self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
     ) -> SlotineLi:
         """Slotine and Li's control law on a `model` of k parameters, with the tuned gains. `adaptation` is an
-        adaptation law, or the gain Gamma, (k,) or (k, k), or None for none; `first` (k,) is the first estimate in SI
-        units, zeros where None. Raises `GainError` for gains too large for the control period along the tuned
-        reference, `InputError` for other shapes."""
+        adaptation law, or the gain Gamma, (k,) or (k, k), in the parameters' SI units squared per J, or None to switch
+        adaptation off; `first` (k,) is the first estimate in SI units, zeros where None. Raises `GainError` for gains
+        too large for the control period along the tuned reference, `InputError` for other shapes and where no gains can
+        hold a joint."""
         tuning = self.tuning(model.mechanism)
         gains, given = tuning.gains, (first, self.control_period, tuning.workspace, tuning.torque_limits)
         return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, *given)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: those of `Learning` but the
-        one with the mapped gain, for the first, the experiment's subject, has that gain already. `basis` has the
-        mechanism's k fundamental (base) parameters."""
+        """Contenders (controllers to compare, with names) in the order in which they run, the first being the
+        experiment's subject: Slotine and Li's law on the k fundamental (base) parameters in `basis`; with adaptation
+        off; computed torque with true, wrong and no parameters; and Slotine and Li's law on all parameters. Each
+        controller is made when first asked for, which raises `GainError` for gains too large for the control period.
+        Raises `InputError` for a basis of another geometry than the mechanism's."""
         return [contender for contender in super().contenders(mechanism, basis) if contender.name != MAPPED]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
@@ -173,8 +182,8 @@ class AdaptiveTracking(Learning):
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
         """Text for the report on the adaptation gain Gamma of a mechanism: its rule, and the adaptation number that was
-        tuned, the largest eigenvalue of T_c K^-1 Y Gamma Y' (no unit; T_c the control period, K the damping, Y the
-        regressor)."""
+        tuned, the largest eigenvalue of T_c K^-1 Y Gamma Y' along the reference (no unit; T_c the control period, K the
+        damping, Y the regressor). Raises `InputError` where no gains can hold a joint."""
         number = self.tuning(mechanism).adaptation_number
         return f"as the prior ranges of typical inertias and reach, up to an adaptation number of {number:.3g}, mapped"
 

@@ -28,8 +28,13 @@ STAGE = "Costs of added mass"
 class AddedMassStudy(Experiment):
     """Experiment on where a mass may be added to an arm: how much a point mass, a gripper, a camera and a motor on
     every link change the arm's energy over random states, and where a mass makes it smaller; Sheu and Walker (1991)
-    leave the question open. Raises `InputError` at construction for a setting of the wrong type or out of its bounds,
-    `NonFiniteError` for NaN or infinity."""
+    leave the question open.
+
+    The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
+    joint to the next; the components that `energy_error` is about are parts of the inertial parameters, as many as
+    carry all energy but that error. Raises `InputError` at construction for a setting of the wrong type or out of its
+    bounds, `NonFiniteError` for NaN or infinity.
+    """
 
     name: ClassVar[str] = "added-mass"
     title: ClassVar[str] = "{robot}: where a mass may be added"
@@ -44,17 +49,20 @@ class AddedMassStudy(Experiment):
     def run(self, progress: Progress) -> Result:
         """Result of the study: its outcome in words, facts, and a function that writes its folder. `progress(what,
         share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for an unknown robot,
-        `FileError` for a file that cannot be used, `InputError` for one without ten parameters a link."""
+        `FileError` for a file that cannot be used, `InputError` for an arm whose energy does not vary, or that has
+        relations which bind some of its inertial parameters, `RankError` where its number of base parameters cannot be
+        certified."""
         from adaptctl.recording.designed.wording import facts, outcome_words
 
         study = self.study(progress)
         return Result(True, outcome_words(study), tuple(facts(study)), Verdict(), partial(self._write, study))
 
     def study(self, progress: Progress) -> DesignStudy:
-        """Design study of the robot: effects of masses added to every link, optimal counterweights and removable
-        parameters, over random states within the joints' limits. `progress(what, share)` gets the step's name and the
-        share done, 0 to 1. Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be used,
-        `InputError` for one without ten parameters a link."""
+        """Design study of the robot, a `DesignStudy`: effects of masses added to every link, optimal counterweights and
+        removable parameters, over random states within the joints' limits. `progress(what, share)` gets the step's name
+        and the share done, 0 to 1. Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be
+        used, `InputError` for an arm whose energy does not vary, or that has relations which bind some of its inertial
+        parameters, `RankError` where its number of base parameters cannot be certified."""
         progress(STAGE, 0.0)
         task = DesignTask.within_limits(load(self.robot), self.samples, self.seed, self.speed)
         found = design_study(task, self.mass, share=self.share, percent=self.energy_error, seed=self.seed)
@@ -82,7 +90,8 @@ class AddedMassStudy(Experiment):
 
 def bodies(study: DesignStudy) -> dict[str, dict[str, float]]:
     """Relative changes (no unit, 0.1 for 10 % more) of an arm's root mean square energy when a gripper, a camera or a
-    motor is added to a link, its centre of mass at the link's: by the body's name, then the link's."""
+    motor is added to a link, its centre of mass at the link's: a dict by the body's name of dicts by the link's.
+    `study` has the arm and its states. Nothing is checked."""
     links = [places.link for places in study.within]
     return {
         name: {
@@ -94,7 +103,7 @@ def bodies(study: DesignStudy) -> dict[str, dict[str, float]]:
 
 def bodies_figure(study: DesignStudy) -> Figure:
     """Matplotlib figure of the changes, %, of an arm's root mean square energy by a gripper, a camera and a motor on
-    each of its links, as bars, for a design study."""
+    each of its links, as bars, for the arm and states of a design `study`."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

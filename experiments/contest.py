@@ -35,9 +35,10 @@ MANY, FEW = 600_000, 30_000
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """Contender of a contest, a comparison of controllers on one environment: `name`, short and fit for a file;
-    `label`, for legends; `knows`, in words what it knows of the arm beforehand; and `make`, a function without
-    arguments that makes its controller when that is first asked for."""
+    """Contender of a contest, which is a comparison of controllers on one environment: `name`, short, fit for a file
+    and no other contender's; `label`, for legends; `knows`, in words what the controller knows of the arm beforehand;
+    and `make`, a function without arguments that makes the controller, called once, when it is first asked for. Nothing
+    is checked at construction."""
 
     name: str
     label: str
@@ -46,8 +47,8 @@ class Contender:
 
     @classmethod
     def of(cls, name: str, label: str, knows: str, controller: Controller[Any]) -> Contender:
-        """Contender of a contest whose `controller` is made already; `name` is short and fit for a file, `label` is for
-        legends, and `knows` says what it knows of the arm beforehand."""
+        """Contender of a contest whose `controller` is made already: `name`, short and fit for a file; `label`, for
+        legends; and `knows`, in words what the controller knows of the arm beforehand. Nothing is checked."""
         return cls(name, label, knows, lambda: controller)
 
     @cached_property
@@ -60,7 +61,8 @@ class Contender:
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """Outcome of a contest of controllers: the `mechanism` that they drove; `runs`, one for each controller, in their
-    order; and `complete`, False where the contest was interrupted: `runs` are then those that were begun."""
+    order; and `complete`, False where the contest was interrupted: `runs` are then those that were begun. Nothing is
+    checked at construction."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -80,9 +82,11 @@ def contest(
     payload.
 
     `progress(label, share)` gets the contender's label and the share of its run that is done, 0 to 1. All controllers
-    are made before anything runs, so that what their making raises comes first. Of long contests only some control
-    periods are recorded. Ctrl-C ends the contest: the runs that were begun are returned, as not complete;
-    `KeyboardInterrupt` is raised where there are none, and for an environment that gives no sample.
+    are made before anything runs, so that what their making raises, such as `GainError`, comes first. Where all runs
+    together have more than 600 000 control periods, at most 30 000 of them are recorded. Raises `InputError` for an
+    environment that a controller cannot drive, `NonFiniteError` where a motion runs away. Ctrl-C ends the contest: the
+    runs that were begun are returned, as not complete; `KeyboardInterrupt` is raised where there are none, and for an
+    environment that gives no sample.
     """
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
@@ -111,9 +115,10 @@ def thinning(samples: int) -> int:
 def live_subject(
     env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int, options: Mapping[str, Any]
 ) -> LiveArm | str:
-    """Closed loop of an environment and a controller as a `LiveArm`, WebAssembly for a report's page to run live, from
-    the state in which `env` begins with `seed` and `options` of its reset; or the reason, a text, why it cannot be
-    made, such as a plant of another simulator."""
+    """Closed loop of an environment and a controller as a `LiveArm`, a WebAssembly module that a report's page runs in
+    the browser, from the state in which `env` begins with `seed` and `options` of its reset; or the reason, a text, why
+    it cannot be made, such as a plant of another simulator, effects such as a payload, or a reference that is no sum of
+    sinusoids."""
     if not hasattr(env.unwrapped, "hand_over"):
         return f"{type(env.unwrapped).__name__} does not tell what it is made of"
     if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
@@ -152,8 +157,9 @@ def _run(
 
 @contextmanager
 def shown_live(env: gymnasium.Env[Any, Any], mechanism: Mechanism) -> Iterator[gymnasium.Env[Any, Any]]:
-    """Context manager of the environment to drive: `env` itself, or, where experiments are told to stream to a live
-    viewer that can be reached, a wrapper of it that also shows the motion of `mechanism` there."""
+    """Context manager that gives the environment to drive: `env` itself, or, where experiments are told to stream to a
+    live viewer and that can be reached, a wrapper of `env` that also shows the motion of its arm, `mechanism`,
+    there."""
     from adaptctl.recording.live import CURRENT, Live
 
     if (to := CURRENT.get()) is None:
@@ -181,7 +187,8 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
     """Cost of a control tick, the computation of one torque, over 1000 states spread over a run of a controller: the
     median time of a call from Python, s; the least mean time in a native loop, s; and the number of floating-point
-    operations. The last two are None where the law is not compiled; the native time also beyond 20 000 operations."""
+    operations. The last two are None where the control law is not compiled; the native time is None also beyond 20 000
+    operations, which take too long to compile. Raises `IndexError` for a run without samples."""
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
     states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
     called, kernel = _called(controller, states), controller.kernel

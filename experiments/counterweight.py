@@ -34,10 +34,11 @@ EVERY, FEW, HELD = "all", "few", "held"
 
 
 class Burden(NamedTuple):
-    """Burden of a run on the arm: root mean square tracking errors of all joints (rad or m), of the whole run and of
-    its last two seconds (None where it was shorter); root mean square torque of all joints together, as a share of
-    their limits (no unit); the motors' work, the integral of |torque times velocity| summed over joints, J; the
-    duration, s; and True in `stopped` where an error passed its bound."""
+    """Burden of a run on the arm: root mean square tracking errors of all joints (rad or m), `rms_error` of the whole
+    run and `final_rms_error` of its last two seconds (None where it was shorter); `rms_torque`, the root mean square
+    torque of all joints together, as a share of their limits (no unit); `work`, the motors', the integral of |torque
+    times velocity| summed over joints, J; the `duration`, s; and `stopped`, True where an error passed its bound.
+    Nothing is checked at construction."""
 
     rms_error: float
     """rad or m, all joints"""
@@ -56,9 +57,15 @@ class Burden(NamedTuple):
 @dataclass(frozen=True)
 class CounterweightedTracking(ClosedLoopExperiment):
     """Experiment on counterweights in closed loop: an arm tracks one reference as it is described and then with optimal
-    counterweights, each time with Slotine and Li's law adapting all parameters, adapting the `components` essential
-    components that carry most energy, and holding their true values. Raises `InputError` at construction for a setting
-    of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity."""
+    counterweights, each time with Slotine and Li's law adapting all parameters, adapting only the `components`
+    essential components that carry most energy, and holding their true values. Essential components are the parts of
+    the inertial parameters along orthonormal directions, by falling energy.
+
+    The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
+    joint to the next; `beyond` is the share by which the box around a link's joints and centre of mass is widened to
+    have its counterweight. Raises `InputError` at construction for a setting of the wrong type or out of its bounds,
+    `NonFiniteError` for NaN or infinity.
+    """
 
     name: ClassVar[str] = "counterweight"
     title: ClassVar[str] = "{robot}: counterweights in closed loop"
@@ -76,8 +83,10 @@ class CounterweightedTracking(ClosedLoopExperiment):
     def run(self, progress: Progress) -> Result:
         """Result of the comparison: outcome in words, facts, and a function that writes its folder. `progress(what,
         share)` gets the step's name and the share done, 0 to 1; Ctrl-C during a run keeps what was run. Raises
-        `InputError` for an arm with friction, more `components` than the arm has essential parameters, an unknown link
-        or objective (`NotFoundError` for an unknown robot, `FileError` for a file that cannot be used)."""
+        `NotFoundError` for an unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm with
+        friction, for more `components` than the arm has essential (identifiable) parameters, for an unknown link or
+        objective and for joints that no gains can hold, `RankError` where the number of essential parameters cannot be
+        certified."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:
@@ -200,8 +209,8 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
 
 def burden(run: ControllerRun, limits: Array) -> Burden:
-    """Burden of a run of r joints on its arm: tracking errors, torque, work and duration; torques are shares of
-    `limits` (r,), N m (N for a prismatic joint)."""
+    """Burden of a run of r joints on its arm, a `Burden`: tracking errors, torque, work and duration; torques are
+    shares of `limits` (r,), N m (N if prismatic). Nothing is checked."""
     rollout = run.rollout
     shares = rollout.applied / limits
     power = np.sum(np.abs(rollout.applied * rollout.v), axis=1)
@@ -237,8 +246,9 @@ def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Fi
 
 
 def applied_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
-    """Matplotlib figure of the applied torque, N m (N), of every primary joint of a mechanism over time, s, a panel for
-    each: the runs that adapt all parameters, with counterweights and without."""
+    """Matplotlib figure of the applied torque, N m (N if prismatic), of every primary (independently moving) joint of a
+    mechanism over time, s, a panel for each: those of the `runs` that adapt all parameters, with counterweights and
+    without."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

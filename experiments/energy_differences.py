@@ -28,10 +28,14 @@ WEIGHT, CUTOFF = 5.0, 25.0
 
 @dataclass(frozen=True)
 class EnergyDifferences(Experiment):
-    """Experiment on two estimators of inertial parameters on a real robot's log, energy differences over windows of
-    `window` (s) and filtered dynamics (the equations of motion behind a low-pass filter): how errors of the torques,
-    none, noise, and the measured ones, become errors of the torques that they predict. Raises `InputError` at
-    construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity."""
+    """Experiment on two estimators of inertial parameters on a real robot's log: how errors of the torques become
+    errors of the torques that they predict. One is energy differences, by which the change of energy over a window of
+    `window` (s) is the joints' work; the other is filtered dynamics, the equations of motion behind a low-pass filter.
+    The torques' errors are none, noise, and those of the measured torques.
+
+    Raises `InputError` at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN
+    or infinity.
+    """
 
     name: ClassVar[str] = "energy-differences"
     title: ClassVar[str] = "{robot}: parameters from energy differences"
@@ -42,16 +46,17 @@ class EnergyDifferences(Experiment):
     def run(self, progress: Progress) -> Result:
         """Result of the comparison of both estimators: outcome in words, facts, and a function that writes its folder.
         `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for a `robot`
-        that is no example with a log."""
+        that is not the name of an example with a log."""
         found = self.compare(progress)
         return Result(found.complete, found.headline(), tuple(found.facts()), Verdict(), found.write)
 
     def compare(self, progress: Progress) -> Amplification:
-        """Errors of both estimators, as an `Amplification`: each is fitted to the first 60 % of the log and predicts
-        torques on the rest, as shares of these torques (no unit), once with the measured torques and four times with
-        made ones: exact, with 1 % and 5 % of noise, and with a tenth of the measured residual. `progress(what, share)`
-        gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for a `robot` that is no example with a
-        log."""
+        """Errors of both estimators, as an `Amplification`: each estimator is fitted to the first 60 % of the log and
+        predicts torques on the rest, whose error is a share (no unit) of the torques there of a model fitted to the
+        whole log. This is done with five kinds of torques in the log: those of that model; these with 1 % and with 5 %
+        of noise; these with a tenth of the measured torques' residual; and the measured ones. `progress(what, share)`
+        gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for a `robot` that is not the name of an
+        example with a log."""
         progress(STAGE, 0.0)
         evidence, log = _evidence(self.robot)
         model = _model(evidence)

@@ -18,11 +18,11 @@ FAR = 100.0
 
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
-    """Dataclass field for a setting of an experiment. Values must be of the type of `default`; those of a tuple, of the
-    type of its entries, numbers where it is empty. `meaning` says in words what it is, with its unit; `symbol`, that of
-    the formula, empty for none, is put before the meaning in the command line's help; `low` and `high` are the
-    inclusive bounds of every number in it, infinite unless given. Nothing is checked here, but when an experiment is
-    made."""
+    """Dataclass field for a setting of an experiment, with the `default` given. Values must be of the type of `default`
+    (whole numbers are taken for floats too); those of a tuple, of the type of its first entry, numbers where it is
+    empty. `meaning` says in words what the setting is, with its unit; `symbol` is its letter in formulas, put before
+    the meaning in the command line's help, empty for none; `low` and `high` are the inclusive bounds of every number in
+    it, infinite unless given. Nothing is checked here; constructing the experiment checks its values."""
     text = f"{symbol}: {meaning}" if symbol else meaning
     metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)
@@ -55,10 +55,14 @@ class Experiment(CheckedSettings, ABC):
 
     @abstractmethod
     def run(self, progress: Progress) -> Result:
-        """Result of the experiment, which an implementation must return: the outcome in words, facts, a verdict, and a
-        function that writes the folder. It should call `progress(what, share)` with what is being computed and the
-        share of it that is done, 0 to 1. Ctrl-C (`KeyboardInterrupt`) ends it early: what was computed until then is
-        returned, marked as not complete; where nothing was, the exception passes."""
+        """Result of the experiment, which an implementation must return: the outcome in words, facts, a verdict on its
+        controllers, and a function that writes the folder of results. It should call `progress(what, share)` with what
+        is being computed and the share of it that is done, 0 to 1.
+
+        Ctrl-C (`KeyboardInterrupt`) ends it early: what was computed until then is returned, marked as not complete;
+        where nothing was, the exception passes. An implementation raises `InputError` for settings that do not suit
+        each other or the robot.
+        """
 
 
 @dataclass(frozen=True)
@@ -81,8 +85,8 @@ class ClosedLoopExperiment(Experiment):
 
 
 def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
-    """Check that the experiment's settings in `names`, tuples, have `count` entries each. Raises `InputError` for
-    another number; `meaning` says in its message what the entries are, such as "one a joint"."""
+    """Raise `InputError` unless the experiment's settings in `names`, tuples, have `count` entries each; `meaning` says
+    in its message what the entries are, such as "one a joint". Raises `AttributeError` for a name of no setting."""
     for name in names:
         if (given := len(getattr(experiment, name))) != count:
             raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")
@@ -90,7 +94,7 @@ def require_count(experiment: Experiment, names: Iterable[str], count: int, mean
 
 def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
     """Dataclass fields of all settings of an experiment, or of its class: its own first, then those that every
-    closed-loop experiment has (seed, duration, control period), in the order of their definition."""
+    closed-loop experiment has (seed, duration, control period), each group in the order of definition."""
     common = {entry.name for entry in fields(ClosedLoopExperiment)}
     yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
 

@@ -46,8 +46,10 @@ class ExportCheck(Experiment):
     def run(self, progress: Progress) -> Result:
         """Result of all builds: outcome in words, facts, a verdict with each build that differs from Python, and a
         function that writes the folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C
-        keeps the builds done. Raises `InputError` where no compiler is found or a kind of number is unknown,
-        `NotFoundError` for an unknown law or robot, `FileError` for a robot's file that cannot be used."""
+        keeps the builds done. Raises `InputError` where no compiler is found, a kind of number is unknown or no gains
+        can hold a joint, `NotFoundError` for an unknown law or robot, `FileError` for a robot's file that cannot be
+        used, `RankError` where the number of base parameters cannot be certified, `subprocess.TimeoutExpired` for a
+        compiler or program that takes more than 300 s."""
         compilers = found_compilers()
         if not compilers:
             raise InputError(f"export-check: no compiler is found; install one of: {', '.join(COMPILERS)}")
@@ -81,8 +83,9 @@ class ExportCheck(Experiment):
 
 @dataclass(frozen=True, eq=False)
 class Checked:
-    """Data of an export check: `of`, the experiment; `compilers`, the version of each compiler found, by its name;
-    `builds`, in the order in which they were run; and `complete`, False where the experiment was interrupted."""
+    """Data of an export check: `of`, the experiment with its settings; `compilers`, the version of each compiler found,
+    by its name; `builds`, in the order in which they were run; and `complete`, False where the experiment was
+    interrupted. Nothing is checked at construction."""
 
     of: ExportCheck
     compilers: dict[str, str]
@@ -96,7 +99,7 @@ class Checked:
 
     @property
     def title(self) -> str:
-        """Title of the experiment's report and recording, with the robot's name."""
+        """Title of the experiment's report and recording, with the robot's name or file as set."""
         return self.of.title.format(robot=self.of.robot)
 
     @property
@@ -113,7 +116,7 @@ class Checked:
 
     @property
     def missing(self) -> list[str]:
-        """Names of the known compilers that were not found on this computer."""
+        """Names of the compilers, among cc, clang, tcc and zig cc, that were not found on this computer."""
         return [name for name in COMPILERS if name not in self.compilers]
 
     def result(self) -> Result:
@@ -159,8 +162,9 @@ class Checked:
         return found
 
     def write(self, folder: Path, progress: Progress) -> None:
-        """Write summary.json, the figure, report.html and recording.rrd into a folder that is there; `progress(what,
-        share)` is called when all is done. Raises `FileError` where a file cannot be written."""
+        """Write summary.json, the figure, report.html and recording.rrd into a `folder` that is there, each file whole
+        or not at all; `progress(what, share)` is called when all is done. Raises `FileError` where a file cannot be
+        written."""
         from adaptctl.recording.drawing import write_drawings
         from adaptctl.recording.illustrated import write_illustrated
 
@@ -197,7 +201,8 @@ class Checked:
         return f"{self.headline()}\n\n| | |\n|---|---|\n{rows}\n\n{versions}\n"
 
     def drawing(self) -> Drawing:
-        """Drawing for the report of which builds repeat Python's torques, as a grid of laws and compilers."""
+        """Drawing for the report, a `Drawing` with name, caption and figure: a grid of laws and compilers that shows
+        which builds repeat Python's torques."""
         from adaptctl.recording.drawing import Drawing
 
         caption = (

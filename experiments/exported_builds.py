@@ -28,7 +28,7 @@ TOLD = re.compile(r"torques within (\S+) of (\S+) N m")
 class Build:
     """Build of an exported control law, compiled and run: `law`, its name; `scalar`, the kind of number ("double" or
     "float"); `compiler`, its name; `passed`, True if the program repeated the torques recorded from Python within its
-    tolerance; and `message`, what the program printed, or the compiler's error."""
+    tolerance; and `message`, what the program printed, or the compiler's error. Nothing is checked at construction."""
 
     law: str
     scalar: str
@@ -56,7 +56,8 @@ class Build:
 
 def found_compilers() -> dict[str, str]:
     """C compilers found on this computer, of those that the export check knows (cc, clang, tcc, zig cc): the first line
-    of each one's version text, by its name."""
+    of each one's version text, by its name. Raises `subprocess.TimeoutExpired` for one that does not tell within 300
+    s."""
     told = {name: _version(command) for name, command in COMPILERS.items()}
     return {name: version for name, version in told.items() if version}
 
@@ -72,9 +73,11 @@ def _version(command: tuple[str, ...]) -> str:
 
 
 def built(done: Exported, law: str, scalar: str, compiler: str) -> Build:
-    """Build of an exported package's own test program, compiled by `compiler` (a key of `COMPILERS`) in the package's
-    folder and then run. `law` and `scalar`, the law's name and the kind of number, are for the result. A program that
-    does not compile, or fails, is a build that did not pass; raises `subprocess.TimeoutExpired` after 300 s."""
+    """Build of an exported package's own test program, compiled by `compiler` ("cc", "clang", "tcc" or "zig cc") in the
+    package's folder and then run. `done` is the exported package; `law` and `scalar`, the law's name and the kind of
+    number, are for the result. A program that does not compile, or fails, is a build that did not pass. Raises
+    `KeyError` for another compiler, `FileNotFoundError` for cc, clang or tcc where it is not installed,
+    `subprocess.TimeoutExpired` after 300 s."""
     sources = [f"{done.name}.c", f"test_{done.name}.c"]
     program = done.directory / f"test_{compiler.replace(' ', '_')}"
     flags = FLAGS if compiler != "tcc" else FLAGS[:1]

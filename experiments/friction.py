@@ -37,8 +37,9 @@ class FrictionInJoints(OnRealPlant):
 
     Viscous and Coulomb friction of the drives are parameters like the others, first estimated as zero. The plant also
     has Stribeck's excess of static friction, for which no parameter stands, so that an error remains even for a law
-    that learns. Raises `InputError` at construction for settings of the wrong type, out of their bounds, or not one a
-    joint.
+    that learns. Raises `InputError` at construction for a `center`, `amplitude` or `frequency` that has not six
+    entries, one a joint, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or
+    infinity.
     """
 
     name: ClassVar[str] = "friction"
@@ -67,8 +68,9 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: Stribeck's excess of static over Coulomb friction, N m at rest, in
-        each joint. Raises `InputError` for an arm without friction in its joints."""
+        """Effects of the plant besides rigid links: Stribeck's excess of static over Coulomb friction in each joint, at
+        rest the share `stribeck` of the joint's Coulomb friction, N m. Raises `InputError` for an arm without friction
+        in its joints."""
         from adaptctl.simulation.effects import Friction
 
         coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
@@ -81,15 +83,17 @@ class FrictionInJoints(OnRealPlant):
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` times the square of the links' deviations from the rough model or, for friction, of `friction_range`
-        times the torque limit."""
+        `rate` (1/J) times the square of the links' deviations from the rough model or, for friction, of
+        `friction_range` (a share) times the joint's torque limit, N m, which for viscous friction is reached at 1
+        rad/s."""
         gain, ranges = super().adaptation(model), self.friction_range * self.torque_limits(model.mechanism)
         for k, joint in _friction_columns(model):
             gain[k] = self.rate * ranges[joint] ** 2
         return gain
 
     def first(self, model: ReducedModel) -> Array:
-        """First estimate (k,) of a model's k parameters in SI units: the rough model's, with zero friction."""
+        """First estimate (k,) of a model's k parameters in SI units: the rough model's, with zero viscous and Coulomb
+        friction."""
         estimate = super().first(model)
         estimate[[k for k, _ in _friction_columns(model)]] = 0.0
         return estimate
@@ -98,7 +102,8 @@ class FrictionInJoints(OnRealPlant):
         """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law with
         friction parameters, the experiment's subject; the same with adaptation off; without friction parameters; and
         computed torque with true friction and with none. `basis` has the mechanism's k fundamental (base) parameters.
-        Raises `GainError` for gains too large for the control period."""
+        Raises `GainError` for gains too large for the control period, `InputError` for a basis of another geometry than
+        the mechanism's, `RankError` where the number of base parameters cannot be certified."""
         model, smooth = ReducedModel(mechanism, basis), without_friction(mechanism)
         bare = ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=self.seed)))
         bandwidth, knows = self.gains(mechanism).bandwidth, f"links within {100 * self.parameter_error:.0f} %"
@@ -118,8 +123,8 @@ class FrictionInJoints(OnRealPlant):
         ]
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the tracking errors of the last two seconds, with friction among the parameters, without, and
-        by computed torque; `outcome` has the runs; `found`, the findings by name, is not used."""
+        """Sentence with the RMS tracking errors of the last two seconds, mrad, with friction among the parameters,
+        without, and by computed torque; `outcome` has the runs; `found`, the findings by name, is not used."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "
@@ -127,9 +132,9 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the final RMS error with friction parameters over that without (no unit), and each
-        friction parameter as learned at the end, N m s or N m, beside the true one. `outcome` has the runs, `basis` the
-        mechanism's fundamental (base) parameters."""
+        """Findings, named numbers: the RMS error of the last two seconds with friction parameters over that without (no
+        unit), and each friction parameter as learned at the end, N m s or N m, its meaning telling the true one.
+        `outcome` has the runs, `basis` the mechanism's fundamental (base) parameters."""
         runs = {run.name: run for run in outcome.runs}
         if {ADAPTIVE, NO_COLUMNS} <= set(runs):
             with_columns, without = (runs[name].final_rms_error for name in (ADAPTIVE, NO_COLUMNS))

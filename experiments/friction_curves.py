@@ -17,9 +17,9 @@ COLUMNS = 3
 
 
 class Curve(NamedTuple):
-    """Friction curve of a joint: its name; `true` and `learned`, pairs of viscous (N m s) and Coulomb (N m) friction;
-    `stribeck`, the excess of static over Coulomb friction, N m; `speed`, rad/s, at which half of that is gone; and
-    `speeds` (T,), rad/s, the joint's velocities at T samples of a run."""
+    """Friction curve of a `joint`, given by its name; `true` and `learned`, pairs of viscous (N m s) and Coulomb (N m)
+    friction; `stribeck`, the excess of static over Coulomb friction, N m; `speed`, rad/s, at which half of that is
+    gone; and `speeds` (T,), rad/s, the joint's velocities at T samples of a run. Nothing is checked at construction."""
 
     joint: str
     true: tuple[float, float]
@@ -35,9 +35,9 @@ class Curve(NamedTuple):
 
 
 def friction_curves(curves: Sequence[Curve]) -> Figure:
-    """Matplotlib figure of friction (N m) over speed (rad/s), a panel for each joint's curve: the true one with
-    Stribeck's excess, the learned one of viscous and Coulomb friction, and in shade how often the joint moved how
-    fast."""
+    """Matplotlib figure of friction (N m) over speed (rad/s), a panel for each of the `curves`, at least one, of a
+    joint: the true friction with Stribeck's excess, the learned one of viscous and Coulomb friction, and in shade how
+    often the joint moved how fast."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, TRUTH, run_color
 

@@ -31,10 +31,11 @@ BEGINNING = 2.0
 @dataclass(frozen=True)
 class IdentifyThenAdapt(OnRealPlant):
     """Experiment on first estimates identified from a real arm's log: Slotine and Li's law adapts on a simulated arm
-    from zero, from the arm's URDF, and from what the log's first part, a share of `known`, shows.
+    from zero, from the arm's URDF, and from what is identified from the log's first part, a share of `known`.
 
     The simulated arm has the parameters that are identified from the whole log. Raises `InputError` at construction for
-    settings of the wrong type, out of their bounds, or not one a joint.
+    a `center`, `amplitude` or `frequency` that has not six entries, one a joint, and for settings of the wrong type or
+    out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "identify-then-adapt"
@@ -76,18 +77,19 @@ class IdentifyThenAdapt(OnRealPlant):
         )
 
     def mechanism(self) -> Mechanism:
-        """Mechanism that is driven, the arm as identified from the whole log of the example `robot`. Raises
-        `NotFoundError` for a `robot` that is no example with a log."""
+        """Mechanism that is driven, the arm as identified from the whole log of the example that `robot` names. Raises
+        `NotFoundError` for a name of no example with a log."""
         return identified_from(self.robot, 1.0)
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: none, an empty sequence, for the mechanism has the identified
-        drives with their friction."""
+        """Effects of the plant besides rigid links: none, an empty sequence, since the mechanism itself has the
+        identified rotors and friction."""
         return ()
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` times the square of `parameter_error`, a share, of each true link's and drive's size."""
+        `rate` (1/J) times the square of each one's standard deviation where the true parameters of links and drives are
+        off by `parameter_error`, a share of their size."""
         true = model.mechanism.inertial_parameters
         return np.asarray(self.rate * deviations(model, true, self.parameter_error) ** 2)
 
@@ -95,7 +97,8 @@ class IdentifyThenAdapt(OnRealPlant):
         """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law from the
         identified estimate, the experiment's subject; the same with adaptation off; from the URDF; and from zero.
         `basis` has the mechanism's k fundamental (base) parameters. Raises `GainError` for gains too large for the
-        control period."""
+        control period, `InputError` for a basis of another geometry than the mechanism's and a first part of the log
+        that is too short."""
         model = ReducedModel(mechanism, basis)
         part = _parameters(mechanism, identified_from(self.robot, self.known))
         file = _parameters(mechanism, robot_file(self.robot))
@@ -134,8 +137,9 @@ class IdentifyThenAdapt(OnRealPlant):
 
 @cache
 def identified_from(name: str, share: float) -> Mechanism:
-    """Mechanism whose parameters are identified from the first part, a `share` (0 to 1), of the log that the example of
-    that `name` has, drives included; cached. Raises `NotFoundError` for a name of no example."""
+    """Mechanism whose parameters, those of drives (rotor inertias, friction) included, are identified from the first
+    part, a `share` (0 to 1), of the log that the example called `name` has; cached. Raises `NotFoundError` for a name
+    of no example, `InputError` for a part that is too short to identify from."""
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import identified

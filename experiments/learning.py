@@ -43,14 +43,18 @@ OFFLINE = "Independent parameters from energies"
 
 @dataclass(frozen=True)
 class Learning(ClosedLoopExperiment):
-    """Abstract base class of experiments in which Slotine and Li's law learns from zero on the k fundamental (base)
-    parameters, against other controllers of the same arm.
+    """Abstract base class of experiments in which Slotine and Li's adaptive law learns from estimates of zero on the k
+    fundamental (base) parameters of an arm, against other controllers of the same arm.
 
-    The others are the law with adaptation off; computed torque with true, wrong and no parameters; the law on all P
-    parameters; and on the k with the gain mapped from these (Gamma_beta = K Gamma_D K', K (k, P) the regrouping), which
-    is one controller with that on all P to round-off, so that only cost differs. A subclass gives environment, gains
-    and reference. Raises `InputError` at construction for settings of the wrong type or out of their bounds,
-    `NonFiniteError` for NaN or infinity.
+    The others are the same law with adaptation off; computed torque with true, wrong and no parameters; the law on all
+    P parameters, whose adaptation gain is Gamma_D (P, P); and the law on the k with the gain mapped from that,
+    Gamma_beta = R Gamma_D R', R (k, P) being the regrouping matrix that takes all parameters to the k. The last two are
+    one controller to round-off, so that only their cost differs.
+
+    A subclass gives environment, gains and reference. `first_estimate` is, for the report, the first estimate in words;
+    `expected` maps failures of the first controller that the experiment is meant to show to the reasons why. Raises
+    `InputError` at construction for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or
+    infinity.
     """
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
@@ -79,28 +83,32 @@ class Learning(ClosedLoopExperiment):
 
     def mechanism(self) -> Mechanism:
         """Mechanism that is driven, loaded from `robot` unless a subclass makes another. Raises `NotFoundError` for an
-        unknown name, `FileError` for a file that cannot be used."""
+        unknown name, `FileError` for a file that cannot be used, `LoopError` where its closed loops do not fit
+        together."""
         return load(self.robot)
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """Gymnasium tracking environment with the mechanism as its arm, in which all controllers run: an implementation
-        must make it of the experiment's settings, with finite torque limits as the bounds of its actions."""
+        must make it of the experiment's settings, with finite torque limits, N m (N if prismatic), as the bounds of its
+        actions. Implementations raise `InputError` for a mechanism that the experiment is not for."""
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset, by name, such as a payload; none unless a subclass gives some."""
+        """Options of the environment's reset, by name, such as a payload: empty, as here, unless a subclass gives
+        some."""
         return {}
 
     @abstractmethod
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop for the mechanism's r primary joints, which an implementation must return: the
-        bandwidth Lambda (r,), 1/s, and the damping K (r,), N m s/rad (N s/m for a prismatic joint)."""
+        """Gains of the tracking loop, `Gains`, which an implementation must return for the r primary (independently
+        moving) joints of a mechanism: the bandwidth Lambda (r,), 1/s, and the damping K (r,), N m s/rad (N s/m if
+        prismatic). Implementations raise `InputError` where no such gains can be found."""
 
     @abstractmethod
     def adaptation(self, model: ReducedModel) -> Array:
-        """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J, which
-        an implementation must return."""
+        """Adaptation gain Gamma for a model's k parameters, which an implementation must return: its diagonal (k,), or
+        the whole matrix (k, k), in the parameters' SI units squared per J."""
 
     @abstractmethod
     def adaptation_setting(self, mechanism: Mechanism) -> str:
@@ -109,22 +117,28 @@ class Learning(ClosedLoopExperiment):
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings for the report that state the reference where the experiment's own settings do not, each with name,
-        value and meaning: an implementation must yield them. `env` is the tracking environment."""
+        """Settings for the report that state the reference where the experiment's own settings do not, each a `Setting`
+        with name, value and meaning: an implementation must yield them. `env` is the tracking environment."""
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison: outcome in words, facts, verdict, and a function that writes the folder.
-        `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C keeps the runs begun. Raises
-        `InputError` for a robot or reference that do not fit the experiment, `GainError` for gains too large for the
-        control period."""
+        """Result of the comparison: outcome in words, facts, verdict, and a function that writes the folder of results.
+        `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C keeps the runs begun.
+
+        Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
+        unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
+        period; `RankError` where the number of fundamental (base) parameters cannot be certified.
+        """
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Comparison:
         """Comparison of the runs of all controllers with findings on them, after the fundamental (base) parameters are
         found from energies. `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C keeps the
-        runs begun, as a comparison that is not complete. Raises `InputError` for a robot or reference that do not fit
-        the experiment, `RankError` where the number of parameters cannot be certified, `GainError` for gains too large
-        for the control period."""
+        runs begun, as a comparison that is not complete.
+
+        Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
+        unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
+        period; `RankError` where the number of fundamental (base) parameters cannot be certified.
+        """
         progress(OFFLINE, 0.0)
         mechanism = self.mechanism()
         env = self.environment(mechanism)
@@ -159,36 +173,40 @@ class Learning(ClosedLoopExperiment):
     def outcome(
         self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
-        """Outcome of the contest: the runs of all contenders (controllers with names) on the environment `env` with the
-        arm `mechanism`, in turn, from one seed. `progress(label, share)` gets a contender's label and the share of its
-        run done, 0 to 1. Ctrl-C keeps the runs begun."""
+        """Outcome of the contest: the runs of all `contenders` (controllers with names) on the environment `env` with
+        the arm `mechanism`, in turn, from one seed. `progress(label, share)` gets a contender's label and the share of
+        its run done, 0 to 1. Ctrl-C keeps the runs begun. Raises `GainError` for gains too large for the control
+        period, `NonFiniteError` where a motion runs away."""
         return contest(env, mechanism, contenders, self.seed, progress, self.options)
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers besides the runs: the largest difference of torques, N m, between adapting the
-        fundamental and all parameters, where both were run; a subclass may give others. `outcome` has the runs, `basis`
-        the mechanism's fundamental (base) parameters."""
+        fundamental (base) parameters and adapting all, where both were run; a subclass may give others. `outcome` has
+        the runs, `basis` the mechanism's fundamental parameters."""
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Text of the outcome in a sentence or two, for which `outcome` has the runs, `found` the findings by name;
-        None, as here, where a text on how much adaptation is worth is to be made."""
+        """Text of the outcome in a sentence or two, for the report: `outcome` has the runs, `found` the findings by
+        name. None, as here, leaves the text to the report, which then says how much smaller errors are with adaptation
+        than without."""
         return None
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """Errors that recording and report show before the joints' errors, such as a tool's distance from its path, for
-        the runs in `outcome`; None, as here, where there are no others."""
+        """Errors that recording and report show before the joints' errors, as a `Leading`, such as a tool's distance
+        from its path, for the runs in `outcome`; None, as here, where there are no others."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figures for the report besides those of every comparison, as `Drawing`s; none unless a subclass gives some.
-        `outcome` has the runs, `basis` the mechanism's fundamental (base) parameters."""
+        """Figures for the report besides those of every comparison, each a `Drawing` (a name, a caption and a function
+        that draws it); none unless a subclass gives some. `outcome` has the runs, `basis` the mechanism's fundamental
+        (base) parameters."""
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Contenders (controllers to compare, with names) in the order in which they run, the first being the
-        experiment's subject; each controller is made when first asked for. `basis` has the k fundamental (base)
-        parameters that the subject adapts."""
+        experiment's subject, Slotine and Li's law on the k fundamental (base) parameters in `basis`; each controller is
+        made when first asked for, which raises `GainError` for gains too large for the control period. Raises
+        `InputError` for a basis of another geometry than the mechanism's."""
         model, full = models(mechanism, basis)
         k, everything = len(basis.columns), len(mechanism.parameter_names)
         true, wrong = mechanism.inertial_parameters, f"{100 * self.parameter_error:.0f} % off"
@@ -230,9 +248,9 @@ class Learning(ClosedLoopExperiment):
         self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
     ) -> SlotineLi:
         """Slotine and Li's control law on a `model` of k parameters, with this experiment's gains and control period.
-        `adaptation` is an adaptation law, or the gain Gamma, (k,) or (k, k), or None for none; `first` (k,) is the
-        first estimate in SI units, zeros where None. Raises `GainError` for gains too large for the control period,
-        `InputError` for other shapes."""
+        `adaptation` is an adaptation law, or the gain Gamma, (k,) or (k, k), in the parameters' SI units squared per J,
+        or None to switch adaptation off; `first` (k,) is the first estimate in SI units, zeros where None. Raises
+        `GainError` for gains too large for the control period, `InputError` for other shapes."""
         gains = self.gains(model.mechanism)
         return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period)
 
@@ -248,34 +266,37 @@ class Learning(ClosedLoopExperiment):
 
 @lru_cache(maxsize=8)
 def models(mechanism: Mechanism, basis: FundamentalBasis) -> tuple[ReducedModel, ReducedModel]:
-    """Reduced models of a mechanism, two: that on the k parameters of a fundamental `basis` (with friction), and that
-    on all P. The last eight pairs are cached, so that all who ask share compiled code."""
+    """Reduced models (equations of motion on some of the parameters) of a mechanism, two: that on the k parameters of a
+    fundamental `basis` and all friction parameters, and that on all P. The last eight pairs are cached, so that all who
+    ask share compiled code. Raises `InputError` for a basis of another geometry than the mechanism's."""
     return ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
 
 
 class Found:
-    """Findings (named numbers that an experiment found) by name, and their texts: `of` maps the name of each of the
-    `findings` given to its value, in its own unit."""
+    """Findings (named numbers that an experiment found) by name, and texts of them. It is made of a sequence of
+    findings; its attribute `of` maps the name of each to its value, in the finding's own unit. Nothing is checked."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.of = {finding.name: finding.value for finding in findings}
 
     def text(self, name: str, scale: float = 1.0) -> str:
-        """Text of the value of the finding `name`, times `scale` (no unit), with three significant digits; a dash where
-        there is no such finding."""
+        """Text of the value of the finding `name`, times `scale` (no unit, 1 by default), with three significant
+        digits; a dash where there is no such finding."""
         return wording.number(scale * self.of[name] if name in self.of else None)
 
     def each(self, what: str, runs: Sequence[ControllerRun], unit: str = "", *, rising: bool = False) -> list[str]:
-        """Texts of the findings `what.run`, one for each of the `runs` that has one, such as "0.12 s (Gradient)":
-        value, `unit` and the run's label, in the order of the runs or, if `rising`, by rising value."""
+        """Texts of findings of one kind, one for each of the `runs` that has one, such as "0.12 s (Gradient)": value,
+        `unit` and the run's label, in the order of the runs or, if `rising`, by rising value. The finding of a run is
+        named `what`, a dot and the run's name."""
         owners = [run for run in runs if f"{what}.{run.name}" in self.of]
         if rising:
             owners.sort(key=lambda run: self.of[f"{what}.{run.name}"])
         return [" ".join(filter(None, (self.text(f"{what}.{run.name}"), unit, f"({run.label})"))) for run in owners]
 
     def span(self, what: str, runs: Sequence[ControllerRun], unit: str = "") -> str:
-        """Text of the least and the greatest of the findings `what.run` of the `runs`, with `unit` and the runs'
-        labels, such as "0.1 s (Natural) to 2 s (Gradient)"; empty where none has one."""
+        """Text of the least and the greatest finding of one kind among the `runs`, with `unit` and the runs' labels,
+        such as "0.1 s (Natural) to 2 s (Gradient)"; empty where no run has one. The finding of a run is named `what`, a
+        dot and the run's name."""
         texts = self.each(what, runs, unit, rising=True)
         return " to ".join(dict.fromkeys((texts[0], texts[-1]))) if texts else ""
 

@@ -15,9 +15,9 @@ from adaptctl.recording import ControllerRun, Finding
 
 
 def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
-    """Findings on the memory of a controller's adaptation law in a run: for laws with an excitation threshold, the
-    share of samples (no unit) with excitation above it; for natural adaptation, the least eigenvalue of any estimated
-    link's pseudo-inertia, SI units; none for other laws."""
+    """Findings, named numbers, on the memory of a controller's adaptation law in a run: for laws with an excitation
+    threshold, the share of samples (no unit) with excitation above it; for natural adaptation, the least eigenvalue, SI
+    units, of the estimated pseudo-inertia of any link of `mechanism`; none for other laws."""
     law, learning = getattr(getattr(controller, "of", controller), "adaptation_law", None), run.rollout.learning
     if isinstance(law, Natural):
         yield smallest_eigenvalue(mechanism, run, run.rollout.estimate)
@@ -30,8 +30,8 @@ def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: 
 
 
 def forgotten_notes(findings: tuple[Finding, ...]) -> list[str]:
-    """Sentences, one for each finding that a law's excitation never passed its threshold, so that nothing was stored
-    for learning."""
+    """Sentences, one for each of the `findings` which tells that a law's excitation never passed its threshold, so that
+    nothing was stored for learning."""
     found = (f for f in findings if f.name.startswith("remembered.") and f.value == 0.0)
     return [
         f"{f.meaning.split(':')[0]} remembered nothing: no excitation passed its threshold; a smaller one would."

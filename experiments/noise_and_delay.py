@@ -45,10 +45,11 @@ class NoiseAndDelay(AdaptationLaws):
     """Experiment without excitation: adaptation laws hold an arm still on a plant with encoders, delay, lag and weak
     motors, where only noise can be learned.
 
-    Velocities are filtered differences of encoder counts; torques are late, lag and are limited. Noise is in the
-    sliding variable and the regressor alike, so that their product has a mean, which an estimate that nothing bounds
-    follows (Ioannou and Kokotovic 1984). Raises `InputError` at construction for unknown laws and settings of the wrong
-    type or out of their bounds.
+    Velocities are filtered differences of encoder counts; torques are late, lag and are limited. Noise is alike in the
+    regressor and in the sliding variable s (velocity error plus bandwidth times position error), so that their product
+    has a mean, which an estimate that nothing bounds follows (Ioannou and Kokotovic 1984). Raises at construction
+    `NotFoundError` for unknown laws, `InputError` for a law given twice and settings of the wrong type or out of their
+    bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "noise-and-delay"
@@ -86,8 +87,8 @@ class NoiseAndDelay(AdaptationLaws):
     }
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """Largest torques (r,) of the r primary joints' weak motors, N m (N for a prismatic joint): `strength`, a
-        share, of the arm's torque limits."""
+        """Largest torques (r,) of the weak motors of the r primary (independently moving) joints, N m (N if prismatic):
+        `strength`, a share, of the arm's torque limits."""
         return self.strength * super().motors(mechanism)
 
     def effects(self) -> Iterator[Effect]:
@@ -103,8 +104,10 @@ class NoiseAndDelay(AdaptationLaws):
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Contenders (controllers to compare, with names) in the order in which they run, the first being the
-        experiment's subject: those of `AdaptationLaws`, each behind guards that know the torque limits, so that nothing
-        is learned while a torque is held back. `basis` has the k fundamental (base) parameters that they adapt."""
+        experiment's subject: those of `AdaptationLaws`, each behind guards that keep its torque within the motors'
+        limits and let nothing be learned while a torque is held back. `basis` has the k fundamental (base) parameters
+        that they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a basis of
+        another geometry than the mechanism's."""
         from adaptctl.control import Guarded
 
         limits = self.motors(mechanism)
@@ -116,10 +119,10 @@ class NoiseAndDelay(AdaptationLaws):
         return list(map(guarded, super().contenders(mechanism, basis)))
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: each law's parameter error at the end and its drift a minute (shares of the torque
-        of all parameters), RMS tracking error, rad, and share of periods with a limited torque; then the delay that the
-        tracking loop tolerates and the delay that there is, s. `outcome` has the runs, `basis` the fundamental (base)
-        parameters by which errors are measured."""
+        """Findings, named numbers: each law's parameter error at the end (no unit) and its drift (1/min), both shares
+        of the torque of all parameters, RMS tracking error, rad, and share of periods with a limited torque (no unit);
+        then the delay that the tracking loop tolerates and the delay that there is, s. `outcome` has the runs, `basis`
+        the fundamental (base) parameters by which errors are measured."""
         errors = self._errors(outcome, basis)
         contenders = {one.name: one for one in self.contenders(outcome.mechanism, basis)}
         for run in outcome.runs:
@@ -135,8 +138,8 @@ class NoiseAndDelay(AdaptationLaws):
         yield from self._loop(outcome.mechanism)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the least and the greatest parameter error at the end and drift a minute of the laws that
-        adapt; `outcome` has the runs, `found` the findings by name."""
+        """Sentences with the least and the greatest parameter error at the end (no unit) and drift (1/min) of the laws
+        that adapt; `outcome` has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
         ended = super().answer(outcome, found)

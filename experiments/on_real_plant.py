@@ -31,9 +31,10 @@ JOINTS = 6
 @dataclass(frozen=True)
 class OnRealPlant(RoughStart, Learning):
     """Abstract base class of experiments in which laws learn on an arm of six joints whose plant has more effects than
-    rigid links, from a rough model with every link's parameters off by `parameter_error`. A subclass gives the effects.
-    Raises `InputError` at construction for a centre, amplitude or frequency that has not six entries, and for settings
-    of the wrong type or out of their bounds."""
+    rigid links, such as friction or a payload, from a rough model with every link's parameters off by
+    `parameter_error`, a share. A subclass gives the effects. Raises `InputError` at construction for a `center`,
+    `amplitude` or `frequency` that has not six entries, and for settings of the wrong type or out of their bounds,
+    `NonFiniteError` for NaN or infinity."""
 
     robot: str = setting("puma560_geared", "puma560_geared, puma560_friction, or another arm of six joints")
     rate: float = setting(
@@ -67,12 +68,12 @@ class OnRealPlant(RoughStart, Learning):
     @abstractmethod
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
         """Effects of the plant besides rigid links, such as friction or a payload, for the mechanism that is driven: an
-        implementation must return them."""
+        implementation must return them, and may raise `InputError` for a mechanism that they do not suit."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of an arm on one sinusoid a joint, with the plant's effects; a run ends early
-        only at an error of 100 rad (m), so that all can be compared. Raises `InputError` for another number of joints
-        than six."""
+        """Gymnasium tracking environment of an arm on one sinusoid a joint, with the plant's effects besides rigid
+        links; a run ends early only at an error of 100 rad (m), so that all can be compared. Raises `InputError` for
+        another number of joints than six."""
         import gymnasium
 
         if mechanism.dof != JOINTS:
@@ -93,8 +94,9 @@ class OnRealPlant(RoughStart, Learning):
         )
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of the torques of the r primary joints, N m (N for a prismatic joint): the mechanism's own, a
-        generous bound where it has none."""
+        """Limits (r,) of the torques of the r primary (independently moving) joints, N m (N if prismatic): the
+        mechanism's own, or, where a joint has none, four times the largest torque that it needs in 200 random
+        states."""
         return finite_torque_limits(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -103,6 +105,7 @@ class OnRealPlant(RoughStart, Learning):
         yield Setting("reference", "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", "faded in over 2 s")
 
     def from_rough(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:
-        """Slotine and Li's control law on a `model` of k parameters, its first estimate (k,) being the rough model's;
-        with adaptation off if not `adapting`. Raises `GainError` for gains too large for the control period."""
+        """Slotine and Li's control law on a `model` of k parameters, its first estimate (k,) being that of a rough
+        model of the arm; with adaptation off if not `adapting`. Raises `GainError` for gains too large for the control
+        period."""
         return self.slotine_li(model, self.adaptation(model) if adapting else None, self.first(model))

@@ -25,7 +25,8 @@ NAME_HEIGHT = 0.062
 @dataclass(frozen=True, eq=False)
 class ParameterErrors:
     """Measure of the errors of estimates of a `model`'s k parameters, each weighed by the root mean square torque that
-    it makes along a motion: `weights` (k,), N m for each SI unit of the parameter."""
+    it makes along a motion: `weights` (k,), N m for each SI unit of the parameter. Nothing is checked at
+    construction."""
 
     model: ReducedModel
     weights: Array
@@ -33,22 +34,25 @@ class ParameterErrors:
 
     @classmethod
     def along(cls, model: ReducedModel, p: Array, v: Array, a: Array) -> ParameterErrors:
-        """Measure of estimates' errors, weighed along a motion of T samples of the model's r primary joints: positions
-        p, rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), (T, r) each."""
+        """Measure of estimates' errors, weighed along a motion of T samples of the r joints of a `model`: positions p,
+        rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), (T, r) each. Raises `InputError` for
+        other shapes, `NonFiniteError` for NaN or infinity."""
         rows = model.torque_regressor(p, v, a)
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
     def of(self, run: ControllerRun) -> Array | None:
-        """Parameter error (T,) of a run at its T samples, no unit: the norm of the weighed error over that of the
-        weighed true parameters; None for a run whose controller estimates none. Raises `ValueError` for estimates of
-        another number of parameters than the model's k, or all P."""
+        """Parameter error (T,) of a run at its T samples, no unit: the norm of the estimate's error, each parameter
+        weighed by the torque that it makes, over the norm of the true parameters weighed likewise; None for a run whose
+        controller estimates none. Raises `ValueError` for estimates of another number of parameters than the model's k,
+        or all P."""
         if run.rollout.estimate.shape[1] == 0:
             return None
         return self._apart(self._reduced(run.rollout.estimate), self.model.fundamental_parameters)
 
     def apart(self, one: Array, other: Array) -> float:
-        """Distance, no unit, between two estimates, (k,) each in SI units: the norm of their weighed difference over
-        that of the weighed true parameters; estimates (P,) of all parameters are regrouped first."""
+        """Distance, no unit, between two estimates, (k,) each in SI units: the norm of their difference, each parameter
+        weighed by the torque that it makes, over the norm of the true parameters weighed likewise. Estimates (P,) of
+        all parameters are regrouped first. Raises `ValueError` for another number of parameters."""
         return float(self._apart(self._reduced(one), self._reduced(other)))
 
     def _reduced(self, estimate: Array) -> Array:
@@ -63,8 +67,8 @@ class ParameterErrors:
 
 def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
     """Matplotlib figure of parameter errors (no unit, logarithmic) over time, s, a line for each of `curves`: triples
-    of the colour's index in the palette, the run, and its errors (T,). Each line's last value and label stand at its
-    end."""
+    of the colour's index from 0 in the palette, the run, and its errors (T,) at T samples. Each line's last value and
+    label stand at its end."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

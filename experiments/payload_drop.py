@@ -30,9 +30,13 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class PayloadDrop(AdaptationLaws):
     """Experiment on a payload that an arm picks up and drops in motion: the time that each adaptation and control law
-    takes, from one rough model, until its tracking error has come back. Raises `InputError` at construction for a
-    payload that is not picked up 2 s or more after the start and dropped later within the run, `NotFoundError` for
-    unknown laws, and `InputError` for settings of the wrong type or out of their bounds."""
+    takes, from one rough model, until its tracking error has come back. In the settings, s is the sliding variable, the
+    velocity error plus the bandwidth times the position error.
+
+    Raises `InputError` at construction for a payload that is not picked up 2 s or more after the start and dropped
+    later within its part of the run, for a law given twice, and for settings of the wrong type or out of their bounds,
+    `NotFoundError` for unknown laws, `NonFiniteError` for NaN or infinity.
+    """
 
     name: ClassVar[str] = "payload-drop"
     title: ClassVar[str] = "{robot}: a payload picked up and dropped"
@@ -95,9 +99,10 @@ class PayloadDrop(AdaptationLaws):
         yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: each law's time to return after each event, s, or, where it does not return, its
-        last error over the earlier one (no unit); its RMS error before the pickup, mrad; and those of `AdaptationLaws`.
-        `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
+        """Findings, named numbers: each law's time, s, from each event until its error is less than twice the error
+        before the pickup or, where it never is, its last error over that earlier one (no unit); its RMS error in the 2
+        s before the pickup, mrad; and the findings of `AdaptationLaws`. `outcome` has the runs, `basis` the fundamental
+        (base) parameters by which errors are measured."""
         for one in self._recoveries(outcome):
             name, event = one.run.name, one.event.replace(" ", "_")
             if one.time is not None:
@@ -113,8 +118,9 @@ class PayloadDrop(AdaptationLaws):
         yield from super().findings(outcome, basis)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the shortest and the longest time to return after pickup and drop of the laws that adapt, and
-        how many do not return; None where no law adapts. `outcome` has the runs, `found` the findings by name."""
+        """Sentences with the shortest and the longest time, s, after pickup and after drop until the errors of the laws
+        that adapt are back below twice the earlier ones, and how many never are; None where no law adapts. `outcome`
+        has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
         events = ("pickup", "drop", *(("last pickup", "last drop") if self.times > 1 else ()))
         return " ".join(self._event_words(event, adapting, found) for event in events) if adapting else None
@@ -130,8 +136,9 @@ class PayloadDrop(AdaptationLaws):
         return f"After the {event} {', and '.join(parts) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figures for the report, as `Drawing`s: the times to return, s, then the parameter errors over time. `outcome`
-        has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
+        """Figures for the report, as `Drawing`s: the times, s, until errors have come back, then the parameter errors
+        (no unit) over time, s. `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are
+        measured."""
         from adaptctl.recording.drawing import Drawing
 
         found = list(self._recoveries(outcome))

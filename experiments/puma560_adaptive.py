@@ -12,8 +12,9 @@ from adaptctl.experiments.stated_task import StatedTask
 @dataclass(frozen=True)
 class Puma560Adaptive(StatedTask):
     """Experiment of learning to track on the PUMA 560 from knowing none of its inertial parameters, on one sinusoid a
-    joint: each of the six joints swings by 0.4 rad or more at 0.1 Hz or more. Raises `InputError` at construction for
-    settings of the wrong type, out of their bounds, or not one a joint."""
+    joint: by default each of the six joints swings by 0.4 rad or more at 0.1 Hz or more. Raises `InputError` at
+    construction for settings of the wrong type, out of their bounds, or not one a joint, `NonFiniteError` for NaN or
+    infinity."""
 
     name: ClassVar[str] = "puma560-adaptive"
     title: ClassVar[str] = "PUMA 560: learning to track from knowing nothing"

@@ -10,7 +10,8 @@ from adaptctl.identifiability import ReducedModel
 
 class RangedGain:
     """Base class of experiments whose adaptation gain Gamma is `rate` (1/J) times the square of each parameter's prior
-    range (its greatest plausible error): `mass_range` (kg), `first_moment_range` (kg m) or `inertia_range` (kg m^2)."""
+    range (its greatest plausible error): `mass_range` (kg) for masses, `first_moment_range` (kg m) for first moments,
+    `inertia_range` (kg m^2) for inertias. Nothing is checked at construction."""
 
     mass_range: float
     first_moment_range: float
@@ -19,17 +20,18 @@ class RangedGain:
 
     @property
     def ranges(self) -> PriorRanges:
-        """Prior ranges of parameters by kind, as set: of masses (kg), first moments (kg m) and inertias (kg m^2)."""
+        """Prior ranges (greatest plausible errors) of parameters by kind, as set: of masses (kg), first moments (kg m)
+        and inertias (kg m^2). Raises `InputError` for ranges that are not positive and finite."""
         return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of each parameter's prior range. Raises `InputError` for ranges that are not
-        positive."""
+        `rate` (1/J) times the square of each parameter's prior range (its greatest plausible error). Raises
+        `InputError` for ranges or a rate that are not positive and finite."""
         return adaptation_gain(model, self.ranges, self.rate)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text for the report on the adaptation gain Gamma: rate times squared prior range of masses, first moments and
-        inertias; `mechanism` is not used."""
+        """Text for the report on the adaptation gain Gamma: `rate` (1/J) times the squared prior range (greatest
+        plausible error) of masses, kg, first moments, kg m, and inertias, kg m^2; `mechanism` is not used."""
         of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)

@@ -24,7 +24,7 @@ class Recovery:
     """Recovery of the tracking error of a `run` after an `event`, such as a payload's drop: `earlier`, the RMS error
     (rad or m) over the 2 s before the first event; `time`, s from the event until the RMS error over the next 2 s is
     below twice that, None if never; and `left`, the RMS error of the last 2 s before the next event over the earlier
-    one (no unit)."""
+    one (no unit). Nothing is checked at construction."""
 
     run: ControllerRun
     event: str
@@ -37,8 +37,9 @@ class Recovery:
 
 
 def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
-    """Recovery of a run's tracking error between an event at `begin` (s) and the next at `end` (s, or the run's end);
-    `event` is its name, `earlier` the RMS error (rad or m) before the first event."""
+    """Recovery of a run's tracking error between an event at `begin` (s) and the next at `end` (s, or the run's end), a
+    `Recovery`; `event` is the first one's name, `earlier` the RMS error (rad or m) before the first event of the run,
+    not zero. Nothing is checked."""
     end = min(end, run.duration)
     left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
     return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)
@@ -55,8 +56,9 @@ def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -
 
 
 def recovery_times(found: Sequence[Recovery]) -> Figure:
-    """Matplotlib figure of times to return, s: a panel for each event, with a bar for each run; for a run that did not
-    return, the last error over the earlier one is written instead."""
+    """Matplotlib figure of the times, s, until errors have come back after events, from recoveries `found`: a panel for
+    each event, with a bar for each run; for a run whose error did not come back, its last error over the earlier one is
+    written instead."""
     from adaptctl.recording.drawing import sheet
 
     events = list(dict.fromkeys(one.event for one in found))

@@ -11,12 +11,13 @@ from adaptctl.identifiability import ReducedModel
 
 
 def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:
-    """Standard deviations (k,) of a model's k parameters, in SI units, where those of links and drives, `parameters`
-    (P,), are off by a `share` (no unit) of their size.
+    """Standard deviations (k,) of a model's k parameters, in SI units, where the P inertial and drive parameters that
+    they are regrouped from, `parameters` (P,), are off by a `share` (no unit) of their size.
 
     A link of mass m and second moments I = tr Sigma about its frame has first moments of at most sqrt(m I) and inertias
-    of at most I, which are taken as sizes; Sigma (3, 3) is its second-moment matrix. Deviations of parameters that are
-    regrouped into one add as independent ones do, by squares.
+    of at most I, which are taken as sizes; Sigma (3, 3) is its second-moment matrix. The size of a drive's parameter is
+    its magnitude. Deviations of parameters that are regrouped into one add as independent ones do, by squares. Nothing
+    is checked.
     """
     values, bodies = np.asarray(parameters, dtype=np.float64), len(model.mechanism.description.bodies)
     sizes = np.abs(values)

@@ -14,9 +14,10 @@ from adaptctl.tuning.rough_links import scaled_links
 
 class RoughStart:
     """Base class of experiments that start from a rough model of the arm, every link's parameters off by
-    `parameter_error`, a share. The adaptation gain Gamma is `rate` (1/J) times the square of each parameter's
-    deviation; the tracking loop has the `bandwidth`, 1/s, and a damping by `ratio`, no unit; `seed` draws which links
-    are up and which down."""
+    `parameter_error`, a share. The adaptation gain Gamma is `rate` (1/J) times the square of each parameter's deviation
+    from the rough model; the tracking loop has the `bandwidth`, 1/s, and a damping of `ratio` (no unit) times the
+    bandwidth times each joint's typical inertia; `seed` draws which links are up and which down. Nothing is checked at
+    construction."""
 
     seed: int
     bandwidth: float
@@ -25,31 +26,32 @@ class RoughStart:
     parameter_error: float
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop for the mechanism's r primary joints: Lambda (r,), 1/s, the bandwidth as set, and
-        K (r,), N m s/rad (N s/m for a prismatic joint), `ratio` times Lambda times the joint's typical inertia."""
+        """Gains of the tracking loop for the mechanism's r primary (independently moving) joints: Lambda (r,), 1/s, the
+        bandwidth as set, and K (r,), N m s/rad (N s/m if prismatic), `ratio` times Lambda times the joint's typical
+        inertia. Raises `InputError` where a joint's typical inertia is not positive."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
 
     def rough(self, mechanism: Mechanism) -> Array:
-        """Parameters (P,) of the rough model in SI units: the ten of every link scaled up or down by `parameter_error`,
-        a share, by seed; drives as they are."""
+        """Parameters (P,) of the rough model in SI units: the ten of every link of the mechanism scaled up or down by
+        `parameter_error`, a share, by seed; those of drives (rotor inertias, friction) as they are."""
         return scaled_links(mechanism, self.parameter_error, self.seed)
 
     def first(self, model: ReducedModel) -> Array:
-        """First estimate (k,) of a model's k fundamental (base) and friction parameters, SI units: the rough model's,
-        regrouped."""
+        """First estimate (k,) of a model's k parameters, fundamental (base) and friction ones, in SI units: the rough
+        model's P parameters regrouped into k."""
         return np.asarray(model.regrouping @ self.rough(model.mechanism))
 
     def deviations(self, model: ReducedModel) -> Array:
-        """Standard deviations (k,) of a model's k true parameters from their first estimates, SI units, when each
-        link's and drive's are off by `parameter_error`, a share, of their size."""
+        """Standard deviations (k,) of a model's k true parameters from their first estimates, in SI units, where each
+        link's and drive's parameters are off by `parameter_error`, a share, of their size."""
         return deviations(model, self.rough(model.mechanism), self.parameter_error)
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of each one's deviation from the rough model."""
+        `rate` (1/J) times the square of each one's standard deviation from the rough model."""
         return self.rate * self.deviations(model) ** 2
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text for the report on the adaptation gain Gamma: rate times squared deviation from the rough model;
-        `mechanism` is not used."""
+        """Text for the report on the adaptation gain Gamma: `rate` (1/J) times the squared standard deviation of each
+        parameter from the rough model; `mechanism` is not used."""
         return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"

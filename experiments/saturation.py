@@ -36,8 +36,8 @@ class Saturation(OnRealPlant):
     Slotine and Li's law with adaptation frozen while a torque is held back, never frozen, and off.
 
     The question is which error is left when the payload is gone. Raises `InputError` at construction for a payload that
-    is not dropped after it is picked up and within the run, and for settings of the wrong type, out of their bounds, or
-    not one a joint.
+    is not dropped after it is picked up and within the run, for a `center`, `amplitude` or `frequency` that has not six
+    entries, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "saturation"
@@ -81,17 +81,18 @@ class Saturation(OnRealPlant):
         return (PayloadHeld(self.payload, self.start, self.stop), TorqueRateLimit(self.rate_limit))
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of the weak motors' torques at the r primary joints, N m (N for a prismatic joint): `strength`, a
-        share, of the arm's own."""
+        """Limits (r,) of the weak motors' torques at the r primary (independently moving) joints, N m (N if prismatic):
+        `strength`, a share, of the arm's own."""
         return self.strength * super().torque_limits(mechanism)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law frozen
-        while a torque is held back, the experiment's subject; with adaptation off; and never frozen. `basis` has the
-        mechanism's k fundamental (base) parameters.
+        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law with
+        adaptation frozen while a torque is held back, the experiment's subject; with adaptation off; and never frozen.
+        `basis` has the mechanism's k fundamental (base) parameters.
 
-        Guards around the law hold torques back, not the law, which would stop learning by itself. Raises `GainError`
-        for gains too large for the control period.
+        Torques are limited by `Guarded`, which is put around the law: the law itself has no limits, for with them it
+        would always stop learning at a limit. Raises `GainError` for gains too large for the control period,
+        `InputError` for a basis of another geometry than the mechanism's.
         """
         model = ReducedModel(mechanism, basis)
         law, off = (
@@ -106,8 +107,9 @@ class Saturation(OnRealPlant):
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers, of each run: the RMS tracking error from the payload's drop on, rad; the share of
-        samples with a torque held back; the largest estimate, SI units; and the RMS error of the whole run, frozen over
-        never frozen (no unit). `outcome` has the runs; `basis` is not used."""
+        samples with a torque held back (no unit); and the largest estimate of any parameter in magnitude, SI units;
+        then the RMS error of the whole run, adaptation frozen over never frozen (no unit). `outcome` has the runs;
+        `basis` is not used."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"

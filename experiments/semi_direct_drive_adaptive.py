@@ -12,9 +12,9 @@ from adaptctl.experiments.stated_task import StatedTask
 @dataclass(frozen=True)
 class SemiDirectDriveAdaptive(StatedTask):
     """Experiment of learning to track on the semi-direct-drive arm, a five-bar linkage (closed loop) on a turning
-    pillar, from knowing none of its inertial parameters: each of its three primary joints swings by 0.4 rad or more at
-    0.15 Hz or more. Raises `InputError` at construction for settings of the wrong type, out of their bounds, or not one
-    a joint."""
+    pillar, from knowing none of its inertial parameters: by default each of its three driven joints swings by 0.4 rad
+    or more at 0.15 Hz or more. Raises `InputError` at construction for settings of the wrong type, out of their bounds,
+    or not one a joint, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "semi-direct-drive-adaptive"
     title: ClassVar[str] = "Semi-direct-drive arm: learning to track through a closed loop"

@@ -40,9 +40,10 @@ class StableBandwidth(AdaptationLaws):
     """Experiment on elastic joints: the largest bandwidth of the tracking loop at which each law is stable on an arm
     whose motors turn the links through springs, by the springs' stiffness.
 
-    The laws are compared on the stiffest springs; then, for every law and stiffness and for the rigid arm, bandwidths
-    from 0.5 to 1024 1/s are tried by bisection. Raises at construction `NotFoundError` for an unknown law, `InputError`
-    for settings of the wrong type or out of their bounds.
+    The laws are compared on the stiffest springs, which the settings call the contest; then, for every law and
+    stiffness and for the rigid arm, bandwidths from 0.5 to 1024 1/s are tried by bisection. Raises at construction
+    `NotFoundError` for an unknown law, `InputError` for a law given twice and settings of the wrong type or out of
+    their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "stable-bandwidth"
@@ -93,8 +94,8 @@ class StableBandwidth(AdaptationLaws):
                 yield Finding(f"stable_bandwidth.{name}.{_stiffness_text(stiffness)}", found, "1/s", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the largest stable bandwidths, 1/s, of the first law on the rigid arm, the stiffest and the
-        softest springs; `outcome` has the runs, `found` the findings by name."""
+        """Sentence with the largest stable bandwidths, 1/s, of the first law on the rigid arm, on the stiffest and on
+        the softest springs; `outcome` has the runs, `found` the findings by name."""
         stiffest, softest = max(self.stiffness), min(self.stiffness)
         rigid, stiff, soft = (
             found.text(f"stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}") for k in (RIGID, stiffest, softest)
@@ -105,9 +106,10 @@ class StableBandwidth(AdaptationLaws):
         )
 
     def compare(self, progress: Progress) -> Comparison:
-        """Comparison of the runs on the stiffest springs, with the trials' findings and a figure of the largest stable
-        bandwidths. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for an
-        arm without rotor inertias, `GainError` for gains too large for the control period."""
+        """Comparison of the runs on the stiffest springs, with the largest stable bandwidths, 1/s, among its findings
+        and in a figure. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError`
+        for an arm without rotor inertias or a reference that the arm cannot follow, `GainError` for gains too large for
+        the control period, `RankError` where the number of fundamental (base) parameters cannot be certified."""
         from adaptctl.recording.drawing import Drawing
 
         done = super().compare(progress)
@@ -162,10 +164,10 @@ class StableBandwidth(AdaptationLaws):
 
 
 def tracks(plant: Plant, controller: Controller[Any], reference: Any, seconds: float) -> bool:
-    """True if a controller follows a reference on a plant for `seconds`, so that in the last third the RMS velocity
+    """True if a `controller` follows a reference on a plant for `seconds`, so that in the last third the RMS velocity
     error is below 0.25 rad/s (m/s) and a torque is at its limit in fewer than 1 % of the control periods; False also
-    where numbers become infinite or NaN. `reference` gives positions, velocities and accelerations (T, r) at times
-    (T,), s."""
+    where numbers become infinite or NaN. `reference` is a function that gives positions, velocities and accelerations
+    (T, r) of the plant's r joints, rad (m) and per s and s^2, at times (T,), s."""
     count = round(seconds / plant.control_period)
     points = reference(plant.control_period * np.arange(count))
     state = plant.init(points.p[0], points.v[0])
@@ -204,8 +206,8 @@ def bandwidths_over_stiffness(
     found: dict[str, float], stiffness: tuple[float, ...], laws: list[tuple[str, str]]
 ) -> Figure:
     """Matplotlib figure of the largest stable bandwidths, 1/s, over the `stiffness` (N m/rad) of the joints, a line for
-    each of `laws` (pairs of a name and a label), the rigid arm at the right. `found` has findings by name, such as
-    "stable_bandwidth.gradient.1000"."""
+    each of `laws` (pairs of a name and a label), the rigid arm at the right. `found` maps names of findings, such as
+    "stable_bandwidth.gradient.1000" and "stable_bandwidth.gradient.rigid", to bandwidths, 1/s."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

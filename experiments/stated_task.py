@@ -32,7 +32,8 @@ Named: TypeAlias = tuple[tuple[str, Any], ...]
 class SinusoidTask(NamedTuple):
     """Task of a tracking environment on sinusoids, as data, so that equal tasks compare equal: `environment_id`, the
     Gymnasium environment's; `reference`, the arguments of `Sinusoids` as pairs of name and value, SI units (Hz for
-    frequencies); and `settings`, other arguments of the environment as such pairs."""
+    frequencies); and `settings`, other arguments of the environment as such pairs, SI units. Nothing is checked at
+    construction."""
 
     environment_id: str
     reference: Named
@@ -51,10 +52,11 @@ class SinusoidTask(NamedTuple):
 
 @dataclass(frozen=True)
 class StatedTask(RangedGain, Learning):
-    """Base class of experiments of learning to track in an arm's own environment, every number of the task a setting. A
-    subclass gives `joints`, the number of primary joints, `environment_id`, and defaults of the settings that have one
-    number a joint. Raises `InputError` at construction for another number of these, and for settings of the wrong type
-    or out of their bounds."""
+    """Base class of experiments of learning to track on sinusoids in an arm's own environment, every number of the task
+    a setting. A subclass gives `joints`, the number of the arm's primary (independently moving) joints;
+    `environment_id`, the Gymnasium environment's; and defaults of `damping`, `center`, `amplitude` and `frequency`,
+    which have one number a joint. Raises `InputError` at construction for another number of these, and for settings of
+    the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
 
     joints: ClassVar[int]
     environment_id: ClassVar[str]
@@ -75,8 +77,8 @@ class StatedTask(RangedGain, Learning):
         require_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a mechanism, on the task as set. Raises `InputError` for another number of
-        primary joints than `joints`."""
+        """Gymnasium tracking environment of a mechanism, on the sinusoids that the settings state. Raises `InputError`
+        for a mechanism whose number of primary (independently moving) joints is not `joints`."""
         if mechanism.dof != self.joints:
             raise InputError(
                 f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
@@ -85,8 +87,9 @@ class StatedTask(RangedGain, Learning):
         return self.task(mechanism).environment(mechanism)
 
     def task(self, mechanism: Mechanism) -> SinusoidTask:
-        """Task of the tracking environment as set: reference, duration, control period, first error and torque limits,
-        as data in SI units."""
+        """Task of the tracking environment as the settings state it: the reference's sinusoids, duration, control
+        period and first error of the joints, and, by `torque_limits`, the limits for the mechanism, as data in SI
+        units."""
         limits = self.torque_limits(mechanism)
         limited = ("torque_limits", None if limits is None else tuple(limits.tolist()))
         return SinusoidTask(self.environment_id, self._named(REFERENCE), (*self._named(ENVIRONMENT), limited))
@@ -96,12 +99,13 @@ class StatedTask(RangedGain, Learning):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset, by name: `payload`, the mass on the last link, kg, where it is not 0."""
+        """Options of the environment's reset, by name: `payload`, the mass on the last link, kg, where it is not 0,
+        else none."""
         return {"payload": self.payload} if self.payload > 0.0 else {}
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:
-        """Limits (r,) of the torques of the r primary joints, N m (N for a prismatic joint), for the environment; None,
-        as here, for those that it takes by itself."""
+        """Limits (r,) of the torques of the mechanism's r primary (independently moving) joints, N m (N if prismatic),
+        for the environment; None, as here, for those that the environment takes by itself."""
         return None
 
     def gains(self, mechanism: Mechanism) -> Gains:

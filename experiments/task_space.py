@@ -45,8 +45,9 @@ class TaskSpaceTracking(TipPath, Learning):
 
     The laws are Slotine and Li's in task space, with the gradient, with composite adaptation, with a damped Jacobian
     and with adaptation off; in joints, on the same path by inverse kinematics; and computed torque with the true
-    parameters. Raises `InputError` at construction for path settings that have not three entries (x, y, z), and for
-    settings of the wrong type or out of their bounds.
+    parameters. In the settings Λ is the bandwidth (1/s) and I a joint's typical inertia. Raises `InputError` at
+    construction for a `center`, `amplitude`, `frequency` or `phase` that has not three entries (x, y, z), and for
+    settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "task-space"
@@ -107,8 +108,8 @@ class TaskSpaceTracking(TipPath, Learning):
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
-        """Tool of a mechanism as a point of its link, `Tip`. Raises `InputError` for a robot whose tool is not known,
-        or a mechanism without that link."""
+        """Tool of a mechanism, as a `Tip`: a point fixed to one of its links. Raises `InputError` for a `robot` whose
+        tool is not known, or a mechanism without that link."""
         return self.arm.on(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -120,8 +121,9 @@ class TaskSpaceTracking(TipPath, Learning):
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law in task
         space with the gradient, the experiment's subject; with adaptation off; with composite adaptation; with a damped
-        Jacobian; in joints; and computed torque. `basis` has the k fundamental (base) parameters that they adapt.
-        Raises `GainError` for gains too large for the control period."""
+        Jacobian; in joints; and computed torque with the true parameters. `basis` has the k fundamental (base)
+        parameters that they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a
+        robot whose tool is not known and a basis of another geometry than the mechanism's."""
         model, gains = ReducedModel(mechanism, basis), self.gains(mechanism)
         gain, tool = self.adaptation(model), np.array(self.arm.tip)
         composite = Composite(gain, self.prediction / finite_torque_limits(mechanism) ** 2)
@@ -168,8 +170,8 @@ class TaskSpaceTracking(TipPath, Learning):
         return " ".join((text, *(f"The least of all controllers is {one}." for one in least)))
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """Errors that recording and report show first: the distances (T,), m, of the tool from its path at the T
-        samples of each run in `outcome`."""
+        """Errors that recording and report show first, as a `Leading`: the distances (T,), m, of the tool from its path
+        at the T samples of each run in `outcome`. Raises `InputError` for a robot whose tool is not known."""
         errors = {run.name: self._tool_errors(outcome.mechanism, run) for run in outcome.runs}
         return Leading("Distance of the tool from its path", "mm", errors)
 
@@ -194,7 +196,8 @@ class TaskSpaceTracking(TipPath, Learning):
 
 def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
     """Matplotlib figure of a tool's distances from its path (mm, logarithmic) over time, s, a line for each of
-    `curves`: triples of the colour's index in the palette, the run, and its distances (T,), m."""
+    `curves`: triples of the colour's index from 0 in the palette, the run, and its distances (T,), m, at its T
+    samples."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -37,9 +37,9 @@ class TwoArms(StatedTask):
     """Experiment of learning to track with two arms whose hands are welded to one rod: one mechanism of twelve links
     with a closed loop (six closure conditions) and six degrees of freedom.
 
-    The left arm's joints are the coordinates. A torque in them is what the motors of both arms give together, however
-    shared: the motion is the same. Raises `InputError` at construction for settings of the wrong type, out of their
-    bounds, or not one a joint.
+    The left arm's six joints are the coordinates. A torque in them is what the motors of both arms give together,
+    however shared: the motion is the same. Raises `InputError` at construction for settings of the wrong type, out of
+    their bounds, or not one for each of the six, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "two-arms"

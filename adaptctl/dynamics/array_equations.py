@@ -119,7 +119,7 @@ class ArrayEquations:
         The equation's `call` takes the positions p (..., r) of the r primary joints in place of q, then the further
         arguments, and returns an array (..., m) or (..., m, k). An argument named in `sizes` has that size,
         `parameters` otherwise P (the number of parameters), any other r. Mechanisms of more than `longest` links, 100
-        by default, are never compiled.
+        by default, are never compiled. Nothing is checked or run before the equation is called.
         """
         mechanism = self._mechanism
         configured = None if mechanism.description.loops is None else mechanism.configuration

@@ -193,10 +193,13 @@ class ConstrainedEquations(Equations):
         return self.combined(dict(enumerate(entries)), range(self.parameters))
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
-        """A covector in the free parameters' space, a `Column` (k,), for the k of Z free parameters whose indices
-        `columns` are: the entries N' y of a row of derivatives y by all P parameters D = D0 + N z, such as of an energy
-        or torque, N' being the transpose of N (P, Z). `entries` has y's entries by index from 0 to P - 1, those of
-        `needed(columns)` at least, else `KeyError` is raised; units are y's times N's."""
+        """Derivatives (k,) of a quantity, such as an energy or a torque, by the k of Z free parameters z whose indices
+        `columns` are, a `Column`: entries of N' y from its derivatives y by all P parameters D = D0 + N z, N' being the
+        transpose of N (P, Z), in y's unit times N's.
+
+        `entries` has y's entries by index from 0 to P - 1, those of `needed(columns)` at least, else `KeyError` is
+        raised; a column of Z or more raises `IndexError`.
+        """
         return Column(_sum([(weight, entries[place]) for place, weight in self.spread[c]]) for c in columns)
 
 

@@ -144,7 +144,7 @@ class LoopEquations(Equations):
     def residual(self, q: Column) -> Column:
         """Closure residual (d,) of the loops and couplings at a configuration q (n,) of the tree's n joints, rad (m if
         prismatic): by how much each of the d = n - r independent closure conditions is violated, in m for positions and
-        rad for directions, zero at a closed configuration."""
+        rad for directions, zero at a closed configuration. Not checked: too short a q raises `IndexError`."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
@@ -156,7 +156,8 @@ class LoopEquations(Equations):
     def dependent_block(self, q: Column) -> list[Column]:
         """The d columns (d,) of the Jacobian (d, d) of the closure residual by the d = n - r dependent joints, at a
         configuration q (n,) of the tree's n joints, rad (m if prismatic): rad or m per rad or m. It is singular where
-        the loops lock, the primary joints not determining the others."""
+        the loops lock, the primary joints not determining the others. Not checked: too short a q raises
+        `IndexError`."""
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 

@@ -122,7 +122,7 @@ class Mechanism:
 
     @property
     def name(self) -> str:
-        """The mechanism's name."""
+        """The mechanism's name, a text, from its description, by which error messages call it."""
         return self.description.name
 
     @property
@@ -265,7 +265,8 @@ class Mechanism:
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """The part of the torque (..., r), N m (N), due to values that linear constraints on parameters fix, which
         regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of r joints,
-        rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, with
+        constraints `SingularityError` near locked loops."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 

@@ -39,14 +39,15 @@ class ParameterLayout(NamedTuple):
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
         """Pair of dicts by which parameters of indices `columns`, from 0 to P - 1, are found: for those of bodies, the
         index in a list of ten parameters for each of the N links, massless ones too (10 N of them), by the parameter's
-        index; for those of drives, the number of the drive's term, counted from 0, by the parameter's index."""
+        index; for those of drives, the number of the drive's term, counted from 0, by the parameter's index. Nothing is
+        checked."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
     def tens(self, parameters: Column) -> Column:
         """The ten inertial parameters of each of the N links (10 N,), link by link, from all `parameters` (P,): m,
         mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Those of
-        massless links are exact zeros, which cost nothing in compiled equations."""
+        massless links are exact zeros, which cost nothing in compiled equations. Nothing is checked."""
         if len(self.bodies) == self.links:
             return Column(parameters.of[: self.driven]) if self.drives else parameters
         tens: list[Scalar] = [0.0] * (10 * self.links)
@@ -56,12 +57,12 @@ class ParameterLayout(NamedTuple):
 
     def owned(self, tens: Column) -> Sequence[Scalar]:
         """The entries of `tens` (10 N,), ten for each of N links, that belong to links with inertial parameters: ten
-        for each such body, in the order of the parameters, without the drives'."""
+        for each such body, in the order of the parameters, without the drives'. Nothing is checked."""
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:
         """The entries of `parameters` (P,) that are the drives', SI units: one for each rotor or friction term, in the
-        order of `drives`."""
+        order of `drives`. Nothing is checked."""
         return parameters.of[self.driven :]
 
 

@@ -106,7 +106,7 @@ class TreeEquations(Equations):
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
         """The equations of motion of the tree of a `description`: of all its links, joints and drives under its
-        gravity. Its loops, if it has any, are left open."""
+        gravity. Its loops, if it has any, are left open. Nothing is checked."""
         drives = tuple(DriveTerm(description.shaft(joint), kind) for joint, kind in description.drive_parameters)
         layout = ParameterLayout(len(description.links), description.bodies, drives)
         return cls(segments(description), Vec(*description.gravity.tolist()), layout)
@@ -129,16 +129,17 @@ class TreeEquations(Equations):
 
     def closed(self, p: Column, guess: Column) -> Column:
         """The configuration (n,) of a tree's n joints at positions p (n,), rad (m if prismatic): p itself, there being
-        no loop to close. `guess` is not used."""
+        no loop to close. `guess` is not used. Nothing is checked."""
         return p
 
     def projected(self, q: Column) -> Column:
-        """The configuration q (n,) of a tree's n joints, rad (m if prismatic), itself: there is no loop to close."""
+        """The configuration q (n,) of a tree's n joints, rad (m if prismatic), itself: there is no loop to close.
+        Nothing is checked."""
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
         """The velocities v (n,) of a tree's n joints, rad/s (m/s if prismatic), themselves, all joints being primary.
-        The configuration q (n,) is not used."""
+        The configuration q (n,) is not used. Nothing is checked."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
@@ -151,7 +152,7 @@ class TreeEquations(Equations):
     def energies(self, tens: Column, v: Column) -> Column:
         """Energy regressor (P,), J per unit of each of P parameters, from `tens` (10 n,), the energies per unit of ten
         inertial parameters of each of n links, and the velocities v (n,) of the joints, rad/s (m/s if prismatic), at
-        which the drives' rotors have theirs: s^2/2 at a shaft's speed s, and 0 for friction."""
+        which the drives' rotors have theirs: s^2/2 at a shaft's speed s, and 0 for friction. Nothing is checked."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:

@@ -21,7 +21,12 @@ Steps = NDArray[np.int64]
 
 
 class ArmReferences:
-    """References of r joints for many arms, one each, sampled every control period (s) and at times ahead (s)."""
+    """References of N arms of r joints, one each, sampled at every control period (s) and at L look-ahead times (s):
+    those that are sums of sinusoids (`Sinusoids`) by their numbers, for native code, others by rows of samples.
+
+    `arms` is N and `dof` r; `control_period` is in s; `look_ahead` (L,) are the times ahead, s. The attribute `of`
+    lists the arms' references, None until `put` gives them. Nothing is checked at construction.
+    """
 
     def __init__(self, arms: int, dof: int, control_period: float, look_ahead: Array) -> None:
         self.of: list[Reference | None] = [None] * arms
@@ -30,7 +35,10 @@ class ArmReferences:
         self._groups: list[tuple[Steps, Preview]] = []
 
     def put(self, arms: Steps, references: Sequence[Reference]) -> None:
-        """Give some arms references. Raises `InputError` for sinusoids of another number of joints, naming the arm."""
+        """Give the arms of indices `arms` (k,) the k `references`, callables from times (s) to a `ReferencePoint`.
+        Raises `InputError` for `Sinusoids` of another number of joints, naming the arm, and `ValueError` where there
+        are not k of them. Where not all arms then have `Sinusoids`, all references are sampled at once, which raises
+        `InputError` for results of a wrong shape and `NonFiniteError` for NaN and infinity."""
         for arm, reference in zip(arms.tolist(), references, strict=True):
             if isinstance(reference, Sinusoids) and len(reference.center) != self._dof:
                 raise InputError(f"reference: expected {self._dof} joints, got {len(reference.center)} for arm {arm}")
@@ -41,15 +49,26 @@ class ArmReferences:
 
     @property
     def terms(self) -> int:
-        """The most sinusoids that any joint of an arm sums; 0 where a reference is none of sinusoids."""
+        """The largest number of sinusoids that a reference sums in each joint; 0 where not all arms have `Sinusoids` as
+        their reference, so that `rows` of samples are needed."""
         return int(self._terms.max()) if self._terms.all() else 0
 
     def numbers(self, arms: Steps, terms: int) -> SinusoidNumbers:
-        """The numbers of some arms' sinusoids (k, ...), filled up to so many terms by ones of no amplitude."""
+        """The `SinusoidNumbers` of the arms of indices `arms` (k,), r joints each: center (k, r), rad (m), amplitude,
+        rad (m), frequency, Hz, and phase, rad, each (k, r `terms`), and start_time (k, 1), s. Each reference has as
+        many sinusoids a joint as `terms` says, the missing ones with amplitude 0. All k arms must have `Sinusoids`,
+        else `KeyError` is raised; `ValueError` for fewer `terms` than one of them has."""
         return SinusoidForm(self._dof, terms).numbers([self.of[arm] for arm in arms.tolist()])
 
     def rows(self, arms: Steps, steps: Steps) -> Array:
-        """Rows (k, 3r + r per time ahead) of p, v, a now and p at each time ahead, of some arms at their steps (k,)."""
+        """Rows (k, 3r + r L) of the references of the arms of indices `arms` (k,) at control periods number `steps`
+        (k,), counted from the episode's start: positions, velocities and accelerations then, r each, and the positions
+        at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic).
+
+        To be called only where the property `terms` is 0: otherwise there are no samples, and the numbers mean nothing.
+        Raises what sampling the references raises: `InputError` for a wrong shape, `NonFiniteError` for NaN and
+        infinity.
+        """
         rows = np.empty((len(self.of), (3 + len(self._look_ahead)) * self._dof))
         chosen = np.zeros(len(self.of), dtype=np.bool_)
         at = np.zeros(len(self.of), dtype=np.int64)

@@ -31,7 +31,15 @@ Flags = NDArray[np.bool_]
 
 @dataclass(slots=True)
 class StepResult:
-    """The results of a step, or of a beginning, of some arms (k, ...)."""
+    """The results of a control period, or of the beginning of an episode, of k arms of r joints, as arrays with a row
+    for each arm.
+
+    `observation` (k, n) in the environment's units; `reward` (k,), no unit; `terminated` and `truncated` (k,), bools,
+    the two ways in which an episode ends; `time` (k,), s since the reset; `energy` (k,), kinetic plus potential, J;
+    `clipped` (k,), how many steps since the reset had a torque clipped; `p` and `v` (k, r), the true positions, rad
+    (m), and velocities, rad/s (m/s), not those measured; `torque` (k, r), N m (N), that reached the joints; `marks` (k,
+    m), 1 for each of the m actuator effects named in `Plant.marks` that changed a torque, else 0. Nothing is checked.
+    """
 
     observation: Array
     reward: Array
@@ -49,17 +57,25 @@ class StepResult:
     """(k, m) of `Plant.marks`"""
 
     def copy(self) -> StepResult:
-        """The same results in arrays of their own."""
+        """The same results as a new `StepResult`, whose arrays are copies."""
         return StepResult(*(getattr(self, field.name).copy() for field in fields(self)))
 
     def put(self, arms: Numbers, others: StepResult) -> None:
-        """Replace the rows of some arms by those of others (k, ...)."""
+        """Replace the rows of the arms of indices `arms` (k,) by the k rows of `others`, in place. Nothing is returned;
+        NumPy raises `IndexError` or `ValueError` for indices and rows that do not fit."""
         for field in fields(self):
             getattr(self, field.name)[arms] = getattr(others, field.name)
 
 
 class Arms:
-    """N arms as in N environments like `single`: they step together, and episodes begin by call."""
+    """The state of N arms, each as in an environment like `single`, a `TrackingEnv`: they take their control periods
+    together in native code (`advance`), and an arm's episode begins by call (`begin`).
+
+    `count` is N; `precision`, "double" or "single", is that of the native code. Attributes: `steps` and `clipped` (N,),
+    control periods since the reset and those with a clipped torque; `parameters` (N, P), the P true inertial parameters
+    now, payloads included, SI units, read-only; `payload` (N,), the mass in kg that load effects add. Raises
+    `InputError` for another precision, and where single precision cannot close the mechanism's loops.
+    """
 
     def __init__(self, single: TrackingEnv, count: int, precision: Precision = "double") -> None:
         self.single, self.count, self.precision = single, count, precision
@@ -81,7 +97,14 @@ class Arms:
         self._kernels: dict[int, Kernel] = {}
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> StepResult:
-        """The first results of some arms' episodes, which begin. Raises as `TrackingEnv.reset` does."""
+        """The first results, a `StepResult` of k rows, of new episodes of the arms of indices `arms` (k,). `options`
+        may have `payload`, kg or a mapping, `trajectory`, a `Reference`, a seed or "random", `initial_error`, rad (m),
+        and `parameters`, the P true inertial ones, SI units: one value for all N arms or N of them; others are not
+        looked at, and what is missing is that of the single environment.
+
+        Raises `InputError` for a bad value, of these `NonFiniteError` for numbers that are not finite, naming the arm,
+        and `SingularityError` where loops cannot be followed to the start.
+        """
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
         own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
@@ -102,8 +125,10 @@ class Arms:
         return StepResult(observation, zero, never, never, zero, energy, self.clipped[arms], p, v, torque, state.marks)
 
     def advance(self, torque: Array, moving: Numbers) -> StepResult:
-        """The results of one control period under torques (N, r), N m; those of arms that are not moving mean
-        nothing."""
+        """The results, a `StepResult` of N rows, of one control period of all N arms under torques `torque` (N, r), N m
+        (N), clipped to the torque limits and held. `moving` are the indices of the arms that count: rows of others mean
+        nothing. Raises `InputError` for torques that do not broadcast to (N, r), `NonFiniteError`, naming the arm and
+        the time, where the motion of a moving arm runs away; NaN in the torques is not looked for."""
         self.steps += 1
         time = np.asarray(self.single.control_period * self.steps, dtype=np.float64)
         self._give(torque, time, moving)
@@ -136,12 +161,15 @@ class Arms:
 
     @property
     def rows(self) -> Array:
-        """The references' rows of all arms now (N, 3r + r per time ahead)."""
+        """Rows (N, 3r + r L) of the references of all N arms now: positions, velocities and accelerations of r joints,
+        then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic). To be read after
+        the arms have begun."""
         return self._row(self.all)
 
     @property
     def positions(self) -> Array:
-        """True positions (N, r) of the primary joints."""
+        """The true positions (N, r) of the r primary joints of all N arms now, rad (m if prismatic). To be read after
+        the arms have begun."""
         return self.single.plant.positions(self._lanes.state["q"])
 
     def _follow(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> None:

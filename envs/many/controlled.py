@@ -20,10 +20,13 @@ from adaptctl.simulation.rollout import PARTS
 
 
 class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """Base class of many tracking environments that a controller drives, in which actions (N, a) in [-1, 1] are what is
-    learned.
+    """Base class of vector environments of N arms that a controller drives, and in which actions (N, a), no unit, in
+    [-1, 1], change what it does: `ResidualVectorEnv` and `TuningVectorEnv`. Each arm has a state of the controller of
+    its own, which begins anew with each episode.
 
-    Each arm has a memory of the controller of its own, which begins anew with its episodes.
+    `env` is a `VectorTrackingEnv`, without wrappers; `controller` the `Controller`; `actions` the number a of actions
+    of one arm. Observations are those of `env`. A subclass defines what actions do. Raises `InputError` for another
+    environment, what is no controller, and one for another number of joints.
     """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
@@ -44,13 +47,14 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), in the environment's units, and `info` of all arms, after an episode of every arm has
-        begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools (N,); their controllers
-        begin with an empty memory.
+        """Observations (N, n), n numbers an arm in the environment's units, and `info` of all N arms, after an episode
+        of every arm has begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools (N,);
+        the controller's state of these arms is made anew.
 
-        `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on; `options` are
-        those of `VectorTrackingEnv`, None for none. Raises what `VectorTrackingEnv.reset` raises: `InputError` for bad
-        seeds and options, of these `NotFoundError` for unknown ones and `NonFiniteError` for numbers that are not
+        `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
+        `payload` (kg or a mapping), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (rad, m) and the
+        P true inertial `parameters` (P,), SI units, for all arms or one each, None for none. Raises `InputError` for
+        bad seeds and options, of these `NotFoundError` for unknown ones and `NonFiniteError` for numbers that are not
         finite, `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of
         the arms before the first reset of all.
         """
@@ -61,9 +65,10 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         return observations, info
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Observations (N, n), in the environment's units, rewards (no unit), `terminated` and `truncated`, bools, (N,)
-        each, and `info` after one control period of all arms under each one's own controller and the actions (N, a), no
-        unit, in [-1, 1], as in the class's card. Actions of arms that begin again do not matter, but are checked.
+        """Observations (N, n), n numbers an arm in the environment's units, rewards (no unit), `terminated` and
+        `truncated`, bools, (N,) each, and `info` after one control period of all N arms under each one's own
+        controller, changed by the actions (N, a), no unit, in [-1, 1], as the subclass defines. Actions of arms that
+        begin again do not matter, but are checked.
 
         Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming number and arm, before
         anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`
@@ -95,13 +100,15 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
 
 
 def require_controller(given: object) -> None:
-    """Raise `InputError` for what is no controller."""
+    """Raise `InputError` unless `given` is a `Controller`; nothing is returned."""
     if not isinstance(given, Controller):
         raise InputError(f"controller: expected a Controller, got {given!r:.80}")
 
 
 def finite_actions(given: Any, space: gymnasium.Space[Any]) -> Array:
-    """Actions of a space's shape as numbers. Raises `InputError` and `NonFiniteError` for others."""
+    """The actions `given` as a float64 array of the shape of `space`, a Gymnasium space, in their own unit; they are
+    not clipped to its bounds. Raises `InputError` for another shape and what are no numbers, `NonFiniteError` on NaN
+    and infinity, naming the number's index and, of many arms, the arm."""
     actions = numbers(given, "action", f"of shape {space.shape}")
     if actions.shape != space.shape:
         raise InputError(f"action: expected shape {space.shape}, got {actions.shape}")

@@ -17,9 +17,9 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """A view of a vector environment of ours with N arms, in wrappers or not, for learners that take one flag `done`
-    for both kinds of an episode's end: actions (N, a) in [-1, 1], no unit, are shares of the largest action, such as
-    torque limits, and infos one dictionary an arm.
+    """A view of a vector environment of adaptctl with N arms, in wrappers or not, for learners that take one flag
+    `done` for both kinds of an episode's end: actions (N, a) in [-1, 1], no unit, are shares of the largest action,
+    such as torque limits, and infos one dictionary an arm.
 
     `env` is the environment; `observation_space`, n numbers, and `action_space`, a numbers, are those of one arm.
     `done` (N,) is terminated or truncated. The info of an arm that is done has `terminal_observation` (n,), the last of
@@ -49,7 +49,8 @@ class LearnerView:
         options, those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
         "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), of the same names
         for all arms. Raises `InputError` for bad seeds and options, other names, and another number of seeds or
-        options, `NotFoundError` for unknown options."""
+        options, of these `NotFoundError` for unknown options; `SingularityError` where loops cannot be followed to the
+        start."""
         count = self.env.num_envs
         listed = isinstance(options, Sequence) and all(isinstance(own, Mapping) for own in options)
         if not listed or len(options) != count:

@@ -16,16 +16,18 @@ from adaptctl.simulation.effects import Payload
 
 @dataclass(frozen=True)
 class ArmOptions:
-    """The options of k arms chosen among N.
-
-    A value is for all N, or there are N of them: arrays with a leading axis, and lists or tuples of what is no array.
-    """
+    """The options of a reset for k arms chosen among N: from values for all arms, or one for each of the N, those of
+    the chosen ones. `total` is N, `arms` (k,) are the chosen arms' indices. An option is one value for all, or N of
+    them: an array with a leading axis of N, or a list or tuple. Nothing is checked at construction."""
 
     total: int
     arms: NDArray[np.int64]
 
     def numbers(self, values: ArrayLike, size: int, what: str) -> Array:
-        """Rows (k, size). Raises `InputError` on a wrong shape, and `NonFiniteError`, which names the arm."""
+        """Numbers for each of the k chosen arms, an array (k, `size`), from `values`: one number, `size` of them for
+        all arms, or (N, `size`), a row for each of all N arms, in a unit of the caller's. `what` is the option's name
+        in messages. Raises `InputError` for another shape and what are no numbers, `NonFiniteError`, naming the arm, on
+        NaN and infinity in the chosen rows."""
         array = numbers(values, what)
         if array.shape not in ((), (size,), (self.total, size)):
             raise InputError(
@@ -39,7 +41,9 @@ class ArmOptions:
         return rows
 
     def each(self, values: Any, what: str) -> Sequence[Any]:
-        """Values (k), of any kind. Raises `InputError` where there are neither one nor N."""
+        """A sequence of k values of any kind, one for each of the chosen arms, from `values`: a list, a tuple or an
+        array (N,), one for each of all N arms, or else one value for all. `what` is the option's name in messages.
+        Raises `InputError` for a list, tuple or array of another number of them than N."""
         if isinstance(values, np.ndarray) and values.ndim == 1:
             values = values.tolist()
         if not isinstance(values, list | tuple):
@@ -49,8 +53,15 @@ class ArmOptions:
         return [values[arm] for arm in self.arms.tolist()]
 
     def parameters(self, options: Mapping[str, Any], own: Array, link: int) -> Array:
-        """True inertial parameters (k, P): those given or the mechanism's own, with what the link holds. Raises as
-        `numbers` and `each` do, and `InputError`, which names the arm, for a payload that no body is."""
+        """The P true inertial parameters of each of the k chosen arms (k, P), SI units: the option `parameters`, P
+        numbers for all arms or (N, P) for all N, or else the mechanism's `own` (P,), with the option `payload` added to
+        the body of index `link`: a mass in kg, a mapping with `mass`, `center` and `inertia`, or a `Payload`, one or N
+        of them.
+
+        `options` maps names to values; others are not looked at. Raises `InputError` on a wrong shape, another number
+        of payloads than one or N, and for what is no payload, naming the arm; of these `NotFoundError` for an unknown
+        entry of a payload; `NonFiniteError`, naming the arm, for parameters that are not finite.
+        """
         rows = self.numbers(options.get("parameters", own), own.size, "parameters")
         if "payload" not in options:
             return rows

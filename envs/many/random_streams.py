@@ -15,10 +15,11 @@ BLOCK = 32
 
 
 class ArmStreams:
-    """Streams of random numbers: a generator for each arm, and rows of `width` standard normal numbers from it, one a
-    draw.
+    """Streams of standard normal random numbers for many arms: each arm has a NumPy generator of its own, and takes
+    rows of `width` numbers from it, one a draw. `arms` is the number of arms.
 
-    The numbers are those that each generator gives one draw after the other, and `generator` is where that would be.
+    Rows are drawn in blocks, which is faster; the numbers are those that single draws would give. An arm without a seed
+    gets a random one. Nothing is checked at construction.
     """
 
     def __init__(self, arms: int, width: int) -> None:
@@ -30,12 +31,15 @@ class ArmStreams:
         self._used = np.full(arms, BLOCK)
 
     def seed(self, arm: int, seed: int) -> None:
-        """Restart an arm's generator from a seed. It is made when it is first needed."""
+        """Restart the stream of the arm of index `arm` from `seed`, an int of at least 0; the generator is made when it
+        is first needed, which raises Gymnasium's `Error` for another seed. Nothing is returned."""
         self._generators.pop(arm, None)
         self._seeds[arm], self._used[arm] = seed, BLOCK
 
     def generator(self, arm: int) -> np.random.Generator:
-        """The arm's generator, as it is after the draws made so far."""
+        """The NumPy generator of the arm of index `arm`, in the state that it has after the rows taken by `normal` so
+        far, as if they had been drawn one by one; what is drawn from it is not drawn again by `normal`. Raises
+        Gymnasium's `Error` for a seed that is no int of at least 0."""
         if arm not in self._generators:
             self._generators[arm], self._seeds[arm] = seeding.np_random(self._seeds[arm])
         generator = self._generators[arm]
@@ -46,7 +50,9 @@ class ArmStreams:
         return generator
 
     def normal(self, arms: NDArray[np.int64]) -> Array:
-        """Standard normal numbers (k, width), one draw of each of some arms."""
+        """Standard normal numbers (k, width), no unit, one draw of `width` numbers from the stream of each of the arms
+        of indices `arms` (k,), all different. Raises Gymnasium's `Error` where an arm's seed is no int of at least
+        0."""
         if self._blocks.shape[2] == 0:
             return np.empty((len(arms), 0))
         for arm in arms[self._used[arms] == BLOCK].tolist():

@@ -21,7 +21,11 @@ LARGEST = 1e300
 
 
 class Facts(NamedTuple):
-    """Facts about an arm after a step, one number each; conditions are 1 or 0. The plant's marks follow."""
+    """Facts about an arm after a control period, one scalar each, where conditions are 1.0 or 0.0: `reward`, no unit,
+    without the penalty for an episode that is terminated; `finite`, 1 if the motion has not run away; `lost`, 1 if a
+    joint's error passed its bound; `sure`, 1 if loops are surely within their conditions and away from singularities, 0
+    where that must be computed exactly; `energy`, kinetic plus potential, J, with the inertial parameters of the period
+    that ends; `clipped`, 1 if the torque was clipped to its limits."""
 
     reward: Any
     """without what ending costs"""
@@ -37,11 +41,14 @@ class Facts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class VectorStep:
-    """The step of a vector environment: a control period of the plant under a torque, its observation and its reward,
-    at a time (s) of each arm's own.
+    """The control period of a vector environment as one equation over scalars of any kind, to be compiled for many arms
+    at once: the motion of the plant under a torque, the observation and the reward, each arm at a time (s) of its own.
 
-    References are sums of sinusoids, evaluated here from each arm's numbers; with no terms, rows of samples are given:
-    p, v, a now and p at each time ahead.
+    `plant` is the `Plant`, of r joints; `look_ahead` (L,) are the times ahead, s, at which the reference is observed;
+    `error_bound` (r,), rad (m), ends an episode; `weights` are the `RewardWeights`; `sinusoids`, a `SinusoidForm`, says
+    how many sinusoids a reference sums in each joint, and these are evaluated in the step from each arm's numbers. If
+    that is 0, the reference comes from outside as a row of samples: positions, velocities and accelerations now, then
+    the positions at each time ahead. Nothing is checked.
     """
 
     plant: Plant
@@ -52,24 +59,32 @@ class VectorStep:
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths of the columns that say where an arm should be, by name."""
+        """Lengths, by name, of the columns from which the reference follows: {"row": 3r + r L}, samples for r joints
+        and L look-ahead times, where references are given by samples; else "time" (1) and the numbers of h sinusoids a
+        joint: "center" (r), "amplitude", "frequency" and "phase" (r h each) and "start_time" (1)."""
         if not self.sinusoids.terms:
             return {"row": (3 + len(self.look_ahead)) * self.plant.dof}
         return self.sinusoids.shared | self.sinusoids.held
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the columns that are given to a step, by name."""
+        """Lengths, by name, of the columns that a step reads and leaves as they are: "torque" (r), "noise" (2r, or 0
+        without sensors), "parameters" (P, the true inertial ones) and those of the property `reference`, for r
+        joints."""
         given = {"torque": self.plant.dof, "noise": self.plant.noise_size}
         return given | {"parameters": self.plant.mechanism.equations.parameters} | self.reference
 
     def compile(self, precision: Precision = "double") -> Stepper:
-        """Native code of the step in a precision, for as many arms at once as suit the processor."""
+        """The step as native code, a `Stepper`, in the given `precision` of numbers, "double" or "single", which works
+        on as many arms at once as suit the processor's SIMD registers. Its state has the columns of `plant.sizes`, its
+        held columns those of `held`. Raises `InputError` for another precision."""
         sizes = self.plant.sizes
         return compile_step(self.equation, state=sizes, held=self.held, name="vector_step", precision=precision)
 
     def compile_row(self) -> Kernel:
-        """Native code for the row of the reference alone, from the columns of `reference`."""
+        """The row of the reference as native code, a `Kernel`: called with the columns that the property `reference`
+        names, in that order, it returns (3r + r L,), the positions, velocities and accelerations of r joints now, then
+        the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic)."""
 
         def row(**reference: Column) -> Column:
             return self.row(reference)
@@ -77,15 +92,24 @@ class VectorStep:
         return compile_function(row, self.reference, name="row")
 
     def row(self, columns: Mapping[str, Column]) -> Column:
-        """A reference's row (n,): p, v, a now and p at each time ahead, from its columns."""
+        """The row of a reference, a `Column` (3r + r L,) of scalars of any kind: positions, velocities and
+        accelerations of r joints now, then the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m if
+        prismatic). `columns` has, by name, those of the property `reference`; one that is missing raises `KeyError`."""
         if not self.sinusoids.terms:
             return columns["row"]
         now, *ahead = (self.sinusoids.point(columns, delay) for delay in (0.0, *self.look_ahead.tolist()))
         return Column(x for part in (*now, *(point.p for point in ahead)) for x in part)
 
     def equation(self, **columns: Column) -> tuple[Column, ...]:
-        """The results of a step: columns (n,) of the plant that are passed on, the observation, `Facts` with the
-        plant's marks, and the true p, v and torque."""
+        """The results of a control period as a tuple of seven `Column`s over scalars of any kind, SI units: the plant's
+        new state, `q` (n,) of the tree's n joints, `v` (r,) of the r primary ones and the memories `drives` and
+        `sensors`; the observation (5r + r L,), measured positions and velocities and the reference's row; the six
+        `Facts` and the plant's m marks (6 + m,); and the true positions and velocities and the torque that reached the
+        joints (3r,).
+
+        `columns` are, by name, those of `plant.sizes`, the state, and of the property `held`; one that is missing
+        raises `KeyError`.
+        """
         plant, row = self.plant, self.row(columns)
         after = plant.equation(columns)
         p = plant.primary(after.q)

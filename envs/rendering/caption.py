@@ -16,7 +16,9 @@ POINT = 100.0 / 72.0
 
 
 class Caption:
-    """Caption of pictures of one size: the arm's name, the time, and what the colours mean, in their corners."""
+    """The words on pictures of one size: the arm's `name`, the time, and a list of what the colours mean, in the upper
+    corners. `colors` maps each meaning to its `Color` (sRGB), `width` and `height` are the pictures' in pixels. Nothing
+    is checked."""
 
     def __init__(self, name: str, colors: Mapping[str, Color], width: int, height: int) -> None:
         figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0)
@@ -35,7 +37,8 @@ class Caption:
             figure.text(margin + 0.03, y, meaning, size=size, color=INK.hex, va="top")
 
     def over(self, picture: NDArray[np.uint8], time: float) -> NDArray[np.uint8]:
-        """The picture (height, width, 3) with the words on it; `time` in s."""
+        """The `picture` (height, width, 3), RGB, uint8, with the words on it, as a new array of the same shape and
+        type; `time`, s, is shown with two decimals. Raises `ValueError` for a picture of another size."""
         self._time.set_text(f"{time:.2f} s")
         self._canvas.draw()  # type: ignore[no-untyped-call]
         words = np.asarray(self._canvas.buffer_rgba())  # type: ignore[no-untyped-call]

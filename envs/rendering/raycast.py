@@ -15,7 +15,9 @@ FAR = np.inf
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart:
-    """A cylinder from `start` to `end` (3,) in m, with round ends (a capsule, a sphere) or flat ones."""
+    """A cylinder of a `radius`, m, whose axis leads from `start` to `end`, (3,) each, m, with flat ends if `flat` is
+    True, otherwise round ones (a capsule, and a ball where both points coincide, then also if `flat`). `color` (3,) is
+    red, green and blue in [0, 1]. Nothing is checked."""
 
     start: Array
     end: Array
@@ -26,7 +28,8 @@ class ConvexPart:
 
 
 class Hits(NamedTuple):
-    """First hits of rays: distances (...), infinite where they meet nothing, and unit normals (..., 3)."""
+    """First hits of rays with a solid: `distance` (...), m, along each ray, infinite where it does not meet the solid,
+    and `normal` (..., 3), the solid's outward unit normal there, without meaning where there is no hit."""
 
     distance: Array
     normal: Array
@@ -34,8 +37,9 @@ class Hits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera at `eye` (3,) that looks at `target` (3,), m, z up; `field` is the vertical view angle in
-    rad."""
+    """A pinhole camera at `eye` (3,) that looks at `target` (3,), in world coordinates, m, the z axis up; `field` is
+    the vertical view angle in rad, `width` and `height` the picture's size in pixels. Nothing is checked: a camera that
+    looks straight up or down gives NaN."""
 
     eye: Array
     target: Array
@@ -45,25 +49,29 @@ class Camera:
 
     @property
     def axes(self) -> Array:
-        """The camera's axes, unit vectors (3, 3): right, down, forward."""
+        """The camera's axes in the world, three orthogonal unit vectors as rows (3, 3): right, down and forward in the
+        picture."""
         forward = _unit(self.target - self.eye)
         right = _unit(np.cross(forward, [0.0, 0.0, 1.0]))
         return np.stack([right, np.cross(forward, right), forward])
 
     @property
     def focal(self) -> float:
-        """Focal length in pixels."""
+        """The focal length in pixels: half the picture's height over the tangent of half the vertical view angle."""
         return 0.5 * self.height / np.tan(0.5 * self.field)
 
     def rays(self) -> Array:
-        """Unit directions (height, width, 3) through the pixels' centres."""
+        """Directions (height, width, 3) of the rays from the camera through the pixels' centres, unit vectors in world
+        coordinates, rows from the top."""
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / self.focal
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / self.focal
         right, down, forward = self.axes
         return _unit(x[None, :, None] * right + y[:, None, None] * down + forward)
 
     def window(self, points: Array, margin: float) -> tuple[slice, slice]:
-        """Rows and columns that cover the balls of radius `margin` (m) about points (n, 3)."""
+        """The part of the picture that covers all balls of radius `margin` (m) about `points` (n, 3), world
+        coordinates, m, and the straight lines between them, as a pair of slices, of rows and of columns in pixels; the
+        whole picture where a point is within 1.5 `margin` of the camera's plane or behind it. Nothing is checked."""
         seen = (points - self.eye) @ self.axes.T
         if seen[:, 2].min() <= 1.5 * margin:
             return slice(0, self.height), slice(0, self.width)
@@ -74,8 +82,9 @@ class Camera:
 
 
 def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
-    """Intersections of rays (..., 3) of unit length from `origin` (3,) or (..., 3) with a convex solid (Quilez
-    2016)."""
+    """The first intersections, a `Hits`, of rays with the convex `solid` (Quilez 2016). `rays` (..., 3) are unit
+    vectors; `origin`, (3,) for all or (..., 3) for each, m, is where they begin, outside the solid. Distances are in m,
+    infinite where a ray does not meet the solid. Nothing is checked."""
     axis, away = solid.end - solid.start, origin - solid.start
     length = float(axis @ axis)
     if length < 1e-12:

@@ -21,8 +21,9 @@ FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [ra
 
 @dataclass(frozen=True, eq=False)
 class StatedMotion:
-    """Motion of an arm of r primary joints along a stated sinusoid, at T times: `time` (T,), s; positions `p` (T, r),
-    rad; and torque regressors `Y` (T, r, P), N m per SI unit of each of the P inertial parameters."""
+    """Motion of an arm of r joints along a sinusoid, at T times: `time` (T,), s; positions `p` (T, r), rad; and torque
+    regressors `Y` (T, r, P), N m per SI unit of each of the P inertial parameters: Y times these is the torque (T, r).
+    Nothing is checked at construction."""
 
     time: Array
     p: Array
@@ -32,11 +33,11 @@ class StatedMotion:
 @dataclass(frozen=True, eq=False)
 class SampledArm:
     """Arm whose states are sampled in a box, as in Sheu and Walker (1991): positions p = mixing u, r joints in rad,
-    with u between `lower` and `upper` (r,), and velocities between minus and plus `fastest` (r,), rad/s, times a
-    factor.
+    with u between `lower` and `upper` (r,), and velocities of the joints between minus and plus `fastest` (r,), rad/s,
+    times a factor.
 
     For the PUMA 560 `mixing` (r, r) is the identity. For the semi-direct-drive arm u is p1, p2 and p2 - p3, which the
-    paper's Table 9 bounds.
+    paper's Table 9 bounds. Nothing is checked at construction.
     """
 
     mechanism: Mechanism
@@ -47,8 +48,8 @@ class SampledArm:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """Essential space of the arm's P inertial parameters: the k of their directions that change energies, k
-        certified at random states. Raises `RankError` where it cannot be."""
+        """Essential space of the arm's P inertial parameters, an `EssentialSpace`: the k of their directions that
+        change energies, k certified at random states. Raises `RankError` where it cannot be."""
         return essential_space(self.mechanism)
 
     @property
@@ -65,7 +66,8 @@ class SampledArm:
 
     def sinusoid(self, frequency: float, samples: int) -> StatedMotion:
         """Motion of the arm over one period of a sinusoid of `frequency` (Hz), at `samples` evenly spaced times, the
-        last a period after the first: every bound coordinate swings through its whole range, all in phase."""
+        last a period after the first: every coordinate that the paper's table bounds swings through its whole range,
+        all in phase."""
         time = np.linspace(0.0, 1.0 / frequency, samples)
         rate = 2.0 * np.pi * frequency
         sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]
@@ -79,7 +81,8 @@ class SampledArm:
 
     def energies(self, p: Array, v: Array) -> Array:
         """Energy regressors E (..., P), J per SI unit of each of the P inertial parameters, at positions p (rad) and
-        velocities v (rad/s), both (..., r): E D is the kinetic plus potential energy for parameters D (P,)."""
+        velocities v (rad/s), both (..., r): for parameters D (P,), E D is the kinetic plus potential energy, J. Nothing
+        is checked."""
         E = self.mechanism.equations.energy_regressor(column(self._configuration(p)), column(v))
         return stacked(E.of, p.shape[:-1])
 
@@ -112,7 +115,7 @@ def puma560() -> SampledArm:
 
 def semi_direct_drive(mechanism: Mechanism | None = None) -> SampledArm:
     """Semi-direct-drive arm (five-bar linkage), sampled within the positions and velocities of Table 9 of Sheu and
-    Walker (1991); `mechanism` is another arm of its kind, None for the built-in one."""
+    Walker (1991); `mechanism` is another arm of its kind, None, the default, for the built-in one."""
     rows = {label: row.split() for label, row in printed().tables["table9"].rows.items()}
     lower, upper = ([float(rows[label][column]) for column in (0, 1, 3)] for label in (FROM, TO))
     mixing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, -1.0]])

@@ -13,7 +13,7 @@ from adaptctl.experiments.replication.verdict import Check, Item, Outturn
 class Counts:
     """Counts of entries of one kind that Sheu and Walker (1991) print: `printed`, all; by verdict, `given` (inputs),
     `reproduced`, `in_shape` (among the values of random draws), `errata` (shown to be wrong) and `not_reproduced`; of
-    those reproduced, `to_the_last_digit` and `one_digit_short`."""
+    those reproduced, `to_the_last_digit` and `one_digit_short`. Nothing is checked at construction."""
 
     printed: int
     given: int
@@ -26,7 +26,8 @@ class Counts:
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> Counts:
-        """Counts by verdict of some `checks`, each of one entry that Sheu and Walker (1991) print."""
+        """Counts by verdict of some `checks`, each of one entry that Sheu and Walker (1991) print, a number or a
+        cross."""
         by = Counter(check.verdict for check in checks)
         done = [check for check in checks if check.verdict is Outturn.REPRODUCED]
         short = [(check.of_digits or 0) - (check.digits or 0) for check in done]
@@ -43,11 +44,12 @@ class Counts:
 
 
 def numbers(items: Sequence[Item]) -> Counts:
-    """Counts by verdict of all printed numbers of the `items`, tables and figures of Sheu and Walker (1991); crosses
-    and blanks are left out."""
+    """Counts by verdict of all numbers that Sheu and Walker (1991) print in the `items`, which are tables, figures and
+    sections of the paper; crosses and blanks are left out."""
     return Counts.of([check for item in items for check in item.checks if not check.is_mark])
 
 
 def marks(items: Sequence[Item]) -> Counts:
-    """Counts by verdict of all crosses and blanks (parameter kept, or not) of the `items`: those of Tables 5 and 12."""
+    """Counts by verdict of all crosses and blanks (parameter kept, or not) that Sheu and Walker (1991) print in the
+    `items`: those of Tables 5 and 12."""
     return Counts.of([check for item in items for check in item.checks if check.is_mark])

@@ -25,7 +25,8 @@ class Decoupling:
     5.3).
 
     `relations` (m, k) holds a relation a row, coefficients in SI units, each with one parameter that no other row has;
-    `per_term` is how many of them each entry needs alone, by its name, such as "M12".
+    `per_term` is how many relations each off-diagonal entry needs by itself, by the entry's name, such as "M12".
+    Nothing is checked at construction.
     """
 
     basis: FundamentalBasis
@@ -46,24 +47,25 @@ class Decoupling:
 
     @property
     def left(self) -> int:
-        """Number of independent parameters that are left when all relations hold: k fundamental ones less the
-        relations."""
+        """Number of independent parameters that are left when all relations hold: the number k of fundamental (base)
+        parameters less that of the relations."""
         return self.basis.rank - len(self.relations)
 
     def lines(self) -> tuple[str, ...]:
-        """Texts of the relations, one each, such as "link5.mc_x* = 0.6667 link4.mc_x*"; the star marks fundamental
-        (base) parameters."""
+        """Texts of the relations, one each, such as "link5.mc_x* = 0.6667 link4.mc_x*", with coefficients in SI units;
+        the star marks fundamental (base) parameters."""
         return tuple(_line(row, self.basis.names) for row in self.relations)
 
     def of_parameters(self) -> Array:
         """Coefficients (m, P) of the m relations among all P inertial parameters, in SI units: the relations (m, k)
-        times the regrouping (k, P)."""
+        among the k fundamental ones times the matrix (k, P) that regroups all parameters into these."""
         return self.relations @ self.basis.regrouping
 
 
 def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Array]:
     """Regressors (200, k) of the off-diagonal entries of an arm's mass matrix, by name ("M12", "M13", ...): times the k
-    inertial parameters whose indices are `columns`, they give the entry, kg m^2, at each of 200 random positions."""
+    inertial parameters whose indices from 0 are `columns`, they give the entry, kg m^2, at each of 200 random positions
+    within the arm's range."""
     weightless = Mechanism(replace(arm.mechanism.description, gravity=np.zeros(3)))
     p, _ = arm.states(np.random.default_rng(0), STATES, 1.0)
     rest, unit = np.zeros_like(p), np.eye(arm.mechanism.dof)

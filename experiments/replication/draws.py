@@ -14,9 +14,10 @@ from adaptctl.identifiability import Reduction, reduce
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Random draws of an arm's states, one for each seed, with the energy differences H (samples - 1, P) of each
-    factored: `singular_values` (seeds, P) of H, J per SI unit, falling; and `reductions`, for each draw the arm's
-    parameters as a sum of essential components, by falling energy (Sheu and Walker 1991, section 3)."""
+    """Random draws of an arm's states, one for each seed, with the energy differences H (samples - 1, P) between
+    successive states of each, J per SI unit of P inertial parameters: `singular_values` (seeds, P) of H, falling; and
+    `reductions`, for each draw the `arm`'s parameters as a sum of essential components, their parts along the right
+    singular vectors of H, by falling energy (Sheu and Walker 1991, section 3). Nothing is checked at construction."""
 
     arm: SampledArm
     singular_values: Array
@@ -28,7 +29,7 @@ class Draws:
     def of(cls, arm: SampledArm, seeds: Sequence[int], samples: int, velocity_scale: float) -> Draws:
         """Random draws of `samples` states of an arm for each of the `seeds`, as section 5.1 of Sheu and Walker (1991)
         makes one; velocities are uniform up to `velocity_scale` (no unit) times the arm's bound. Raises `RankError`
-        where the arm's rank cannot be certified."""
+        where the rank of the arm's inertial parameters cannot be certified."""
         drawn = [arm.states(np.random.default_rng(seed), samples, velocity_scale) for seed in seeds]
         p, v = (np.stack(parts) for parts in zip(*drawn, strict=True))
         H = np.diff(arm.energies(p, v), axis=1)
@@ -38,24 +39,26 @@ class Draws:
 
     @property
     def rank(self) -> int:
-        """Number k of the arm's essential parameters, its certified rank."""
+        """Number k of the arm's essential parameters, the directions of its inertial parameters that change energies.
+        Raises `RankError` where it cannot be certified."""
         return self.arm.space.rank
 
     @property
     def percent_errors(self) -> Array:
-        """Energy errors (seeds, k + 1), %, when the first 0, 1, ..., k essential components are kept (Sheu and Walker
-        1991, equation 23)."""
+        """Energy errors (seeds, k + 1), %, when the first 0, 1, ..., k components of the parameters, those with the
+        most energy, are kept (Sheu and Walker 1991, equation 23); k is the arm's number of essential (identifiable)
+        parameters."""
         return np.stack([reduction.percent_errors for reduction in self.reductions])
 
     @property
     def weights(self) -> Array:
-        """Energy weights |beta_j| (seeds, k) of the essential components, J, by falling size (Sheu and Walker 1991,
-        equation 19)."""
+        """Energy weights |beta_j| (seeds, k) of the k essential components of the parameters (their parts along the
+        right singular vectors of the energy differences), J, by falling size (Sheu and Walker 1991, equation 19)."""
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
     def torque_errors(self, motion: StatedMotion) -> Array:
-        """Mean square torque errors (seeds, k + 1, r), (N m)^2, of the r joints along a motion, when the first 0, 1,
-        ..., k essential components are kept."""
+        """Mean square torque errors (seeds, k + 1, r), (N m)^2, of the r joints along a `motion`, for each draw when
+        the first 0, 1, ..., k components of the parameters, those with the most energy, are kept."""
         Y = motion.Y
         parts = np.stack([reduction.components for reduction in self.reductions])
         missing = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
@@ -67,9 +70,10 @@ class Draws:
         return np.concatenate([errors, nothing_missing[:, None]], axis=1)
 
     def torque(self, motion: StatedMotion, seed: int, components: int) -> Array:
-        """Torques (T, r), N m, of the r joints at the T times of a motion, with the first so many essential
-        `components` of one draw: `seed` is its index from 0. Raises `InputError` for a number of components that is not
-        from 0 to the rank k, `IndexError` for no such draw."""
+        """Torques (T, r), N m, of the r joints at the T times of a `motion`, with so many `components` of the
+        parameters, those with the most energy in one draw; `seed` is the draw's index from 0. Raises `InputError` for a
+        number of components that is not from 0 to the number k of essential (identifiable) parameters, `IndexError` for
+        no such draw."""
         return motion.Y @ self.reductions[seed].parameters(components)
 
 

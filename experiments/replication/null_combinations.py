@@ -18,9 +18,9 @@ STATES = 500
 
 
 def combination(text: str, links: int = 6) -> Array:
-    """Coefficients (10 N,) of a linear combination of the inertial parameters of N = `links` links, ten a link, from
-    its `text` in Sheu and Walker's (1991) names, such as "I_y1 - I_x3 - I_z3". Raises `ValueError` for a name that the
-    paper does not have."""
+    """Coefficients (10 N,), no unit, of a linear combination of the inertial parameters of N = `links` links, ten a
+    link, from its `text` in Sheu and Walker's (1991) names, such as "I_y1 - I_x3 - I_z3". Raises `ValueError` for a
+    name that the paper does not have, `IndexError` for a link beyond N."""
     out = np.zeros(10 * links)
     for factor, term in _terms(text):
         out[index(term[:-1], term[-1])] = factor * sign(term[:-1])
@@ -28,9 +28,10 @@ def combination(text: str, links: int = 6) -> Array:
 
 
 def torque_share(arm: SampledArm, text: str) -> float:
-    """Largest torque of a combination of an arm's parameters at 500 random states, over the largest that one of its
-    terms alone makes (no unit): round-off where the combination changes no torque. `text` is in Sheu and Walker's
-    (1991) names, such as "I_y1 - I_x3 - I_z3"; raises `ValueError` for a name that the paper does not have."""
+    """Largest torque of a combination of the parameters of an arm of six links at 500 random states, over the largest
+    that one of its terms alone makes (no unit): round-off where the combination changes no torque. `text` is the
+    combination in Sheu and Walker's (1991) names, such as "I_y1 - I_x3 - I_z3"; raises `ValueError` for a name that the
+    paper does not have."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, STATES, arm.mechanism.dof))
     Y = arm.mechanism.torque_regressor(p, v, a)

@@ -22,8 +22,9 @@ def index(row: str, link: str) -> int:
 
 
 def sign(row: str) -> float:
-    """Sign of the inertial parameters in a `row` of Sheu and Walker's (1991) tables against those of the inertia tensor
-    here: -1 for products of inertia ("I_xy", ...), which the paper takes as +integral xy dm, and 1 for others."""
+    """Sign that turns an inertial parameter in a `row` of Sheu and Walker's (1991) tables into this package's, which
+    takes the inertia tensor's own entries: -1 for products of inertia ("I_xy", ...), which the paper takes as +integral
+    xy dm, and 1 for others."""
     return -1.0 if row in PRODUCTS else 1.0
 
 

@@ -13,15 +13,16 @@ THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 def paper_rank(singular_values: Array) -> Array:
-    """Rank by the rule of Sheu and Walker (1991, section 3.1): the number (...) of falling singular values (..., P)
-    that are above the square root of the machine precision, as a share of the first."""
+    """Rank by the rule of Sheu and Walker (1991, section 3.1): the number (...) of singular values (..., P), in falling
+    order, that are above the first times the square root of the machine precision."""
     return np.count_nonzero(singular_values > THRESHOLD * singular_values[..., :1], axis=-1)
 
 
 def rank_claim(claim: str, singular_values: Array, certified: int) -> Claim:
-    """Claim of Sheu and Walker (1991) on a rank, judged: the share of the seeds on which the paper's own threshold
-    finds the rank it prints. `claim` is the name of the quotation, such as "puma_rank"; `singular_values` (seeds, P)
-    are those of the energy differences, `certified` is the rank certified here."""
+    """Claim of Sheu and Walker (1991) on a rank, judged: the share of the random draws on which the paper's own
+    threshold finds the rank it prints. `claim` is the name of the quotation, such as "puma_rank"; `singular_values`
+    (seeds, P), falling, are those of each draw's energy differences, `certified` is the rank certified here. Raises
+    `KeyError` for an unknown quotation."""
     saying = printed().claims[claim]
     share = float(np.mean(paper_rank(singular_values) == int(saying.numbers)))
     return Claim(

@@ -48,7 +48,7 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """Quotation from Sheu and Walker (1991) that is to be judged: `where`, the number of its section; `quote`, the
-    sentence; and `numbers`, those in question, with spaces between."""
+    sentence; and `numbers`, those in question, as text with spaces between."""
 
     where: str
     quote: str
@@ -57,7 +57,7 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """Contents of Sheu and Walker (1991) that can be computed again: `tables` and quotations (`claims`), each by a
-    short name, such as "table7"; `schema` names the file's format."""
+    short name, such as "table7" or "puma_rank"; `schema` names the file's format."""
 
     schema: Literal["adaptctl/printed/1"]
     tables: dict[str, Table]
@@ -74,10 +74,11 @@ def printed() -> Printed:
 
 @dataclass(frozen=True)
 class Number:
-    """Number as printed: its `text`; its `value`; `unit`, one unit of its last digit; and `digits`, how many it has.
+    """Number as printed: its `text`; its `value`; `unit`, what one unit of its last digit is worth; and `digits`, how
+    many it has.
 
     Digits are the decimals where there are any and no exponent, since columns of a table share them; else all digits
-    but leading zeros.
+    but leading zeros. Nothing is checked at construction.
     """
 
     text: str

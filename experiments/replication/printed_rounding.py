@@ -22,11 +22,12 @@ def half_units(table: Table) -> Array:
 
 def excess(space: EssentialSpace, real: Table, essential: Table, free: Array) -> float:
     """Least possible distance, in half units of their last printed digits (no unit), of the essential parameters V1 V1'
-    D from those of the table `essential`, where D (P,) is any vector that rounds to the table `real`.
+    D from those of the table `essential`, where D (P,) is any vector of inertial parameters that rounds to the table
+    `real`.
 
-    D may differ from the printed numbers only where `free` (P,), of bools, is True. V1 (P, k) is the basis of `space`.
-    At most 1 means that the two tables agree. It is the solution of a linear program; raises `ArithmeticError` where
-    that is not solved.
+    D may differ from the printed numbers only where `free` (P,), of bools, is True. V1 (P, k) is the basis of `space`,
+    the k directions of parameters that change energies. At most 1 means that the two tables agree. It is the solution
+    of a linear program; raises `ArithmeticError` where that is not solved, `InputError` for a blank in a table.
     """
     project, D, goal = space.basis @ space.basis.T, parameters(real), parameters(essential)
     tolerance, slack = half_units(essential), np.where(free, half_units(real), 0.0)

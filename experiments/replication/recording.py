@@ -26,9 +26,9 @@ WIDTHS = (4.0, 1.2, 1.5, 1.5)
 
 
 def write_recording(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the replication's recording for the rerun viewer, a file .rrd: both arms along the stated sinusoids,
-    verdicts, and `figures`, PNG files by name. The file is written whole or not at all. Raises `FileError` where it
-    cannot be written."""
+    """Write the replication's recording for the rerun viewer, a file .rrd: both arms along their sinusoids, verdicts,
+    and `figures`, PNG files by name. The file is written whole or not at all. Raises `FileError` where it cannot be
+    written."""
     scenes = [item.scene for item in replication.items if item.scene is not None]
     content = ",".join((str(replication.study.seeds), *(item.name for item in replication.items))).encode()
     with saved_stream(path, replication, content, _layout(scenes, figures)) as recording:
@@ -49,7 +49,8 @@ def verdicts_markdown(replication: Replication) -> str:
 
 
 def evidence_markdown(items: Sequence[Item]) -> str:
-    """Text in Markdown of the claims and the evidence of every one of the `items` that has some."""
+    """Text in Markdown of the judged claims and the evidence of every one of the `items` (tables, figures and sections
+    of the paper) that has some; a sentence that there is none where no item has."""
     parts = []
     for item in items:
         claims = [f"- “{claim.saying.quote}”: **{claim.verdict.value}**. {claim.found}." for claim in item.claims]

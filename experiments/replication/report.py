@@ -24,7 +24,7 @@ STYLES = {
 
 class Grid(NamedTuple):
     """Grid of checks in the layout of a table of Sheu and Walker (1991): `columns`, their labels, and `rows`, each a
-    label and, for every column, a check or None where there is none."""
+    label and, for every column, the check of the entry there or None where there is none."""
 
     columns: list[str]
     rows: list[tuple[str, list[Check | None]]]
@@ -37,7 +37,8 @@ def write_report(path: str | Path, replication: Replication, figures: Mapping[st
 
 
 def report(replication: Replication, figures: Mapping[str, Path]) -> str:
-    """Text, in HTML, of the replication's report: one page with the `figures`, PNG files by name, inside."""
+    """Text, in HTML, of the replication's report: one page with the `figures`, PNG files by name, inside. Raises
+    `OSError` where a figure cannot be read."""
     drawings = [drawing for item in replication.items for drawing in item.drawings]
     return rendered(
         "replication.html",
@@ -68,8 +69,8 @@ MEANINGS = {
 
 
 def grid(name: str, checks: Sequence[Check]) -> Grid:
-    """Grid of the `checks` of an item called `name`, such as "table7", with the columns of that table in Sheu and
-    Walker (1991), or, where it is no table, in the order in which they come."""
+    """Grid of the `checks` of an item called `name`, such as "table7", with those columns of that table in Sheu and
+    Walker (1991) that a check is of, or, where the item is no table, the columns in the order in which they come."""
     table = printed().tables.get(name)
     present = dict.fromkeys(check.column for check in checks)
     columns = [column for column in (table.columns if table else present) if column in present]

@@ -13,8 +13,9 @@ from adaptctl.recording import Setting
 @dataclass(frozen=True, eq=False)
 class Replication:
     """Data of a replication of Sheu and Walker (1991): `items`, the tables, figures and sections that were computed
-    again, in the paper's order; `study`, the arms and draws behind them; name and title of the experiment, its
-    settings, the `seconds` that it took; and `complete`, False where it was interrupted."""
+    again, in the paper's order; `study`, the arms and random draws of states behind them; name and `title` of the
+    `experiment`, its `settings`, the `seconds` that it took; and `complete`, False where it was interrupted. Nothing is
+    checked at construction."""
 
     experiment: str
     title: str
@@ -41,13 +42,14 @@ class Replication:
 
     @property
     def errata(self) -> tuple[str, ...]:
-        """Names of the items, such as "table6", that are shown to be wrong somewhere in Sheu and Walker (1991)."""
+        """Names of the items (tables, figures and sections of Sheu and Walker 1991), such as "table6", that are shown
+        to be wrong in some entry."""
         return self._named(Outturn.ERRATUM)
 
     @property
     def not_reproduced(self) -> tuple[str, ...]:
-        """Names of the items of Sheu and Walker (1991), such as "table10", that could neither be reproduced nor be
-        shown to be wrong."""
+        """Names of the items (tables, figures and sections of Sheu and Walker 1991), such as "table10", that could
+        neither be reproduced nor be shown to be wrong."""
         return self._named(Outturn.NOT_REPRODUCED)
 
     def _named(self, verdict: Outturn) -> tuple[str, ...]:

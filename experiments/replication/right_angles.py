@@ -28,9 +28,10 @@ TURNS = (-1, 0, 1, -1, 1, 0)
 
 @dataclass(frozen=True, eq=False)
 class RoundedSet:
-    """Set of parameters that the paper's rule (Sheu and Walker 1991, theorem 4.1) keeps: `kept`, their indices from 0;
-    `condition`, the condition number of F2' V2 (P-k, P-k), the removed parameters' rows of the null vectors V2; and
-    `independent`, the vector D_I (P,) of equation 25, SI units, zero where removed."""
+    """Set of parameters that the rule of Sheu and Walker (1991, theorem 4.1) keeps out of P: `kept`, their indices from
+    0; `condition`, the condition number of F2' V2 (P-k, P-k), the removed parameters' rows of the null vectors V2 (P,
+    P-k), directions of parameters that change no energy; and `independent`, the vector D_I (P,) of equation 25, the
+    parameters' values in SI units, zero where removed. Nothing is checked at construction."""
 
     kept: tuple[int, ...]
     condition: float
@@ -41,7 +42,7 @@ class RoundedSet:
 
 def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
     """Mechanism of the PUMA 560 with the number `quarter` (rad), such as 1.5708, in place of pi/2 in every twist
-    between joint axes."""
+    between joint axes. Raises `ValueError` for a `mechanism` of another number of links than six."""
     links = tuple(
         replace(link, far=Pose(rotation_about((1, 0, 0), n * quarter), link.far.translation))
         for link, n in zip(mechanism.links, TURNS, strict=True)
@@ -58,10 +59,10 @@ def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
 
 
 def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) -> RoundedSet:
-    """Set of parameters that the paper's rule keeps (Sheu and Walker 1991, theorem 4.1 and equation 25). A parameter is
-    removed where its row of the null vectors of `space`, in the order of `priority`, is independent, beyond 1e-8, of
-    the rows of those removed before; `parameters` are D (P,), SI units. Raises `NotFoundError` for a priority with
-    unknown names."""
+    """Set of parameters that the rule of Sheu and Walker (1991, theorem 4.1 and equation 25) keeps. A parameter is
+    removed where its row of the null vectors of `space` (directions of parameters that change no energy), in the order
+    of `priority`, is independent, beyond 1e-8, of the rows of those removed before. `parameters` are D (P,), SI units.
+    Raises `NotFoundError` for a priority with unknown names."""
     removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
     kept = tuple(sorted(set(range(len(parameters))) - set(removed)))
     essential, square = space.project(parameters), space.null_basis[removed]
@@ -70,7 +71,7 @@ def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) ->
 
 
 def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> RoundedSet:
-    """Set of parameters that the paper's rule (Sheu and Walker 1991, theorem 4.1) keeps on the PUMA 560 with `quarter`
-    (rad), such as 1.5708, in place of pi/2; `priority` is the order in which parameters are removed. Raises
-    `NotFoundError` for a priority with unknown names."""
+    """Set of parameters that the rule of Sheu and Walker (1991, theorem 4.1) keeps on the PUMA 560, `mechanism`, with
+    `quarter` (rad), such as 1.5708, in place of pi/2; `priority` is the order in which parameters are removed. Raises
+    `NotFoundError` for a priority with unknown names, `RankError` where the rank cannot be certified."""
     return papers_rule(essential_space(with_twists(mechanism, quarter)), mechanism.inertial_parameters, priority)

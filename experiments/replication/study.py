@@ -28,12 +28,13 @@ from adaptctl.identifiability import (
 
 @dataclass(frozen=True)
 class Study:
-    """Study behind a replication of Sheu and Walker (1991): its choices, and the arms, random draws and torques that
-    follow from them, computed when first asked for.
+    """Study behind a replication of Sheu and Walker (1991): its choices, and the arms, random draws of states and
+    torques that follow from them, computed when first asked for.
 
     `seed` is the first of `seeds` draws of `samples` states; `velocity_scale` (no unit) times the paper's bound is the
     largest velocity; `frequency` (Hz) and `motion_samples` are those of the sinusoid for torques; `unequal` (no unit)
-    is the share by which one side of the nearly parallel linkage is longer. Nothing is checked at construction.
+    is the share by which one side of a linkage that is nearly a parallelogram is longer than the opposite one. Nothing
+    is checked at construction.
     """
 
     seed: int
@@ -62,91 +63,99 @@ class Study:
 
     @cached_property
     def five_bar(self) -> SampledArm:
-        """Semi-direct-drive arm, a five-bar linkage of generic lengths, sampled within Table 9 of Sheu and Walker
-        (1991)."""
+        """Semi-direct-drive arm, a five-bar linkage of four different lengths, sampled within Table 9 of Sheu and
+        Walker (1991)."""
         return semi_direct_drive()
 
     @cached_property
     def nearly_parallel(self) -> SampledArm:
-        """Semi-direct-drive arm whose opposite sides are equal but for a share of `unequal`, sampled within Table 9 of
-        Sheu and Walker (1991)."""
+        """Semi-direct-drive arm, a five-bar linkage whose opposite sides are equal but for a share of `unequal`,
+        sampled within Table 9 of Sheu and Walker (1991)."""
         return semi_direct_drive(near_parallelogram(self.unequal))
 
     @cached_property
     def puma_draws(self) -> Draws:
-        """Random draws of the PUMA 560's states, for Tables 2 and 3 and Figures 3 and 4 of Sheu and Walker (1991)."""
+        """Random draws of the PUMA 560's states, for Tables 2 and 3 and Figures 3 and 4 of Sheu and Walker (1991).
+        Raises `RankError` where the arm's rank cannot be certified."""
         return self._draws(self.puma)
 
     @cached_property
     def five_bar_draws(self) -> Draws:
-        """Random draws of states of the semi-direct-drive arm of generic lengths, for Figure 3 and Table 10 of Sheu and
-        Walker (1991)."""
+        """Random draws of states of the semi-direct-drive arm with four different lengths, for Figure 3 and Table 10 of
+        Sheu and Walker (1991). Raises `RankError` where the arm's rank cannot be certified."""
         return self._draws(self.five_bar)
 
     @cached_property
     def nearly_parallel_draws(self) -> Draws:
         """Random draws of states of the semi-direct-drive arm with nearly equal opposite sides, for Figures 3 and 6 and
-        Table 10 of Sheu and Walker (1991)."""
+        Table 10 of Sheu and Walker (1991). Raises `RankError` where the arm's rank cannot be certified."""
         return self._draws(self.nearly_parallel)
 
     @cached_property
     def puma_motion(self) -> StatedMotion:
-        """Motion of the PUMA 560 along the stated sinusoid, at `motion_samples` times of one period."""
+        """Motion of the PUMA 560 over one period of a sinusoid in all joints, of `frequency` (Hz), at `motion_samples`
+        times."""
         return self.puma.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def five_bar_motion(self) -> StatedMotion:
-        """Motion of the semi-direct-drive arm of generic lengths along the stated sinusoid, at `motion_samples` times
-        of one period."""
+        """Motion of the semi-direct-drive arm with four different lengths over one period of a sinusoid in all joints,
+        of `frequency` (Hz), at `motion_samples` times."""
         return self.five_bar.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def nearly_parallel_motion(self) -> StatedMotion:
-        """Motion of the semi-direct-drive arm with nearly equal sides along the stated sinusoid, at `motion_samples`
-        times of one period."""
+        """Motion of the semi-direct-drive arm with nearly equal opposite sides over one period of a sinusoid in all
+        joints, of `frequency` (Hz), at `motion_samples` times."""
         return self.nearly_parallel.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def puma_torque_errors(self) -> Array:
-        """Mean square torque errors (seeds, 37, 6), (N m)^2, of the PUMA 560 along the stated sinusoid: by draw, by
-        number of components kept, 0 to 36, and by joint."""
+        """Mean square torque errors (seeds, 37, 6), (N m)^2, of the PUMA 560 along the sinusoid that was chosen: by
+        random draw of states, by number of components of the parameters kept, 0 to 36, and by joint. Raises `RankError`
+        where the arm's rank cannot be certified."""
         return self.puma_draws.torque_errors(self.puma_motion)
 
     @cached_property
     def five_bar_torque_errors(self) -> Array:
-        """Mean square torque errors (seeds, 27, 3), (N m)^2, of the semi-direct-drive arm of generic lengths along the
-        stated sinusoid: by draw, by number of components kept, 0 to 26, and by joint."""
+        """Mean square torque errors (seeds, 27, 3), (N m)^2, of the semi-direct-drive arm with four different lengths
+        along the sinusoid that was chosen: by random draw of states, by number of components of the parameters kept, 0
+        to 26, and by joint. Raises `RankError` where the arm's rank cannot be certified."""
         return self.five_bar_draws.torque_errors(self.five_bar_motion)
 
     @cached_property
     def nearly_parallel_torque_errors(self) -> Array:
-        """Mean square torque errors (seeds, 27, 3), (N m)^2, of the semi-direct-drive arm with nearly equal sides along
-        the stated sinusoid: by draw, by number of components kept, 0 to 26, and by joint."""
+        """Mean square torque errors (seeds, 27, 3), (N m)^2, of the semi-direct-drive arm with nearly equal opposite
+        sides along the sinusoid that was chosen: by random draw of states, by number of components of the parameters
+        kept, 0 to 26, and by joint. Raises `RankError` where the arm's rank cannot be certified."""
         return self.nearly_parallel_draws.torque_errors(self.nearly_parallel_motion)
 
     @cached_property
     def puma_basis(self) -> FundamentalBasis:
         """Fundamental basis of the PUMA 560: the independent (base) parameters that are kept when others are removed in
-        the order of Table 4 of Sheu and Walker (1991), with exact right angles."""
+        the order of Table 4 of Sheu and Walker (1991), with exact right angles. Raises `RankError` where their number
+        cannot be certified."""
         return fundamental_basis(self.puma.space, self.priority("table4", self.puma.mechanism))
 
     @cached_property
     def five_bar_basis(self) -> FundamentalBasis:
         """Fundamental basis of the semi-direct-drive arm: the independent (base) parameters that are kept when others
-        are removed in the order of Table 11 of Sheu and Walker (1991)."""
+        are removed in the order of Table 11 of Sheu and Walker (1991). Raises `RankError` where their number cannot be
+        certified."""
         return fundamental_basis(self.five_bar.space, self.priority("table11", self.five_bar.mechanism))
 
     def priority(self, table: str, mechanism: Mechanism) -> Priority:
         """Priority, the order in which parameters of a `mechanism` are removed, from a `table` of Sheu and Walker
-        (1991), "table4" or "table11". Raises `KeyError` for an unknown table."""
+        (1991), "table4" or "table11". Raises `KeyError` for an unknown table, `ValueError` for one that is no order,
+        `IndexError` for a mechanism of too few links."""
         entries = list(printed().tables[table].entries())
         order = sorted(entries, key=lambda entry: int(entry[2]))
         return Priority(tuple(mechanism.parameter_names[index(row, link)] for row, link, _ in order))
 
     @property
     def drawn(self) -> dict[str, Draws]:
-        """Random draws that were computed until now, by the arm's name: "puma560", "semi_direct_drive" and
-        "nearly_parallelogram"."""
+        """Random draws of states that were computed until now, by the arm's name: "puma560", "semi_direct_drive" and
+        "nearly_parallelogram"; those that were not are left out."""
         labels = {
             "puma_draws": "puma560",
             "five_bar_draws": "semi_direct_drive",
@@ -156,7 +165,8 @@ class Study:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """Texts of the choices behind the random draws: their number, and the ranges of positions and velocities."""
+        """Texts, two, of the choices behind the random draws of states: their number, and the ranges of positions and
+        velocities."""
         return (
             f"{self.seeds} draws of {self.samples} states, positions uniform within the table's ranges",
             f"velocities uniform up to {self.velocity_scale:.4g} times the table's bound, so that their root mean "

@@ -15,13 +15,13 @@ SCHEMA = "adaptctl/replication/1"
 
 def write_summary(path: str | Path, replication: Replication) -> None:
     """Write the replication's summary as a JSON file, whole or not at all: every printed entry beside the computed one,
-    with its verdict. Raises `FileError` where it cannot be written."""
+    with its verdict. Raises `FileError` where it cannot be written, and for a number that is NaN or infinite."""
     write_json(path, summary(replication))
 
 
 def summary(replication: Replication) -> dict[str, Any]:
-    """Summary of the replication in JSON's types: settings, counts by verdict, and every item of Sheu and Walker (1991)
-    with its checks and claims."""
+    """Summary of the replication in JSON's types: settings, counts by verdict, and every item (table, figure or
+    section) of Sheu and Walker (1991) with its checks and claims."""
     items = replication.items
     return {
         "schema": SCHEMA,

@@ -39,7 +39,8 @@ class Outturn(Enum):
 class Check:
     """Check of one entry that Sheu and Walker (1991) print: its `row` and `column`, labels of the table; the texts
     `printed` and `computed`; the `verdict`; how many of its digits, `of_digits`, are met, `digits` (None where that
-    cannot be said); and `low` and `high`, the extremes over the random draws (None without draws)."""
+    cannot be said); and `low` and `high`, the extremes over the random draws (None without draws). Nothing is checked
+    at construction."""
 
     row: str
     column: str
@@ -75,7 +76,7 @@ class Check:
 class Claim:
     """Claim of Sheu and Walker (1991), judged: `saying`, its quotation; `measured`, in words what was measured to judge
     it; `found`, what came out; `verdict`; and `share`, of the random draws on which it holds (0 to 1; None without
-    draws)."""
+    draws). Nothing is checked at construction."""
 
     saying: Saying
     measured: str
@@ -87,7 +88,8 @@ class Claim:
 @dataclass(frozen=True)
 class Evidence:
     """Evidence for a verdict on what a paper prints: a `sentence` with {} in the places of its numbers, their `values`,
-    and the significant `digits` with which its text shows them."""
+    and the number of significant `digits` with which its text, by `str`, shows them. Nothing is checked at
+    construction."""
 
     sentence: str
     values: tuple[float, ...]
@@ -101,7 +103,7 @@ class Evidence:
 
 def evidence(sentence: str, *values: float, digits: int = 3) -> Evidence:
     """Evidence made of a `sentence`, with {} in the places of numbers, these numbers, `values`, and how many
-    significant `digits` of them are shown."""
+    significant `digits` of them are shown, 3 unless given."""
     return Evidence(sentence, tuple(float(value) for value in values), digits)
 
 
@@ -112,7 +114,8 @@ def percent(share: float) -> str:
 
 @dataclass(frozen=True)
 class Relations:
-    """Relations among parameters, written out for the report: a `heading` and `lines`, an equation each."""
+    """Relations among parameters, written out for the report: a `heading`, and `lines` of text, each an equation or,
+    where the relations are a table, a row of it. Nothing is checked at construction."""
 
     heading: str
     lines: tuple[str, ...]
@@ -120,8 +123,9 @@ class Relations:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Scene for the recording, an arm along the stated sinusoid: its `label` and `mechanism`; `time` (T,), s; positions
-    `p` (T, r), rad; and `torques`, (T, r) in N m by label, the actual ones first, then those of reduced parameters."""
+    """Scene for the recording, an arm of r joints along a sinusoid at T times: its `label` and `mechanism`; `time`
+    (T,), s; positions `p` (T, r), rad; and `torques`, (T, r) in N m by label, the actual ones first, then those of
+    reduced parameters. Nothing is checked at construction."""
 
     label: str
     mechanism: Mechanism
@@ -134,9 +138,10 @@ class Scene:
 @dataclass(frozen=True, eq=False)
 class Item:
     """Item of Sheu and Walker (1991), a table, figure or section that was computed again: `name`, as on the command
-    line ("table7"); `title`; `verdict` and `summary`, in words; `chosen`, what the paper leaves open and was chosen
-    here; `checks` of its entries, judged `claims` of its text, `evidence` and `relations` for the report, `drawings`,
-    and a `scene` for the recording (None for none)."""
+    line ("table7"); `title`; the `verdict`, and a `summary` in words; `chosen`, sentences on what the paper leaves open
+    and was chosen here; `checks` of its entries, judged `claims` of its text, `evidence` and `relations` among
+    parameters for the report, `drawings`, and a `scene` for the recording (None for none). Nothing is checked at
+    construction."""
 
     name: str
     """as the command line has it: ``table7``"""
@@ -155,7 +160,7 @@ class Item:
 
     @property
     def label(self) -> str:
-        """Name of the item as a text has it, such as "Table 7"."""
+        """Name of the item as a sentence has it, such as "Table 7" or "Section 5.3"."""
         for kind in ("table", "figure", "section"):
             if self.name.startswith(kind):
                 return f"{kind.capitalize()} {self.name.removeprefix(kind)}"

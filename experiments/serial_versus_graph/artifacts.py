@@ -14,7 +14,7 @@ from adaptctl.recording.wording import headline
 
 def shown(result: SideBySide) -> Result:
     """Result of the experiment, as the command line shows it, from two arms side by side: outcome in words, facts,
-    verdict on both controllers, and a function that writes the folder."""
+    verdict on both controllers, and a function that writes the folder of results."""
     return Result(
         complete=result.complete,
         headline=headline(outcome_words(result), result.complete),
@@ -25,9 +25,9 @@ def shown(result: SideBySide) -> Result:
 
 
 def write_artifacts(folder: Path, result: SideBySide, progress: Progress) -> None:
-    """Write the files of the comparison of arms into a `folder` that is there: recording, summary, a trace of each arm,
-    figures and report, each whole or not at all. `progress(what, share)` gets what is written and the share done, 0 to
-    1. Raises `FileError` where a file cannot be written."""
+    """Write the files of the comparison of arms into a `folder` that is there: summary, a table of each arm's adaptive
+    run, recording, figures and report, each whole or not at all. `progress(what, share)` gets what is written and the
+    share done, 0 to 1. Raises `FileError` where a file cannot be written."""
     from adaptctl.experiments.serial_versus_graph.figures import drawings
     from adaptctl.experiments.serial_versus_graph.recording import write_recording
     from adaptctl.experiments.serial_versus_graph.report import trace_name, write_report

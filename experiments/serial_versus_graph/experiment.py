@@ -39,8 +39,10 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
 
     Both tips follow one path, turned into joint positions by inverse kinematics, and start equally far off it. Both
     arms are driven by Slotine and Li's law from zero, on the k fundamental (base) parameters and on all, and with
-    adaptation off, with gains by one rule. Raises `InputError` at construction for path settings that have not three
-    entries (x, y, z), and for settings of the wrong type or out of their bounds.
+    adaptation off, with gains by one rule. In the settings Λ is the bandwidth (1/s) and I a joint's typical inertia.
+    Raises `InputError` at construction for a `center`, `amplitude`, `frequency`, `phase` or `start_off` that has not
+    three entries (x, y, z), and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or
+    infinity.
     """
 
     name: ClassVar[str] = "serial-versus-graph"
@@ -85,13 +87,15 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
     def run(self, progress: Progress) -> Result:
         """Result of the comparison of both arms: outcome in words, facts, verdict, and a function that writes the
         folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C keeps the runs begun.
-        Raises `InputError` for a path that is out of reach, `GainError` for gains too large for the control period."""
+        Raises `InputError` for a path that is out of reach, `GainError` for gains too large for the control period,
+        `RankError` where an arm's number of fundamental (base) parameters cannot be certified."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> SideBySide:
         """Data of both arms side by side, run one after the other. `progress(what, share)` gets the step's name and the
         share done, 0 to 1; Ctrl-C keeps the runs begun. Raises `InputError` for a path that is out of reach,
-        `GainError` for gains too large for the control period."""
+        `GainError` for gains too large for the control period, `RankError` where an arm's number of fundamental (base)
+        parameters cannot be certified."""
         sides: list[Side] = []
         complete = True
         for arm in ARMS:
@@ -117,7 +121,8 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
     def side(self, arm: ArmWithTip, progress: Progress) -> Side:
         """Data of one arm: its fundamental (base) parameters, its runs and the motions of its tip. `progress(what,
         share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a path that is out of reach,
-        `GainError` for gains too large for the control period."""
+        `GainError` for gains too large for the control period, `RankError` where the number of fundamental parameters
+        cannot be certified."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
         tip = arm.on(mechanism)
@@ -210,6 +215,6 @@ def _report_progress(progress: Progress, arm: str, what: str, share: float) -> N
 
 
 def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
-    """Counts of floating-point operations of a mechanism's Slotine-Li regressor, on the fundamental (base) parameters
-    of `basis` and on all; closing its loops is not counted."""
+    """Counts of floating-point operations of a mechanism's Slotine-Li regressor (the matrix that takes parameters to
+    torques), on the fundamental (base) parameters of `basis` and on all; closing its loops is not counted."""
     return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

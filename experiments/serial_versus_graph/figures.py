@@ -22,13 +22,14 @@ AXES = "xyz"
 
 
 def side_color(index: int) -> Color:
-    """Colour, in all figures and recordings, of the arm with an `index` from 0 among those compared."""
+    """Colour, in all figures and recordings, of the arm with an `index` from 0 among those compared; three colours in
+    turn."""
     return (RUNS[0], RUNS[3], RUNS[2])[index % 3]
 
 
 def drawings(result: SideBySide) -> Iterator[Drawing]:
-    """Drawings for the report on arms side by side, in order: operations (where they were counted), paths of the tips,
-    tip errors, and Lyapunov functions."""
+    """Drawings for the report on arms side by side, each a `Drawing` with name, caption and figure, in order: numbers
+    of operations (where they were counted), paths of the tips, tip errors, and Lyapunov functions."""
     if all(side.comparison.subject.cost for side in result.sides):
         yield Drawing(
             "operations",
@@ -53,8 +54,8 @@ def drawings(result: SideBySide) -> Iterator[Drawing]:
 
 
 def operations(result: SideBySide) -> Figure:
-    """Matplotlib figure of floating-point operations of each arm's regressor and adaptive control tick (the computation
-    of one torque), on the fundamental (base) parameters and on all."""
+    """Matplotlib figure of numbers of floating-point operations, as bars: of each arm's regressor and adaptive control
+    tick (the computation of one torque), on the fundamental (base) parameters and on all."""
     figure = sheet(2.7)
     panels = figure.subplots(1, 2)
     for axes, title, counts in zip(

@@ -25,7 +25,8 @@ def trace_name(side: str) -> str:
 
 
 def report(result: SideBySide, figures: Mapping[str, Path]) -> str:
-    """Text, in HTML, of the report on arms side by side: one page with the `figures`, PNG files by name, inside."""
+    """Text, in HTML, of the report on arms side by side: one page with the `figures`, PNG files by name, inside. Raises
+    `OSError` where a figure cannot be read."""
     return rendered(
         "report.html",
         __package__ or "",

@@ -15,7 +15,8 @@ from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, Contro
 @dataclass(frozen=True)
 class OperationCounts:
     """Counts of floating-point operations (additions, subtractions, multiplications, divisions, negations) of a
-    Slotine-Li regressor: `reduced`, on the fundamental (base) parameters, and `full`, on all."""
+    mechanism's Slotine-Li regressor, the matrix that takes parameters to torques: `reduced`, on the fundamental (base)
+    parameters, and `full`, on all. Nothing is checked at construction."""
 
     reduced: int
     """on the independent parameters"""
@@ -25,11 +26,12 @@ class OperationCounts:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One of the arms compared: `name`, fit for a file ("serial"), and `label`; `comparison`, its runs; `tip` (3,), m,
-    the point in the frame of the link with the index `tip_link`; for each run, by its name, the tip's `desired` and
-    actual positions (`tips`) in the world, (T, 3) in m; `regressor`, its operations; `closures`, the number of joints
-    that were cut to make a tree; and `printed_rank`, the number of independent parameters in Table 13 of Sheu and
-    Walker (1991)."""
+    """One of the arms compared: `name`, fit for a file ("serial"), and `label`, for legends; `comparison`, its runs;
+    `tip` (3,), m, the point in the frame of the link with the index `tip_link`; for each run, by its name, the tip's
+    `desired` and actual positions (`tips`) in the world, (T, 3) in m at T samples; `regressor`, the numbers of
+    operations of its regressor; `closures`, the number of joints that were cut to make a tree of its loops; and
+    `printed_rank`, the number of independent parameters in Table 13 of Sheu and Walker (1991). Nothing is checked at
+    construction."""
 
     name: str
     """short and fit for a file: ``serial``"""
@@ -50,7 +52,7 @@ class Side:
 
     @property
     def full(self) -> ControllerRun | None:
-        """Run of the arm that adapts all parameters; None where it was not run."""
+        """Run of the arm that adapts all parameters, named "adaptive-full"; None where it was not run."""
         return next((run for run in self.comparison.runs if run.name == "adaptive-full"), None)
 
     @property
@@ -65,7 +67,8 @@ class Side:
 
     def tip_rms(self, run: ControllerRun | None, start: float = 0.0, stop: float = np.inf) -> float | None:
         """Root mean square distance of the tip from its desired position, m, over the samples of a `run` from `start`
-        to before `stop` (s, all unless given); None without samples or for None."""
+        to before `stop` (s, all unless given); None without samples or for None. Raises `KeyError` for a run that is
+        not this arm's."""
         if run is None:
             return None
         inside = (run.rollout.time >= start) & (run.rollout.time < stop)
@@ -73,12 +76,12 @@ class Side:
 
     def first_tip_rms(self, run: ControllerRun | None) -> float | None:
         """Root mean square distance of the tip from its desired position, m, over the first second of a `run`; None for
-        a shorter run, or for None."""
+        a shorter run, or for None. Raises `KeyError` for a run that is not this arm's."""
         return None if run is None or run.first_rms_error is None else self.tip_rms(run, stop=BEGINNING)
 
     def final_tip_rms(self, run: ControllerRun | None) -> float | None:
         """Root mean square distance of the tip from its desired position, m, over the last two seconds of a `run`; None
-        for a shorter run, or for None."""
+        for a shorter run, or for None. Raises `KeyError` for a run that is not this arm's."""
         return None if run is None or run.final_rms_error is None else self.tip_rms(run, start=run.duration - SETTLED)
 
 
@@ -86,7 +89,7 @@ class Side:
 class SideBySide:
     """Data of several arms side by side on one task: `sides`, each arm's runs, in order; name, title and purpose of the
     experiment, its `settings` and `seed`; `duration`, s, the length asked for; and `complete`, False where it was
-    interrupted: `sides` are then those that were begun. Raises `InputError` without any."""
+    interrupted: `sides` are then those that were begun. Raises `InputError` at construction for no sides."""
 
     experiment: str
     title: str

@@ -16,7 +16,7 @@ SCHEMA = "adaptctl/side-by-side/1"
 
 def write_summary(path: str | Path, result: SideBySide) -> None:
     """Write the summary of arms side by side as a JSON file, whole or not at all. Raises `FileError` where it cannot be
-    written."""
+    written, and for a number that is NaN or infinite."""
     write_json(path, summary(result))
 
 

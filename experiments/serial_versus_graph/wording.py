@@ -20,8 +20,8 @@ WHY_NOT_16 = (
 
 
 class Row(NamedTuple):
-    """Row of the table that sets arms side by side: `what` it says, a value's text for each arm in `values`, and
-    `section`, True for a heading, which has none."""
+    """Row of the table that sets arms side by side: `what` it says, the values' texts in `values`, one for each arm,
+    and `section`, True for a heading, whose values are empty."""
 
     what: str
     values: tuple[str, ...]
@@ -29,8 +29,8 @@ class Row(NamedTuple):
 
 
 def outcome_words(result: SideBySide) -> str:
-    """Outcome of the comparison of arms in a few sentences, failures first: both tips' final errors (mm), operations
-    and numbers of parameters."""
+    """Outcome of the comparison of arms in a few sentences, failures first: both tips' RMS errors in the last two
+    seconds (mm), operations and numbers of parameters."""
     return verdict(result).before(_answer(result))
 
 
@@ -56,7 +56,7 @@ def _answer(result: SideBySide) -> str:
 
 
 def facts(result: SideBySide) -> Iterator[Fact]:
-    """Facts on the arms, questions that a person asks first, each with one answer made of the values for all arms."""
+    """Facts on the arms: questions that a person asks first, each with one answer, made of the values for all arms."""
     for what in FACTS:
         yield Fact(what, " · ".join(next(row for row in rows(result) if row.what == what).values))
 

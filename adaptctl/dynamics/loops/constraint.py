@@ -63,7 +63,7 @@ class Reach(NamedTuple):
 def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
     """The `Reach` of one side of a loop closure: its joints and its closing frame, in the common link's axes, at the
     configuration at which the links are placed. `places` has the links' `Placement`s in their parents by link index,
-    those of `side.links` at least."""
+    those of `side.links` at least. A placement that is missing raises `IndexError`, or `KeyError` in a mapping."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
         place = places[i]
@@ -117,7 +117,7 @@ class Constraint:
         """The second derivative of the closure residual along two joint velocities u and w (n,) of the tree's n joints,
         rad/s (m/s if prismatic): a list of 3 (kind POINT), 5 (AXIS) or 6 (WELD) scalars, m/s^2, then rad/s^2. For u = w
         it is the residual's acceleration while no joint accelerates; it is bilinear and symmetric in both. u and w must
-        keep the loop closed."""
+        keep the loop closed. Nothing is checked: too short a u or w raises `IndexError`."""
         one, other = _carried(self.first, u, w), _carried(self.second, u, w)
         turning = other.alpha - one.alpha
         if self.kind is ClosureKind.AXIS:
@@ -189,7 +189,7 @@ class Follower:
     def followed(self, _places: object, _links: object, q: Sequence[Scalar]) -> tuple[Scalar, ...]:
         """Position of the following joint, rad (m if prismatic), as a tuple of one, where the leading joint is at that
         of the configuration q (n,) of the tree's n joints. The first two arguments, links' placements and geometry, are
-        not used."""
+        not used. Too short a q raises `IndexError`."""
         return (self.ratio * q[self.leader] + self.offset,)
 
 
@@ -200,7 +200,7 @@ class Closing:
     `loops` and `followers` (couplings) give scalar conditions, in this order, 3, 5 or 6 for a loop of kind POINT, AXIS
     or WELD and one for a coupling; `rows` are the indices, rising, of those that are used, the independent ones.
     `primary` (r) are the indices of the joints whose positions are given, `dependent` (n - r) those of the others,
-    which the conditions determine.
+    which the conditions determine. Nothing is checked.
     """
 
     loops: tuple[Loop, ...]
@@ -220,7 +220,8 @@ class Closing:
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
         """Closure residual (c,), the violation of the c independent conditions of loops and couplings, in m for
         positions and rad for directions (a coupling's in its joint's unit): zero at a closed configuration. `places`
-        has the n links' placements at the configuration q (n,) of the tree's n joints, rad (m if prismatic)."""
+        has the n links' placements at the configuration q (n,) of the tree's n joints, rad (m if prismatic). Nothing is
+        checked: too few placements raise `IndexError`."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)
@@ -228,7 +229,7 @@ class Closing:
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
         """Jacobian (c, n) of the c independent closure conditions by the positions of the tree's n joints, as n
         columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic joint). `places` has the n links'
-        placements at a closed configuration."""
+        placements at a closed configuration. Nothing is checked: too few placements raise `IndexError`."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -242,7 +243,8 @@ class Closing:
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
         """The second derivative (c,) of the closure residual's c independent conditions along two velocities u and w
         (n,) of the tree's n joints, rad/s (m/s if prismatic), that keep the loops closed: m/s^2 or rad/s^2, bilinear
-        and symmetric in u and w. `places` has the n links' placements at a closed configuration."""
+        and symmetric in u and w. `places` has the n links' placements at a closed configuration. Nothing is checked:
+        too few placements, u or w too short raise `IndexError`."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
         rows += [0.0] * len(self.followers)
         return Column(rows[i] for i in self.rows)
@@ -250,7 +252,8 @@ class Closing:
 
 def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
     """Index of the last link that the branches from the ground to two links share, or -1 for the ground. `parents` has
-    each link's parent index, -1 for the ground; `first` and `second` are the two links' indices, -1 for the ground."""
+    each link's parent index, -1 for the ground; `first` and `second` are the two links' indices, -1 for the ground. Not
+    checked: an index beyond the links raises `IndexError`."""
     above = {GROUND, *ancestry(parents, first)}
     while second not in above:
         second = parents[second]
@@ -259,7 +262,8 @@ def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
 
 def ancestry(parents: Sequence[int], link: int) -> list[int]:
     """Indices of the links on the branch from the ground to a `link`, that one included and last; empty for the ground,
-    -1. `parents` has each link's parent index, -1 for the ground."""
+    -1. `parents` has each link's parent index, -1 for the ground. Not checked: an index beyond the links raises
+    `IndexError`."""
     chain: list[int] = []
     while link != GROUND:
         chain.append(link)

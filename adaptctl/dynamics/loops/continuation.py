@@ -77,7 +77,7 @@ class Continuation:
     def progress(self, p: Array, least: float = NEAREST) -> Array:
         """The share (m,), from 0 to 1, of the straight way from the reference to each of m primary positions p (m, r),
         rad (m if prismatic), that can be gone before the `regularity` falls below `least` (no unit, 0.05 by default): 1
-        for all of it."""
+        for all of it. Shapes are not checked; NaN gives 0."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -92,9 +92,11 @@ class Continuation:
     def regularity(self, q: Array) -> Array:
         """Distance from locking (...), without unit, at configurations q (..., n) of the tree's n joints, rad (m if
         prismatic): the smallest singular value of the closure Jacobian by the dependent joints over that at the
-        reference, 1 there; 0 on the other side of a singularity and where the loops are not closed to 1e-9 m or rad.
+        reference, 1 there; 0 on the other side of a singularity, where the loops are not closed to 1e-9 m or rad, and
+        for NaN.
 
-        Near a fold it goes as the square root of the distance to it, so 0.05 is near.
+        Near a singularity it goes as the square root of the distance to it, so that 0.05 is near. Raises `InputError`
+        for another number of joints.
         """
         gap, smallest, sign = self._look(q)
         _, reference, side = self._at_reference

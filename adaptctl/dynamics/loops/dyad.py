@@ -63,7 +63,7 @@ class Links(NamedTuple):
         """Geometry of a dyad's two links in its plane, m, where the two sides of its loop reach. `one` and `other` are
         these sides' joints and closing frames, `plane` two orthogonal unit vectors (3) that span the plane, in the
         common link's axes. `is_cut_in_the_middle` is True where each side ends with one link of the dyad, False where
-        `one` ends with both."""
+        `one` ends with both. Nothing is checked."""
         if is_cut_in_the_middle:
             points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
         else:
@@ -145,7 +145,8 @@ def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple
     from its primary ones, each after those that it needs; empty where a joint has no such rule.
 
     `closing` has the loops, couplings and primary joints; `links` the geometry of the tree's n links; `reference` (n,)
-    is a configuration of its joints, rad (m if prismatic), that closes all loops.
+    is a configuration of its joints, rad (m if prismatic), that closes all loops. A `reference` of another length
+    raises `ValueError`.
     """
     places = {i: link.at(x) for i, (link, x) in enumerate(zip(links, reference.tolist(), strict=True))}
     known, found = set(closing.primary), list[Rule]()

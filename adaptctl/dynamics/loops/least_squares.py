@@ -13,7 +13,8 @@ class System(Protocol):
 
     def solve(self, right: Column) -> Column:
         """The solution x (n,) of A x = b for a right side b (m,), in the unit of b over that of A. An implementation
-        returns the least-squares solution where there are more rows than columns."""
+        returns the least-squares solution where there are more rows than columns, and raises `ValueError` for a b of
+        another length."""
         ...
 
 
@@ -36,7 +37,8 @@ class TwoByTwo:
         self.rows = Column((inverse * d, -(inverse * b))), Column((-(inverse * c), inverse * a))
 
     def solve(self, right: Column) -> Column:
-        """The solution x (2,) of A x = b for a right side b (2,), in the unit of b over that of A."""
+        """The solution x (2,) of A x = b for a right side b (2,), in the unit of b over that of A. Raises `ValueError`
+        for a b of another length."""
         return Column(row @ right for row in self.rows)
 
 
@@ -65,7 +67,7 @@ class Factored:
     def solve(self, right: Column) -> Column:
         """The solution x (n,) of A x = b for a right side b (m,), in the unit of b over that of A, by back
         substitution; the least-squares solution where m > n. For accuracy b is made orthogonal to the columns of Q one
-        after the other, as the columns of A were."""
+        after the other, as the columns of A were. Raises `ValueError` for a b of another length."""
         x: list[Scalar] = []
         for q, inverse in zip(self.q, self.inverse, strict=True):
             x.append(inverse * (q @ right))

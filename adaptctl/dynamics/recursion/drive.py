@@ -32,13 +32,15 @@ class DriveTerm(NamedTuple):
 
     def speed(self, v: Column) -> Scalar:
         """Speed of the drive's shaft, rad/s (m/s if prismatic), at velocities v (n,) of the tree's n joints; for
-        accelerations (n,) in place of v its acceleration, rad/s^2 (m/s^2)."""
+        accelerations (n,) in place of v its acceleration, rad/s^2 (m/s^2). Not checked: too short a v raises
+        `IndexError`."""
         (own, _), *others = self.arms
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
     def energy(self, v: Column) -> Scalar:
         """Kinetic energy in J per unit of the term's parameter at velocities v (n,) of the tree's n joints, rad/s (m/s
-        if prismatic): s^2/2 for a rotor's inertia, s being the shaft's speed; 0 for friction."""
+        if prismatic): s^2/2 for a rotor's inertia, s being the shaft's speed; 0 for friction. Not checked: too short a
+        v raises `IndexError`."""
         s = self.speed(v)
         return 0.0 if self.kind.is_friction else 0.5 * s * s
 
@@ -48,7 +50,8 @@ class DriveTerm(NamedTuple):
 
         With the shaft's speed s and |s| = sqrt(s^2 + 0.01^2), which smooths the sign: its acceleration for a rotor's
         inertia, s for viscous friction, s/|s| for Coulomb's, s/sqrt|s| for the square root, s/|s| / (1 + (s/0.1)^2) for
-        Stribeck's and 1 for a constant offset (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2).
+        Stribeck's and 1 for a constant offset (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2). Not
+        checked: too short a v or a raises `IndexError` where it is read.
         """
         match self.kind:
             case DriveParameter.ROTOR_INERTIA:
@@ -62,7 +65,8 @@ class DriveTerm(NamedTuple):
     def damping(self, v: Column) -> Scalar:
         """Secant of the term's friction curve per unit of its parameter: friction torque about the drive's shaft over
         the shaft's speed, N m s/rad (N s/m if prismatic), at velocities v (n,) of the tree's n joints, rad/s (m/s). 0
-        for a rotor's inertia and for a constant offset."""
+        for a rotor's inertia and for a constant offset. Not checked: too short a v raises `IndexError` where it is
+        read."""
         match self.kind:
             case DriveParameter.VISCOUS:
                 return 1.0

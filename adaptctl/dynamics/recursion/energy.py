@@ -22,7 +22,7 @@ class Weight:
 def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
     """The `Weight` of each of n links: the gravitational acceleration in its axes, m/s^2, and the potential of its
     origin, J/kg. `places` has the links' placements in their parents, parents before children; `gravity` (3) is in the
-    ground frame, m/s^2."""
+    ground frame, m/s^2. Nothing is checked."""
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
@@ -59,7 +59,8 @@ def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Ve
     origin): the inner product with them is kinetic plus potential energy, the latter 0 at the ground frame's origin.
 
     `links` has the links' geometry; q and v (n,) are joint positions and velocities, rad and rad/s (m and m/s if
-    prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2.
+    prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked: too short a q
+    or v raises `IndexError`.
     """
     return placed_energy_regressor(placements(tuple(links), q), v, gravity)
 
@@ -68,7 +69,8 @@ def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec
     """Energy regressor (10 n,) of a tree of n links, one joint each, that are placed already: J per unit of each link's
     ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link
     frame's origin). `places` has the links' placements in their parents, v (n,) the joint velocities, rad/s (m/s if
-    prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2."""
+    prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked: too short a v
+    raises `IndexError`."""
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 
@@ -77,8 +79,8 @@ def potential_regressor(links: Sequence[Segment], q: Column, gravity: Vec) -> Co
     """Potential part (10 n,) of the energy regressor of a tree of n links, one joint each: potential energy, 0 at the
     ground frame's origin, in J per unit of each link's ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
     I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). `links` has the links' geometry, q (n,) the
-    joint positions, rad (m if prismatic); `gravity` (3) is the gravitational acceleration in the ground frame,
-    m/s^2."""
+    joint positions, rad (m if prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2.
+    Not checked: too short a q raises `IndexError`."""
     places = placements(tuple(links), q)
     still = Twist(ZERO, ZERO)
     return Column(entry for weight in weights(places, gravity) for entry in link_energy(still, weight))

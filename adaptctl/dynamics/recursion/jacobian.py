@@ -32,7 +32,8 @@ class MovingPoint:
 def moving_point(links: Sequence[Segment], q: Column, link: int, offset: Vec) -> MovingPoint:
     """The position in the world frame, m, and the Jacobian of a point fixed to a link, as a `MovingPoint`, at a
     configuration q (n,) of the tree's n joints, rad (m if prismatic). `links` has the geometry of the tree's n links,
-    `link` is the index of the point's link, and `offset` (3) its place in that link's frame, m."""
+    `link` is the index of the point's link, and `offset` (3) its place in that link's frame, m. Not checked: too short
+    a q, or a `link` of n or more, raises `IndexError`."""
     placed = frames(links, q)
     position = placed[link].origin + placed[link].rotation @ offset
     columns, i = [ZERO] * len(links), link

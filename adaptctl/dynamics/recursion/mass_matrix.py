@@ -69,7 +69,8 @@ def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Sc
     branches; rotors are not included.
 
     `places` has the links' placements in their parents, parents before children; `parameters` (10 n,) ten for each
-    link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin).
+    link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Too
+    few parameters raise `ValueError`.
     """
     n = len(places)
     composite = [body(parameters.of[10 * i : 10 * i + 10]) for i in range(n)]

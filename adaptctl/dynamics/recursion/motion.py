@@ -43,7 +43,8 @@ def moved(place: Placement, rate: Scalar) -> Twist:
 def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
     """The `Twist`s of all n links of a tree, one joint each: angular velocity, rad/s, and velocity of the link's
     origin, m/s, each in the link's own axes. `places` has the links' placements in their parents, parents before
-    children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic)."""
+    children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic). Not checked: too short a `rate` raises
+    `IndexError`."""
     out: list[Twist] = []
     for i, place in enumerate(places):
         parent = place.segment.parent
@@ -81,12 +82,13 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """A link's motion under two angular velocities w and r, by which its accelerations are bilinear, in the link's
-    axes: its point at u (3), m, accelerates by acc + lever u, m/s^2, gravity's acceleration subtracted.
+    """The motion of a link in its own axes, with accelerations that are bilinear in two of its angular velocities, w
+    and r, such as that of the actual motion and that of a reference motion: its point at u (3), m, accelerates by acc +
+    lever u, m/s^2, gravity's acceleration subtracted.
 
-    Made of `products`, those of w and r, rad^2/s^2; `alpha` (3), the angular acceleration, rad/s^2; and `acc` (3), the
-    acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2, follows from the first
-    two.
+    Made of `products`, the symmetric products of w and r, rad^2/s^2; `alpha` (3), the angular acceleration, rad/s^2;
+    and `acc` (3), the acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2,
+    follows from the first two. Nothing is checked.
     """
 
     __slots__ = ("acc", "alpha", "lever", "products")
@@ -127,7 +129,8 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
     With v_r = v it is the ordinary recursion; otherwise torques have the term C v_r with the Christoffel matrix C at v
     that Slotine and Li (1987) need. `places` has the links' placements in their parents, parents before children;
-    `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2.
+    `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked: columns too short raise
+    `IndexError`.
     """
     w = angular_velocities(places, v)
     r = w if v is v_r else angular_velocities(places, v_r)
@@ -149,7 +152,8 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
     """Angular velocities (3), rad/s, of all n links of a tree, each in the link's own axes. `places` has the links'
-    placements in their parents, parents before children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic)."""
+    placements in their parents, parents before children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic).
+    Not checked: too short a `rate` raises `IndexError` where it is read."""
     out: list[Vec] = []
     for i, place in enumerate(places):
         segment = place.segment

@@ -16,7 +16,7 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
     `places` has the links' placements in their parents, parents before children; `moving` their motions, a `LinkMotion`
     each; `parameters` (10 n,) ten for each link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
-    m^2, about the link frame's origin).
+    m^2, about the link frame's origin). Not checked: too few parameters raise `IndexError` or `ValueError`.
     """
     loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
     torques: list[Scalar] = [0.0] * len(places)
@@ -53,7 +53,8 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
     v_r + g, M the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
 
     `places` has the links' placements in their parents, parents before children; `moving` their motions under v, v_r
-    and a_r, a `LinkMotion` each; `columns` the k indices in D.
+    and a_r, a `LinkMotion` each; `columns` the k indices in D. An index of 10 n or more raises `IndexError`; negative
+    ones are not refused.
     """
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
@@ -77,7 +78,7 @@ def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> 
 def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
     """Lists, one for each of `links` links, of the parameters that are asked for of that link: indices from 0 to 9
     among its ten inertial ones. `columns` are their indices among the ten parameters of all links, from 0 to 10 `links`
-    - 1."""
+    - 1. An index beyond these raises `IndexError`; negative ones are not refused."""
     kept: list[list[int]] = [[] for _ in range(links)]
     for column in columns:
         kept[column // 10].append(column % 10)
@@ -91,7 +92,7 @@ def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column,
     `places` has the links' placements in their parents, parents before children; `moving` their motions, a `LinkMotion`
     each; s (n,) are joint velocities, rad/s (m/s if prismatic); `columns` the k indices among the ten parameters of all
     links (10 n), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin) of each.
+    origin) of each. An index of 10 n or more, or too short an s, raises `IndexError`; negative indices are not refused.
     """
     kept = kept_by_link(columns, len(places))
     sliding = zip(moving, twists(places, s), kept, strict=True)

@@ -85,15 +85,15 @@ class Placement:
         self.segment, self.coordinates, self.turns, self.shift = segment, coordinates, turns, shift
 
     def down(self, u: Vec) -> Vec:
-        """Components (3) in the link's axes of a vector u whose components (3) in the parent link's axes are given, in
-        the same unit."""
+        """The components (3) of a vector u in the link's axes, from those in the parent link's axes, `u` (3); in the
+        same unit. Nothing is checked."""
         for turn in self.turns:
             u = turn @ u
         return u
 
     def up(self, u: Vec) -> Vec:
-        """Components (3) in the parent link's axes of a vector u whose components (3) in the link's axes are given, in
-        the same unit."""
+        """The components (3) of a vector u in the parent link's axes, from those in the link's axes, `u` (3); in the
+        same unit. Nothing is checked."""
         for turn in reversed(self.turns):
             u = turn.T @ u
         return u

@@ -24,8 +24,9 @@ class Wrench:
 def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
     """The `Wrench` (force, N, and moment about the link's origin, N m, in the link's axes) that gives a link its
     `motion`, against inertia and gravity: force m acc + lever mc, moment mc x acc + that of the inertia
-    (`inertia_moments`). `ten` (10,) are the link's inertial parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
-    I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin); acc and lever are those of `motion`."""
+    (`inertia_moments`), acc and lever being those of `motion`. `ten` (10,) are the link's inertial parameters m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin); another number of
+    them raises `ValueError` or `IndexError`."""
     m, mc = ten[0], Vec(ten[1], ten[2], ten[3])
     force = m * motion.acc + motion.lever @ mc
     moment = cross(mc, motion.acc)
@@ -58,7 +59,7 @@ def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]
 
     `motion` is the link's `LinkMotion`, which these wrenches cause; `twist` has its angular velocity, rad/s, and its
     origin's velocity, m/s, in the link's axes. At the twist of unit velocity of a joint, powers are entries of the
-    torque regressor, N m (N if prismatic) per unit of each parameter.
+    torque regressor, N m (N if prismatic) per unit of each parameter. Indices are not checked.
     """
     moments = inertia_moments(motion) if any(k >= 4 for k in keep) else ()
     levered = motion.lever.T @ twist.v + cross(motion.acc, twist.w) if any(1 <= k <= 3 for k in keep) else None
