@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -21,6 +20,7 @@ from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
+from adaptctl.envs.running_episode import RunningEpisode
 from adaptctl.envs.settings import (
     control_period_of,
     finite_numbers,
@@ -48,19 +48,6 @@ LARGEST_OBSERVATION = 1e6
 """Bound of every observation in its own unit: check_env wants a finite one, and no motion comes near it."""
 
 OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
-
-
-@sent_as_made
-@dataclass
-class _Episode:
-    """The changing parts of a running episode."""
-
-    parameters: Array
-    preview: Preview
-    state: PlantState
-    step: int = 0
-    clipped: int = 0
-    over: bool = False
 
 
 @sent_as_made
@@ -220,7 +207,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             warn_of_derivatives(reference, [joint.name for joint in self.mechanism.primary_joints], duration, 4)
         self._set_spaces()
         self._set_render_mode(render_mode)
-        self._episode: _Episode | None = None
+        self._episode: RunningEpisode | None = None
         self._renderer: Renderer | None = None
 
     @property
@@ -253,7 +240,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         start = preview.row(0)
         self.plant.compile()
         state = self.plant.init(start[:r] + error, start[r : 2 * r], self._now(parameters, 0), self._noise())
-        self._episode = _Episode(parameters, preview, state)
+        self._episode = RunningEpisode(parameters, preview, state)
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -323,14 +310,14 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         errors = error, v - reference.v, applied / self._limits
         return self.reward_weights.reward(*errors, terminated), terminated
 
-    def _reference(self, episode: _Episode) -> ReferencePoint:
+    def _reference(self, episode: RunningEpisode) -> ReferencePoint:
         row, r = episode.preview.row(episode.step), self.plant.dof
         return ReferencePoint(row[:r], row[r : 2 * r], row[2 * r : 3 * r])
 
-    def _observation(self, episode: _Episode) -> Array:
+    def _observation(self, episode: RunningEpisode) -> Array:
         return np.concatenate((episode.state.measured_p, episode.state.measured_v, episode.preview.row(episode.step)))
 
-    def _info(self, episode: _Episode, applied: Array) -> dict[str, Any]:
+    def _info(self, episode: RunningEpisode, applied: Array) -> dict[str, Any]:
         parameters, state = self._now(episode.parameters, episode.step), episode.state
         info: dict[str, Any] = {
             "time": episode.step * self.control_period,
@@ -343,7 +330,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             info |= {"p": state.p.copy(), "v": state.v.copy(), "marks": self._marks(episode)}
         return info
 
-    def _marks(self, episode: _Episode) -> dict[str, float]:
+    def _marks(self, episode: RunningEpisode) -> dict[str, float]:
         marks = dict(zip(self.plant.marks, episode.state.marks.tolist(), strict=True))
         if self.plant.loads:
             marks["payload"] = self.plant.payload(episode.step * self.control_period)
@@ -378,7 +365,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             return Payload.of(options["payload"]).added_to(parameters, len(self.mechanism.description.bodies) - 1)
         return parameters
 
-    def _running(self, what: str) -> _Episode:
+    def _running(self, what: str) -> RunningEpisode:
         if self._episode is None:
             raise ResetNeeded(f"{what}: there is no episode yet: call env.reset() first")
         return self._episode

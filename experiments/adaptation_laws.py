@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -37,17 +36,18 @@ from adaptctl.control import (
     SlotineLi,
 )
 from adaptctl.control.gains.torque_limits import finite_torque_limits
-from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.float_tick import float_tick
 from adaptctl.experiments.learning import ADAPTATION_OFF, Found, Learning, numbers
 from adaptctl.experiments.memories import forgotten_notes, memory_findings
+from adaptctl.experiments.most_exciting import EXCITING, most_exciting
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_start import RoughStart
-from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, ControllerRun, Finding, Progress, Setting
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.recording import Comparison, Finding, Progress, Setting
 from adaptctl.recording.comparison import color_places
 
 if TYPE_CHECKING:
@@ -62,7 +62,6 @@ FREQUENCIES = (0.15, 0.3, 0.55, 0.85, 1.2)
 """Hz, each drawn 20 % up or down for every joint, its amplitude as 1/sqrt(frequency)"""
 BOUNDS = 4.0
 """deviations of the rough model to which `Projection` keeps"""
-FLOAT_TICKS = 20
 REACHES = 400
 """moments of a reference at which loops are asked whether they allow it"""
 LAWS = (
@@ -83,8 +82,8 @@ LAWS = (
     "computed-torque",
     "pd-gravity",
 )
-RANDOM, EXCITING = "random", "exciting"
-"""Motions."""
+RANDOM = "random"
+"""Another motion than `EXCITING`."""
 EULER = "gradient-euler"
 """Not among the default laws: it is what the trapezium is better than."""
 
@@ -398,30 +397,3 @@ class AdaptationLaws(RoughStart, Learning):
         mechanism = outcome.mechanism
         points = self.reference(mechanism)(np.linspace(0.0, self.duration, SAMPLES))
         return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
-
-
-@lru_cache(maxsize=4)
-def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """Fourier series of joint positions, rad, on which a mechanism's regressor of base parameters has the least
-    condition number, found by `exciting_reference` with `seed`; the last four are cached. Raises `InputError` for a
-    mechanism with closed loops, `RankError` where the number of base parameters cannot be certified."""
-    from adaptctl.control import exciting_reference
-
-    if mechanism.description.loops is not None:
-        raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
-    basis = fundamental_basis(essential_space(mechanism, seed=seed))
-    return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
-
-
-def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
-    """Median time, s, in which a controller computes one torque on Python's floats, not compiled: over 20 states spread
-    evenly over a run, each with the controller's memory before its first tick. Raises `IndexError` for a run without
-    samples."""
-    o, on_floats = run.rollout, controller.on_floats
-    kept = leaves(controller.init(o.p[0], o.v[0]))
-    costs = []
-    for k in np.linspace(0, len(o.time) - 1, FLOAT_TICKS).astype(int):
-        started = time.perf_counter()
-        on_floats(o.p[k], o.v[k], o.reference_p[k], o.reference_v[k], o.reference_a[k], *kept)
-        costs.append(time.perf_counter() - started)
-    return float(np.median(costs))

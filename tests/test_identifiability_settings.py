@@ -31,7 +31,7 @@ from adaptctl.identifiability import (
 )
 from adaptctl.identifiability.sampling import States, states_within_limits
 from adaptctl.identification.drives_file import Drives, MotorEntry
-from adaptctl.identification.identify import Identification
+from adaptctl.identification.identification import Identification
 from adaptctl.identification.units import Units
 from adaptctl.identification.validation import Validation
 from adaptctl.recording import compared_runs, write_artifacts

@@ -15,7 +15,8 @@ from adaptctl.description.readers.entries import Tensor
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives, MotorEntry, PayloadEntry
 from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.identify import Identification, identified
+from adaptctl.identification.identification import Identification
+from adaptctl.identification.identify import identified
 from adaptctl.identification.joint_log import JointLog
 
 CONSTANTS = np.array([0.5, 2.0, 1.25])

@@ -38,8 +38,8 @@ class SinesAtOnce:
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
     def turn(self, angles: Sequence[Expression]) -> None:
-        """Append the instructions of sines and cosines of `angles`, expressions whose values are known by now; those that
-        were computed are left out. An angle that is a short step in time from one of known sine is turned by that
+        """Append the instructions of sines and cosines of `angles`, expressions whose values are known by now, but for
+        those that were computed before. An angle that is a short step in time from one of known sine is turned by that
         step."""
         most = _WIDE[-1] if self._text.lanes.count == 1 else len(angles)
         for _, group in groupby((x for x in angles if x not in self._pairs), self._from):
@@ -163,9 +163,9 @@ class _Group(NamedTuple):
 
 
 def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expression]]:
-    """Groups of angles whose sines and cosines can be computed at once, among a routine's `expressions` in order: by the
-    index of an expression, the angles to turn before it. Arguments of the routine, which are known from the beginning,
-    come before the first expression; other groups are those that expressions in a row ask for."""
+    """Groups of angles whose sines and cosines can be computed at once, among a routine's `expressions` in order: by
+    the index of an expression, the angles to turn before it. Arguments of the routine, which are known from the
+    beginning, come before the first expression; other groups are those that expressions in a row ask for."""
     asked = [x.operands[0] for x in expressions if x.op in ANGLES]
     given = [x for x in dict.fromkeys(asked) if x.op is Op.INPUT]
     groups = {expressions[0].index: given} if given else {}

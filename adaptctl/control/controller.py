@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import chain, islice
 from math import prod
@@ -21,7 +21,9 @@ from adaptctl.compilation.kernel import Given
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.many_arms import ManyArms
 from adaptctl.control.memory import InOneArray, Memory, in_one_array, leaves, like, paths
-from adaptctl.errors import InputError, NonFiniteError, TraceError
+from adaptctl.control.rows import row_each, rows_of_arms
+from adaptctl.control.tick import require_tick, ticked
+from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Structure, Tunable
 
 
@@ -225,11 +227,11 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def _array_of(self, memory: tuple[Any, ...], arms: tuple[int, ...]) -> Array:
         """Columns of a memory as one array (..., n), for arms (...)."""
         if type(memory) is self._kind:
-            return _row_each(memory._array, arms, "state")
+            return row_each(memory._array, arms, "state")
         if arms:
-            columns = _columns(leaves(memory), self._memory_sizes, arms)
+            columns = rows_of_arms(leaves(memory), self._memory_sizes, arms)
             shaped = [values.reshape(*arms, -1) if values.ndim > 1 else values for values in columns.values()]
-            rows = [_row_each(values, arms, name) for name, values in zip(columns, shaped, strict=True)]
+            rows = [row_each(values, arms, name) for name, values in zip(columns, shaped, strict=True)]
         else:
             rows = Given(type(self).__name__, self._memory_sizes).arrays(leaves(memory))
         return np.concatenate(rows or [np.zeros((*arms, 0))], axis=-1)
@@ -273,7 +275,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     ) -> tuple[Array, Memory]:
         """A tick of arms (...) that each have their own memory."""
         arms = np.shape(p)[:-1]
-        columns = _columns((p, v, *reference), self._given_sizes, arms)
+        columns = rows_of_arms((p, v, *reference), self._given_sizes, arms)
         columns |= dict.fromkeys(self.gain_sizes, self.packed if gains is None else gains)
         torque, (memory,) = self._many.step(prod(arms), columns, {MEMORY: self._rows(state, arms)})
         for what, made in (("torque", torque), ("state", memory)):
@@ -345,7 +347,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         ) -> tuple[Column, ...]:
             law = self.substituted(kept.pop(GAINS)) if GAINS in kept else self
             reference = ReferencePoint(reference_p, reference_v, reference_a)
-            torque, after = require_tick(self, _ticked(law, p, v, reference, like(self._blank, kept.values())))
+            torque, after = require_tick(self, ticked(law, p, v, reference, like(self._blank, kept.values())))
             return (torque, *leaves(after))
 
         return equation
@@ -365,36 +367,6 @@ class Controller(Tunable, ABC, Generic[Memory]):
         raise NonFiniteError(f"{type(self).__name__}: the {what}{whose} is not finite, though all it was given is")
 
 
-def _ticked(law: Any, *given: Any) -> Any:
-    """The result of a law; NumPy's error about columns is raised as a `TraceError` that names the law."""
-    try:
-        return law.law(*given)
-    except TypeError as error:
-        if "operand 'Column' does not support ufuncs" not in str(error):
-            raise
-        raise TraceError(
-            f"{type(law).__name__}.law: NumPy's functions take no column: apply those of adaptctl.scalars to each of "
-            "its scalars, as in Column(tanh(x) for x in e)"
-        ) from error
-
-
-def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
-    """The torque, a `Column` of r scalars for r joints, and the memory, as the method `law` of a controller `returned`
-    them, once they are checked; the argument `law` is that controller. Raises `InputError` unless `returned` is a tuple
-    of such a column and a memory of as many columns, each as long, as the controller's `start` gives."""
-    what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
-    if not isinstance(returned, tuple) or len(returned) != 2:
-        raise InputError(f"{what}, got {type(returned).__name__}")
-    torque, after = returned
-    if not isinstance(torque, Column) or len(torque) != law.dof:
-        got = f"a column of {len(torque)}" if isinstance(torque, Column) else type(torque).__name__
-        raise InputError(f"{what}, got {got} for the torque")
-    sizes = [len(part) for part in leaves(after)] if isinstance(after, tuple) else None
-    if sizes != list(law._memory_sizes.values()):
-        raise InputError(f"{what}, got another memory than `start` gives: {after!r:.80}")
-    return torque, after
-
-
 @lru_cache(maxsize=64)
 def _compiled(structure: Structure) -> Kernel | OnFloats:
     """The law of controllers of one structure on arrays; that of the latest is kept."""
@@ -409,25 +381,3 @@ def _many(structure: Structure) -> ManyArms:
     law: Any = structure.of
     given, memory = law._given_sizes | law.gain_sizes, {MEMORY: law._sizes[MEMORY]}
     return ManyArms(law._packed_equation(), given, memory, native=law.dof <= LARGEST_COMPILED)
-
-
-def _columns(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[int, ...]) -> dict[str, Array]:
-    """Numbers (..., n) of each arm as rows (N, n), those of one arm (n,) for all as they are."""
-    columns = {}
-    for (name, size), given in zip(sizes.items(), values, strict=True):
-        try:
-            numbers = np.asarray(given, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{name}: expected numbers, got {given!r}") from error
-        if numbers.shape not in ((*arms, size), (size,)):
-            raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {numbers.shape}")
-        columns[name] = numbers.reshape(-1, size) if numbers.ndim > 2 else numbers
-    return columns
-
-
-def _row_each(array: Array, arms: tuple[int, ...], name: str) -> Array:
-    """Numbers (..., n) of each arm, those of one arm (n,) for all."""
-    size = array.shape[-1]
-    if array.shape not in ((*arms, size), (size,)):
-        raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {array.shape}")
-    return array if array.shape[:-1] == arms else np.broadcast_to(array, (*arms, size))

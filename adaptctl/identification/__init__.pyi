@@ -1,5 +1,5 @@
 from adaptctl.identification.drives_file import Drives as Drives
 from adaptctl.identification.drives_file import read_drives as read_drives
-from adaptctl.identification.identify import Identification as Identification
+from adaptctl.identification.identification import Identification as Identification
 from adaptctl.identification.identify import identify as identify
 from adaptctl.identification.validation import Validation as Validation

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from adaptctl.arrays import Array, positive_number
-from adaptctl.caching import cached_property
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
-from adaptctl.identifiability import EssentialSpace, ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.identifiability.factorisation import one_thread
 from adaptctl.identification.choice import BLOCKS, Choice, choose, cutoffs_for, judged_at, misfit_ratio
 from adaptctl.identification.columns import joint_columns
@@ -23,6 +22,7 @@ from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import SmoothMotion, motions_of, rows_of
 from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
+from adaptctl.identification.identification import Identification
 from adaptctl.identification.instrumental import halves, joined_first_stage
 from adaptctl.identification.joint_log import JointLog, joint_log
 from adaptctl.identification.normal_equations import block_edges
@@ -33,105 +33,11 @@ from adaptctl.identification.prior_links import prior_links
 from adaptctl.identification.reading.registry import read_log
 from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants
 from adaptctl.identification.uncertainty import uncertainty
-from adaptctl.identification.unexcited import Combination, combinations, essential_components, unexcited
+from adaptctl.identification.unexcited import combinations, essential_components
 from adaptctl.identification.validation import Validation, predicted_torques
 
 HELD_OUT = 0.4
 """Of the blocks, from the end, where no log for validation is given."""
-
-
-@dataclass(frozen=True, eq=False)
-class Identification:
-    """Result of an identification: a robot's k fundamental (base) parameters as its logs show them, with their standard
-    deviations and a validation.
-
-    `mechanism` has the identified parameters, physically consistent links, and drives coupled as they are; `model` is
-    its reduced model on the fundamental parameters. `deviations` (k,), SI units, are standard deviations by the block
-    jackknife and what the prior (first guess of the links) leaves open, `nominal_deviations` (k,), SI units, as if
-    torque residuals were white (uncorrelated). `load` (r,), without a unit, is load-dependent friction's share of the
-    rigid torque of each of r drives, zero where it was not chosen. `validation` compares torques on rows (filtered
-    equations) that the fit which it judges has not seen, `alternatives` are simpler models' validations on the same
-    rows, by name; `choice` is the choice of the fit's settings (friction, low-pass cut-off, prior's weight), `steps`
-    are those of the logs' preparation and `remarks` texts on logs and prior.
-
-    `misfit_ratio`, without a unit, is the root mean square of the fitted rows' torque residuals, each over its joint's
-    standard deviation, over that of plain least squares. `space` is the essential space (directions of the inertial
-    parameters that change energies and torques) with the logs' motion as its states, `components` the number of its
-    components that carry the motion's energy but for 1 %. `combinations` are k directions of the fundamental parameters
-    in words, each with its `strength`, without a unit (the plausible range by kind of parameter, `PriorRanges`, over
-    the deviation that the logs leave), the weakest first. `motions` are the logs' smoothed motions, and `drives` those
-    used. Made by `identify`; nothing is checked at construction.
-    """
-
-    mechanism: Mechanism
-    """with the identified parameters, its links ones that bodies can have, and its drives coupled as they are"""
-    model: ReducedModel
-    """of that mechanism, on its fundamental parameters"""
-    deviations: Array
-    """(k,) standard deviations of the fundamental parameters, by the block jackknife and what the prior leaves open"""
-    nominal_deviations: Array
-    """(k,) as if residuals were white"""
-    load: Array
-    """(r,) shares of load-dependent friction, which mechanisms do not have; zero where it was not chosen"""
-    validation: Validation
-    alternatives: dict[str, Validation]
-    """simpler models on the same rows"""
-    choice: Choice
-    steps: tuple[PreparationStep, ...]
-    remarks: tuple[str, ...]
-    misfit_ratio: float
-    """the training rows' root mean square, whitened, over that of least squares"""
-    space: EssentialSpace
-    """with the logs' motion as its states"""
-    components: int
-    """how many essential components carry the logs' energy to a percent"""
-    combinations: tuple[Combination, ...]
-    """of fundamental parameters, the least excited first"""
-    motions: tuple[SmoothMotion, ...]
-    drives: Drives
-
-    @property
-    def estimate(self) -> Array:
-        """The identified fundamental (base) parameters (k,), SI units, in the order of `names`: a first estimate for an
-        adaptive controller."""
-        return self.model.fundamental_parameters
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names, k of them, of the identified fundamental (base) parameters, such as ``link2.mc_x``, in the order of
-        `estimate`."""
-        return self.model.names
-
-    @property
-    def inflation(self) -> float:
-        """Median ratio, without a unit, over the identified fundamental (base) parameters, of their standard deviations
-        to those that white (uncorrelated) torque residuals would give; 1 where the latter are all zero."""
-        known = self.nominal_deviations > 0.0
-        return float(np.median(self.deviations[known] / self.nominal_deviations[known])) if known.any() else 1.0
-
-    @cached_property
-    def prior_ranges(self) -> Array:
-        """Prior ranges (k,) of the k identified fundamental (base) parameters for an adaptive controller, SI units, the
-        greatest distances of the truth expected from the estimate: two standard deviations, and at least a twentieth of
-        the estimate's size."""
-        return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
-
-    def adaptation_gain(self, rate: float = 0.6) -> Array:
-        """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental (base) parameters, as in
-        d(estimate)/dt = -Gamma Y' s with the transpose Y' of the torque regressor Y (r, k) and the velocity error s
-        (r,) of r joints, in units of the parameters squared per J: `rate` (1/J, 0.6 by default, larger adapts faster)
-        times the square of each parameter's prior range (`prior_ranges`), taken as at least 1e-9 of the greatest
-        number. Raises `InputError` for a rate that is not positive and finite."""
-        rate = positive_number(rate, "adaptation gain: rate: expected a positive number")
-        return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
-
-    @property
-    def unexcited(self) -> list[Combination]:
-        """Combinations of the fundamental (base) parameters that the logs hardly excite, a list of `Combination`, the
-        least excited first: those whose plausible range before the logs, by kind of parameter (`PriorRanges`), is below
-        3 standard deviations after them, `inflation` (the factor by which deviations for white residuals are too small)
-        included. Each has `words` and `strength`, that range over the deviation for white residuals, without a unit."""
-        return unexcited(self.combinations, self.inflation)
 
 
 @one_thread()

@@ -49,7 +49,7 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 
 
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
-    """Those of the combinations `found` that a log leaves about as uncertain as they were before it, a list of
+    """Combinations, among those `found`, that a log leaves about as uncertain as they were before it, a list of
     `Combination`: their `strength` is below 3 times `inflation`, the factor (unitless) by which standard deviations for
     white (uncorrelated) residuals are too small."""
     return [c for c in found if c.strength < WEAK * inflation]

@@ -1,0 +1,25 @@
+"""An episode while it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from adaptctl.arrays import Array
+from adaptctl.caching import sent_as_made
+from adaptctl.simulation.plant_state import PlantState
+from adaptctl.simulation.sampled_references import Preview
+
+
+@sent_as_made
+@dataclass
+class RunningEpisode:
+    """The changing parts of a running episode: the plant's `parameters` (P,), SI units; the `preview` of the reference
+    at each step; the plant's `state`; the number of the `step`, from 0; how many steps' torques were `clipped`; and
+    `over`, True once it has ended."""
+
+    parameters: Array
+    preview: Preview
+    state: PlantState
+    step: int = 0
+    clipped: int = 0
+    over: bool = False

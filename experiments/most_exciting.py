@@ -1,0 +1,26 @@
+"""The motion on which a mechanism's parameters show best."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from adaptctl.control import Sinusoids
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+
+EXCITING = "exciting"
+"""Name of the motion in the setting `motion` of experiments."""
+
+
+@lru_cache(maxsize=4)
+def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
+    """Fourier series of joint positions, rad, on which a mechanism's regressor of base parameters has the least
+    condition number, found by `exciting_reference` with `seed`; the last four are cached. Raises `InputError` for a
+    mechanism with closed loops, `RankError` where the number of base parameters cannot be certified."""
+    from adaptctl.control import exciting_reference
+
+    if mechanism.description.loops is not None:
+        raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
+    basis = fundamental_basis(essential_space(mechanism, seed=seed))
+    return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
