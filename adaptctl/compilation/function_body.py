@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
@@ -38,7 +38,8 @@ class FunctionBody:
     function), for calls; `lanes`, the `Lanes`, how many numbers are computed at once and in what precision; `found`, by
     index of expression, the places of values that earlier functions of the same routine left in memory at the pointer
     `%passed`; and `same`, the `Invariants`, expressions that are the same in all steps of a loop, which are in memory
-    at `%same`, none unless given. A place is an index in values of all lanes; the expression of index i is in the
+    at `%same`, none unless given. Of its arguments, those of the numbers `uniform` have one number in
+    memory for all lanes. A place is an index in values of all lanes; the expression of index i is in the
     register `%xi`. Nothing is checked.
     """
 
@@ -49,7 +50,9 @@ class FunctionBody:
         lanes: Lanes,
         found: Mapping[int, int],
         same: Invariants = NONE,
+        uniform: Container[int] = (),
     ) -> None:
+        self._uniform = uniform if lanes.count > 1 else ()
         self._text, self._lanes = Instructions(lanes), lanes
         self._symbols, self._found, self._same = symbols, found, same
         self._sines = SinesAtOnce(self._text, self._operand)
@@ -105,11 +108,15 @@ class FunctionBody:
             return self._lanes.constant(x)
         place, last = self._place(x) or self._stored.get(x.index), self._latest.get(x.index)
         if place is not None and (last is None or self._now - last.when > FAR):
-            name = self._text.load(f"%x{x.index}.{self._now}", *place)
+            load = self._text.broadcast if self._is_uniform(x) else self._text.load
+            name = load(f"%x{x.index}.{self._now}", *place)
         else:
             name = f"%x{x.index}" if last is None else last.name
         self._latest[x.index] = _Use(name, self._now)
         return name
+
+    def _is_uniform(self, x: Expression) -> bool:
+        return x.op is Op.INPUT and x.detail[0] in self._uniform
 
     def _call(self, x: str, routine: Routine, groups: Iterable[Sequence[Expression | float]]) -> None:
         used = {y.detail for y in routine.body if y.op is Op.INPUT}
@@ -143,6 +150,8 @@ class FunctionBody:
         if key in self._same.groups:
             return "%same", self._same.groups[key]
         places = [self._place(x) if isinstance(x := group[k], Expression) else None for k in needed]
+        if any(isinstance(x := group[k], Expression) and self._is_uniform(x) for k in needed):
+            return None
         firsts = {place and (place[0], place[1] - k) for k, place in zip(needed, places, strict=True)}
         return firsts.pop() if len(firsts) == 1 else None
 

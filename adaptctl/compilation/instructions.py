@@ -32,6 +32,16 @@ class Instructions:
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name
 
+    def broadcast(self, name: str, pointer: str, k: int) -> str:
+        """The `name` of an LLVM register, as given, into every lane of which the instructions appended here load the
+        one number in the place of index `k`, in single numbers, after a `pointer`, another register's name."""
+        value, scalar, n = self.lanes.value, self.lanes.scalar, self.lanes.count
+        self.add(f"{name}.at = getelementptr {scalar}, ptr {pointer}, i64 {k}")
+        self.add(f"{name}.one = load {scalar}, ptr {name}.at, align {self.lanes.size}")
+        self.add(f"{name}.first = insertelement {value} poison, {scalar} {name}.one, i32 0")
+        self.add(f"{name} = shufflevector {value} {name}.first, {value} poison, <{n} x i32> zeroinitializer")
+        return name
+
     def store(self, pointer: str, k: int, value: str) -> None:
         """Append the instructions that write a `value`, a register's name or a constant's text, into the place of index
         `k` after a `pointer`, another register's name."""

@@ -8,7 +8,7 @@ sine and cosine.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from adaptctl.compilation.function_body import FunctionBody
 from adaptctl.compilation.graph import Expression
@@ -23,14 +23,15 @@ BEFORE = ".before"
 """After a step's name, the name of what runs before all steps."""
 
 
-def program(routine: Routine, lanes: Lanes, same: Invariants = NONE) -> tuple[str, str]:
+def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Container[int] = ()) -> tuple[str, str]:
     """The LLVM IR (text) of a `routine`, a traced function, and of all that it calls, and the name of its function in
     it, which takes a pointer to each argument and to each part of the result. `lanes`, the `Lanes`, says how many
     numbers are computed at once by SIMD instructions and in what precision.
 
     `same`, for a step of a loop, are the `Invariants`, which do not change from step to step, none unless given: the
     function then takes a further pointer to memory that has them, and another function, its name followed by ".before",
-    computes them. Nothing is checked.
+    computes them. Arguments of the numbers `uniform` have one number in memory for all lanes, none unless given.
+    Nothing is checked.
     """
     symbols = _symbols(routine)
     parts = {r: pieces(r.body) for r in symbols}
@@ -40,7 +41,7 @@ def program(routine: Routine, lanes: Lanes, same: Invariants = NONE) -> tuple[st
         symbols[before], parts[before] = f"{symbols[routine]}{BEFORE}", pieces(before.body)
         functions.append(_function(before, parts[before], symbols, lanes))
         parts[routine] = pieces(same.left(routine), same.places)
-    functions.append(_function(routine, parts[routine], symbols, lanes, same))
+    functions.append(_function(routine, parts[routine], symbols, lanes, same, uniform))
     text = "\n".join(functions)
     return f"{text}\n{_sines(text, lanes)}", symbols[routine]
 
@@ -58,14 +59,21 @@ def _symbols(routine: Routine) -> dict[Routine, str]:
 
 
 def _function(
-    routine: Routine, parts: Sequence[Piece], symbols: Mapping[Routine, str], lanes: Lanes, same: Invariants = NONE
+    routine: Routine,
+    parts: Sequence[Piece],
+    symbols: Mapping[Routine, str],
+    lanes: Lanes,
+    same: Invariants = NONE,
+    uniform: Container[int] = (),
 ) -> str:
     """A routine's function; where it has several pieces, it calls one after the other."""
     symbol = symbols[routine]
     if len(parts) == 1:
-        return _piece(routine, parts[0], symbol, symbols, lanes, same)
+        return _piece(routine, parts[0], symbol, symbols, lanes, same, uniform)
     inner = {f"{symbol}.piece{k}": part for k, part in enumerate(parts)}
-    functions = [_piece(routine, part, name, symbols, lanes, same, shared=True) for name, part in inner.items()]
+    functions = [
+        _piece(routine, part, name, symbols, lanes, same, uniform, shared=True) for name, part in inner.items()
+    ]
     passed = 1 + max((place for part in parts for place in part.kept.values()), default=0)
     pointers = [*_pointers(routine, same), "ptr %passed"]
     head = f"define internal void @{symbol}({', '.join(pointers[:-1])}) noinline {lanes.attributes} {{"
@@ -81,12 +89,13 @@ def _piece(
     symbols: Mapping[Routine, str],
     lanes: Lanes,
     same: Invariants = NONE,
+    uniform: Container[int] = (),
     *,
     shared: bool = False,
     inlining: str = "noinline",
 ) -> str:
     """The function of a piece, which shares memory with others, or of a whole routine."""
-    body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same)
+    body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform)
     wanted: dict[int, list[tuple[str, int]]] = {i: [("%passed", place)] for i, place in piece.kept.items()}
     for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
         if isinstance(value, Expression):

@@ -64,7 +64,7 @@ def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, S
         held_places=_places(_HELD, inputs.pop(_HELD), lanes),
         before=before,
         places="\n".join(
-            _places(base, lengths, lanes)
+            _places(base, lengths, Lanes(1, lanes.precision) if base == _SHARED else lanes)
             for base, lengths in (inputs | {"%next": results[:states], "%out.at": results[states:]}).items()
         ),
         routine=symbol,
@@ -72,7 +72,7 @@ def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, S
     )
 
 
-_HELD = f"%{Source.HELD}.at"
+_HELD, _SHARED = f"%{Source.HELD}.at", f"%{Source.SHARED}.at"
 
 
 def _pointers(parts: Mapping[str, Sequence[int]]) -> list[str]:

@@ -88,7 +88,8 @@ class Stepper:
         same = Invariants.of(routine, range(len(state), len(state) + len(columns[Source.HELD])))
         self.operations = Operations(routine.operations)
         self.operations.subtract(x.op for x in same.computed)
-        text, symbol = program(routine, lanes, same)
+        first = len(state) + len(columns[Source.HELD])
+        text, symbol = program(routine, lanes, same, range(first, first + len(columns[Source.SHARED])))
         lengths = {source: tuple(part.values()) for source, part in columns.items()}
         self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths, len(same.stored))}", processor)
         self.native = NativeLoop(self._code.address(ENTRY))
@@ -101,9 +102,8 @@ class Stepper:
 
 class Signals(NamedTuple):
     """Memory for the signals of some steps, made by `Ensemble.signals` for an ensemble of members (copies of a state):
-    `shared`, the columns that are the same for all members, (steps, lanes, n), and `driven`, those of each member,
-    (steps, members, n), where n is a column's length and lanes the number of members that are computed at once; a
-    `LaneArray` each. Nothing is checked."""
+    `shared`, the columns that are the same for all members, (steps, 1, n), and `driven`, those of each member, (steps,
+    members, n), where n is a column's length; a `LaneArray` each. Nothing is checked."""
 
     shared: LaneArray
     driven: LaneArray
@@ -165,11 +165,11 @@ class Ensemble:
 
     def signals(self, steps: int) -> Signals:
         """Memory, zero, for the `Signals` of `steps` steps, to be filled by column and step, as `record_into` reads it:
-        `shared`, the columns that are the same for all members, has axes (steps, lanes, n), to be filled alike for each
-        of the `lanes` members that are computed at once, and `driven`, those of each member, (steps, members, n); n is
-        a column's length. Raises `InputError` for steps that are no whole number of at least 0."""
-        columns, lanes = self.stepper.columns, self.stepper.lanes
-        shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,), self.stepper.dtype)
+        `shared`, the columns that are the same for all members, has axes (steps, 1, n), and `driven`, those of each
+        member, (steps, members, n); n is a column's length. Raises `InputError` for steps that are no whole number of
+        at least 0."""
+        columns = self.stepper.columns
+        shared = LaneArray(columns[Source.SHARED], 1, 1, (steps,), self.stepper.dtype)
         return Signals(shared, self._array(columns[Source.DRIVEN], steps))
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike] | Signals) -> None:
@@ -210,8 +210,8 @@ class Ensemble:
             _wait_for(others)
 
     def _signals(self, steps: int, signals: Mapping[str, ArrayLike]) -> Signals:
-        """The shared ones (steps, n), in one block of equal lanes, and the driven ones."""
-        columns, lanes = self.stepper.columns, self.stepper.lanes
+        """The shared ones (steps, n) and the driven ones."""
+        columns = self.stepper.columns
         expected = [*columns[Source.SHARED], *columns[Source.DRIVEN]]
         if set(signals) != set(expected):
             raise InputError(f"signals: expected {', '.join(expected) or 'none'}, got {', '.join(signals) or 'none'}")
@@ -221,11 +221,7 @@ class Ensemble:
         driven = self._array(columns[Source.DRIVEN], steps)
         for name, values in signals.items():
             (rows if name in rows.columns else driven)[name] = values
-        if lanes == 1:
-            return Signals(rows, driven)
-        shared = LaneArray(columns[Source.SHARED], lanes, lanes, (steps,), self.stepper.dtype)
-        shared.blocks[:, 0] = rows.blocks
-        return Signals(shared, driven)
+        return Signals(rows, driven)
 
     def _array(self, columns: Columns, *steps: int) -> LaneArray:
         return LaneArray(columns, self.members, self.stepper.lanes, steps, self.stepper.dtype)
