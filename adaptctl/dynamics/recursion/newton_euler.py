@@ -18,16 +18,13 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
     each; `parameters` (10 n,) ten for each link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
     m^2, about the link frame's origin). Not checked: too few parameters raise `IndexError` or `ValueError`.
     """
+    loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
     torques: list[Scalar] = [0.0] * len(places)
-    carried: dict[int, Wrench] = {}
     for i in reversed(range(len(places))):
-        place, parent = places[i], places[i].segment.parent
-        load = wrench(moving[i], parameters.of[10 * i : 10 * i + 10])
-        load = load + carried.pop(i) if i in carried else load
-        torques[i] = joint_power(place, load)
-        if parent != GROUND:
-            own = lifted(place, load)
-            carried[parent] = carried[parent] + own if parent in carried else own
+        place = places[i]
+        torques[i] = joint_power(place, loads[i])
+        if place.segment.parent != GROUND:
+            loads[place.segment.parent] += lifted(place, loads[i])
     return Column(torques)
 
 
