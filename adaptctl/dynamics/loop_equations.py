@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
+from adaptctl.dynamics.closed_positions import ClosedPositions
 from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.loops.constraint import Closing
 from adaptctl.dynamics.loops.dyad import Rule
@@ -108,6 +109,8 @@ class LoopEquations(Equations):
         checked: where the loops stay open, nothing is raised; too short a p or guess raises `ValueError` or
         `IndexError`, locked loops `ZeroDivisionError` in floats.
         """
+        if isinstance(p, ClosedPositions) and self.rules:  # what the closed form would find again
+            return p.configuration
         entries = dict(zip(self.closing.primary, p, strict=True))
         q = Column(entries.get(i, guess[i]) for i in range(self.joints))
         for _ in range(1 if self.rules else NEWTON_STEPS):

@@ -13,6 +13,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.control.controller import GAINS, Controller, ReferencePoint
 from adaptctl.control.memory import leaves, like
+from adaptctl.dynamics.closed_positions import ClosedPositions
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Structure
 from adaptctl.simulation.plant import Plant
@@ -123,7 +124,7 @@ class ClosedLoop:
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
         memory = like(self._blank, (columns[name] for name in self.state if name.startswith("memory")))
-        observed = measured if self._senses else (self.plant.primary(q), v)
+        observed = measured if self._senses else (ClosedPositions(self.plant.primary(q), q), v)
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
         torque, after = law.law(*observed, reference, memory)
         outcome = self.plant.equation({**columns, "torque": torque})

@@ -1,0 +1,17 @@
+"""Positions of primary joints with the configuration that they belong to."""
+
+from __future__ import annotations
+
+from adaptctl.scalars import Column
+
+
+class ClosedPositions(Column):
+    """Positions (r,) of a mechanism's r primary joints, rad (m if prismatic), a `Column`, of which the closed
+    `configuration` (n,) of the tree's n joints, rad (m), is known: `Equations.closed` returns that, where it would
+    close the loops anew. What arithmetic makes of them is a plain `Column`. Nothing is checked."""
+
+    __slots__ = ("configuration",)
+
+    def __init__(self, positions: Column, configuration: Column) -> None:
+        super().__init__(positions)
+        self.configuration = configuration
