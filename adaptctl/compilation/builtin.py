@@ -77,8 +77,9 @@ class Form(NamedTuple):
 
     @property
     def types(self) -> dict[int, int]:
-        """Index of the type of each argument that is a tuple, by the argument's index, in the tuple of objects that the
-        built-in function keeps; these begin with what it calls instead of native code, at 0."""
+        """Places of the types of arguments that are tuples, a dict by the argument's index: the type's index in the
+        tuple of objects that the built-in function keeps, which begins with the function that it calls instead of
+        native code, at 0."""
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
@@ -156,9 +157,9 @@ def builtin(
     expected lengths (in tuples of the expected types), finite where that is checked.
 
     `name` is the function's. It is `bound` to the types of tuples and then to arrays, in the order that the code's
-    `Form` has them in. Of `results` that are arrays, 0 unless given, it keeps the last two each, to return them again
-    once nothing else refers to them. `has_builtins` must have been True. Errors are those of `instead`; nothing is
-    checked here.
+    `Form` has them in. `results` is the number of its results that are arrays, 0 unless given: of each it keeps the
+    last two, to return them again once nothing else refers to them. `has_builtins` must have been True. Errors are
+    those of `instead`; nothing is checked here.
     """
     definition = _Definition(name.encode(), code.address(_ENTRY), _FASTCALL, None)
     kept = (instead, *bound, *[None] * (2 * results), code, definition)

@@ -68,9 +68,10 @@ class FunctionBody:
         return [*self._text.memory, *self._text.lines]
 
     def compute(self, expression: Expression) -> None:
-        """Append the instructions that compute an `expression`, whose operands have been computed before. For one that
-        is in memory already, such as an input, a call's result or an invariant, none are appended here: it is loaded
-        where it is used. Raises `KeyError` for a call of a routine without a name in `symbols`."""
+        """Append the instructions that compute an `expression`, whose operands have been computed before. Sines and
+        cosines are computed in groups, each ahead of one expression. One that is in memory already (an input, a call's
+        result, an invariant, a sine or cosine) needs none of its own: it is loaded where it is used. Raises `KeyError`
+        for a call of a routine without a name in `symbols`."""
         self._now += 1
         self._sines.turn(self._turns.get(expression.index, ()))
         if expression.op is Op.CALL:

@@ -61,10 +61,10 @@ class Graph:
     the indices of operands are below those of what uses them, so that their order is one to compute in.
 
     `routines` maps what has been called in the trace (a function, its arguments' layout and constants) to its traced
-    `Routine`; the graph of a called function is given its caller's, others None for an empty one. `sines` maps angles,
-    expressions in rad, to the sine and cosine that are known of them. `passed`, None unless given, is for the graph of
-    a called function: the number of the extra argument in which its caller passes sines and cosines, in pairs; `turned`
-    has the inputs that these are of, in their order.
+    `Routine`; the graph of a called function is given its caller's; None, the default, stands for an empty one. `sines`
+    maps angles, expressions in rad, to the sine and cosine that are known of them. `passed`, None unless given, is for
+    the graph of a called function: the number of the extra argument in which its caller passes sines and cosines, in
+    pairs; `turned` has the inputs that these are of, in their order.
     """
 
     def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:
@@ -86,8 +86,9 @@ class Graph:
 
     def known_sine(self, angle: Expression) -> tuple[Any, Any] | None:
         """Sine and cosine, two expressions or floats, of `angle`, an expression of this graph in rad, where they are
-        known; None where they are to be computed. In the graph of a called function those of its inputs are taken to be
-        passed by the caller, and become inputs here. Nothing is checked."""
+        known; None where they are to be computed. For an unknown one that is an input of a called function (whose graph
+        has `passed`) two inputs are added to the graph, its sine and cosine, which the caller will pass. Nothing is
+        checked."""
         if angle not in self.sines and self.passed is not None and angle.op is Op.INPUT:
             first = 2 * len(self.turned)
             self.turned.append(angle)

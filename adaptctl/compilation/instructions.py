@@ -20,14 +20,14 @@ class Instructions:
         self.lines.append(line)
 
     def reserve(self, name: str, size: int) -> str:
-        """The `name` of an LLVM pointer, such as "%spare", as given, to memory set aside for `size` numbers of all
-        lanes."""
+        """Append to `memory` the instruction that sets aside memory for `size` numbers of all lanes, with the LLVM
+        pointer of the given `name`, such as "%spare", to it. Returns that name."""
         self.memory.append(f"{name} = alloca [{size} x {self.lanes.value}], align {max(self.lanes.alignment, 64)}")
         return name
 
     def load(self, name: str, pointer: str, k: int) -> str:
-        """The `name` of an LLVM register, such as "%x3", as given, into which the instructions appended here load the
-        number in the place of index `k` after a `pointer`, another register's name."""
+        """Append the instructions that load the number in the place of index `k` after a `pointer`, a register's name,
+        into the LLVM register of the given `name`, such as "%x3". Returns that name."""
         self.add(f"{name}.at = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name

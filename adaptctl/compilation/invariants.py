@@ -48,8 +48,9 @@ class Invariants(NamedTuple):
         return found
 
     def before(self, routine: Routine) -> Routine:
-        """The `Routine` (traced function) that computes the s scalars stored for the steps, its only result, (s,), from
-        all arguments of the step's `routine`, of which it uses the held ones alone. Nothing is checked."""
+        """The `Routine` (traced function) that computes the scalars that are the same in all steps, once before the
+        first: its only result, (s,), s the length of `stored`, from all arguments of the step's `routine`, of which it
+        uses the held ones alone. Nothing is checked."""
         values: tuple[Any, ...] = tuple(self.stored)
         return Routine(f"{routine.name} before", routine.inputs, values, Layout(None, ((len(values),),)))
 

@@ -62,7 +62,7 @@ class Processor(NamedTuple):
 
     def machine(self) -> llvm.TargetMachine:
         """A new LLVM target machine, llvmlite's object that compiles, for this processor, with code to be run in this
-        process. LLVM's native target must have been initialised."""
+        process. Raises `RuntimeError` where LLVM's native target has not been initialised."""
         target = llvm.Target.from_default_triple()
         return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
 

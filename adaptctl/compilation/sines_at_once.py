@@ -22,8 +22,9 @@ class SinesAtOnce:
     """Sines and cosines of groups of angles, rad, as LLVM instructions appended to a function's `text`
     (`Instructions`), which leave them in memory, pair after pair.
 
-    A branch to the C library's sines, for angles that are far, costs all that is in registers its place: so each group
-    has one branch. `operand` is a function that returns the name of an expression's value. Nothing is checked.
+    Angles that are too large for the fast formula are left to the C library; a branch to it writes all that is in
+    registers to memory, so that each group has one branch alone. `operand` is a function that returns the name of an
+    expression's value. Nothing is checked.
     """
 
     def __init__(self, text: Instructions, operand: Callable[[Any], str]) -> None:
@@ -38,9 +39,9 @@ class SinesAtOnce:
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
     def turn(self, angles: Sequence[Expression]) -> None:
-        """Append the instructions of sines and cosines of `angles`, expressions whose values are known by now, but for
-        those that were computed before. An angle that is a short step in time from one of known sine is turned by that
-        step."""
+        """Append the instructions of sines and cosines of `angles`, expressions whose values have been computed, but
+        for those whose sines were written before. An angle that is the sum of an earlier one and a short step (a
+        multiple by a constant of at most 1/16) gets that one's sine and cosine turned by the step."""
         most = _WIDE[-1] if self._text.lanes.count == 1 else len(angles)
         for _, group in groupby((x for x in angles if x not in self._pairs), self._from):
             some = list(group)

@@ -32,10 +32,10 @@ class ConstrainedMotion(Motion):
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the Slotine-Li regressor Y N (r, k), one `Column` (k,) each, for the k of Z free parameters
-        whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. Y (r, P) is the regressor of
-        all P parameters D = D0 + N z; over all columns Y N z is the torque but for that of D0. Raises `IndexError` for
-        an index of Z or more; negative ones are not refused."""
+        """The r rows of the Slotine-Li regressor Y N (r, k), one `Column` (k,) each, for the k of Z free parameters z
+        whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. By linear constraints all P
+        parameters are D = D0 + N z, and Y (r, P) is their regressor; over all columns Y N z is the torque but for that
+        of D0. Raises `IndexError` for an index of Z or more; negative ones are not refused."""
         needed = self.equations.needed(columns)
         rows = self.whole.regressor(needed)
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
@@ -43,8 +43,8 @@ class ConstrainedMotion(Motion):
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
         """The powers (Y N)' s (k,), W per unit of each, for the k of Z free parameters whose indices `columns` are, at
         rates s (r,) of the r primary joints, rad/s (m/s if prismatic). Y N (r, Z), whose transpose is (Y N)', is the
-        Slotine-Li regressor in the free parameters z, D = D0 + N z being all P; it is not formed. Raises `IndexError`
-        for an index of Z or more; negative ones are not refused."""
+        Slotine-Li regressor in the free parameters z, which is not formed; by linear constraints all P parameters are D
+        = D0 + N z. Raises `IndexError` for an index of Z or more; negative ones are not refused."""
         needed = self.equations.needed(columns)
         return self.equations.combined(dict(zip(needed, self.whole.powers(s, needed), strict=True)), columns)
 
@@ -95,9 +95,10 @@ class ConstrainedEquations(Equations):
 
     def closed(self, p: Column, guess: Column) -> Column:
         """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
-        primary joints, on the assembly branch of `guess` (n,), a closed configuration, best within 0.05 rad; p itself
-        for a tree. Constraints on parameters do not change it. Not checked: where the loops stay open, nothing is
-        raised."""
+        primary joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a tree. Where no
+        closed form exists it is found by Newton's steps, exact to round-off from within 0.05 rad. Constraints on
+        parameters do not change it. Not checked: where the loops stay open, nothing is raised; with loops, too short a
+        p or guess raises `ValueError` or `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
@@ -109,7 +110,8 @@ class ConstrainedEquations(Equations):
     def rates(self, q: Column, v: Column) -> Column:
         """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their configuration q (n,), rad (m),
         and velocities v (r,) of the r primary joints; J (n, r) is the derivative of q by the primary positions. For a
-        tree v itself. Not checked: with loops, columns too short raise `IndexError` or `ValueError`."""
+        tree v itself. Not checked: with loops, columns too short raise `IndexError` or `ValueError`, exactly locked
+        loops `ZeroDivisionError` in floats."""
         return self.whole.rates(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
@@ -117,7 +119,7 @@ class ConstrainedEquations(Equations):
         tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary joints, rad/s (m/s). N' is the
         transpose of N, D = D0 + N z being all P parameters, and E (P,) their energy regressor; the inner product with z
         is kinetic plus potential energy in J but for the share of D0. Not checked: columns too short raise `IndexError`
-        or `ValueError`."""
+        or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
@@ -131,7 +133,8 @@ class ConstrainedEquations(Equations):
         """The state of motion, a `ConstrainedMotion`, at a configuration q (n,) of the tree's n joints, rad (m if
         prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary joints, rad/s
         (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers in the Z free
-        parameters follow from it. Not checked: columns too short raise `IndexError` or `ValueError`."""
+        parameters follow from it. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked
+        loops `ZeroDivisionError` in floats."""
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
@@ -163,20 +166,22 @@ class ConstrainedEquations(Equations):
         """The r rows of the mass matrix (r, r) of the r primary joints, symmetric, rotors included, in kg m^2 (kg
         between prismatic joints, kg m mixed), at a configuration q (n,) of the tree's n joints, rad (m), for values z
         (Z,) of the free `parameters` in SI units, with the share of the values that linear constraints fix. Not
-        checked: columns too short raise `IndexError` or `ValueError`."""
+        checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in
+        floats."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
         """The r rows of the damping matrix B (r, r) of the r primary joints, symmetric, in N m s/rad (N s/m between
         prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s (m/s), but for its
         constant offsets. At a configuration q (n,) of the tree's n joints, rad (m), for values z (Z,) of the free
-        `parameters` in SI units. Not checked: columns too short raise `IndexError` or `ValueError` where they are
-        read."""
+        `parameters` in SI units. Not checked: columns too short raise `IndexError` or `ValueError` where they are read,
+        exactly locked loops `ZeroDivisionError` in floats."""
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
         """All P inertial and friction parameters D = D0 + N z (P,) from values z (Z,) of the free `parameters`, SI
-        units, for the linear constraints' D0 and N. Raises `ValueError` for another number than Z."""
+        units: D0 (P,) and N (P, Z) are those of the linear constraints. Raises `ValueError` for another number than
+        Z."""
         terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]
         for z, enters in zip(parameters, self.spread, strict=True):
             for place, weight in enters:

@@ -39,8 +39,9 @@ class Parametrisation:
     """D0 (P,)"""
 
     def expanded(self, z: ArrayLike) -> Array:
-        """All P inertial and friction parameters D = D0 + N z (P,) from the free ones z (Z,), in SI units. Raises
-        `InputError` for a wrong shape and for numbers that are not finite."""
+        """All P inertial and friction parameters D = D0 + N z (P,) from the free ones z (Z,), in SI units: N (P, Z) is
+        the `matrix` and D0 (P,) the `known` share. Raises `InputError` for a wrong shape and for numbers that are not
+        finite."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
 
@@ -85,8 +86,8 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives N (P, Z) of all P inertial and friction parameters D by the Z free ones z, D = D0 + N z: each
-        entry in the unit of its D per unit of its z."""
+        """Derivatives N (P, Z) of all P inertial and friction parameters D by the Z ones z that linear constraints
+        leave free, D = D0 + N z: each entry in the unit of its D per unit of its z."""
         return self.parametrisation.matrix
 
     @property
@@ -116,8 +117,8 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of what decides which parameters matter: gravity, joints, frames, link names,
-        loops, drive terms and the linear constraints, but no free parameters' values. Constraints count to 1e-12."""
+        """SHA-256 hash (hexadecimal) of what decides which parameters are identifiable: gravity, joints, frames, link
+        names, loops, drive terms and the linear constraints, but no free parameters' values. Numbers count to 1e-12."""
         N, known = self.parametrisation.matrix, self.parametrisation.known
         numbers = [[round(x, 12) + 0.0 for x in array.ravel().tolist()] for array in (N, known)]
         content = [self.whole.geometry_sha256, list(self.parametrisation.left), numbers]

@@ -33,9 +33,9 @@ class Motion(ABC):
     def regressor(self, columns: Sequence[int]) -> list[Column]:
         """The r rows of the Slotine-Li regressor Y (r, k) of r primary joints, one `Column` (k,) each, for the k of P
         parameters whose indices `columns` are, in their order: N m (N if prismatic) per unit of each parameter. Over
-        all P columns Y D is the `torque` of parameters D (P,), but for that of parameters which linear constraints fix.
-        Raises `IndexError` for an index of P or more, `TypeError` for one not whole; negative ones are not refused, and
-        may mean any parameter."""
+        all P columns Y D is the `torque` of parameters D (P,); under linear constraints D are the free ones, and Y D
+        lacks the torque of those that are fixed. Raises `IndexError` for an index of P or more, `TypeError` for one not
+        whole; negative ones are not refused, and may mean any parameter."""
 
     @abstractmethod
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
@@ -47,9 +47,10 @@ class Motion(ABC):
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """The column (`Equations.motion_size`,) of scalars in SI units that hold this motion, such as the sines and
-        cosines of the joints and the links' accelerations, from which `Equations.remembered` makes the same motion
-        again."""
+        """The column (`Equations.motion_size`,) of scalars in SI units that hold this motion: with loops first the
+        derivatives of the dependent joints by the primary ones, then of every link the cosine and sine of its joint's
+        angle (or its displacement), of every link twelve numbers of its accelerations, and of every rotor or friction
+        term of a drive its torque per unit. From them `Equations.remembered` makes the same motion again."""
 
 
 class Equations(ABC):
@@ -124,16 +125,17 @@ class Equations(ABC):
     def energy_regressor(self, q: Column, v: Column) -> Column:
         """Energy regressor E (P,), J per unit of each of the P parameters D (P,), at a configuration q (n,) of the
         tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary joints, rad/s (m/s). The inner
-        product of E and D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin, but for
-        what parameters that linear constraints fix add. E is 0 for friction. Not checked: columns too short raise
-        `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        product of E and D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin. E is 0 for
+        friction. Under linear constraints D are the free parameters, and the energy lacks the share of those that are
+        fixed. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops
+        `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def potential_regressor(self, q: Column) -> Column:
         """The potential part (P,) of the energy regressor, J per unit of each of the P parameters D (P,), at a
         configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with D is the potential
-        energy in J, 0 at the ground frame's origin, but for what parameters that linear constraints fix add. Not
-        checked: too short a q raises `IndexError`."""
+        energy in J, 0 at the ground frame's origin. Under linear constraints D are the free parameters, and the energy
+        lacks the share of those that are fixed. Not checked: too short a q raises `IndexError`."""
 
     @abstractmethod
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
@@ -153,7 +155,8 @@ class Equations(ABC):
     @abstractmethod
     def motion_size(self) -> int:
         """Number of scalars that store one state of motion, `Motion.numbers`: 14 a link (13 if prismatic), one for each
-        rotor or friction term of a drive and, with loops, the slope of each dependent joint by each primary one."""
+        rotor or friction term of a drive and, with loops, the derivative of each dependent joint by each primary
+        one."""
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
@@ -179,8 +182,9 @@ class Equations(ABC):
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
         """The r rows of the torque regressor Y (r, k) of r primary joints, one `Column` (k,) each, for the k of P
         parameters whose indices `columns` are: N m (N if prismatic) per unit of each. Over all P columns Y D = M a_r +
-        C v_r + g + friction at v_r for parameters D (P,), but for what parameters that linear constraints fix add, M
-        the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
+        C v_r + g + friction at v_r for parameters D (P,), M the mass matrix, C the Christoffel (Coriolis) matrix, g
+        gravity's torque; under linear constraints D are the free parameters, and the torque lacks the share of those
+        that are fixed.
 
         At a configuration q (n,) of the tree's n joints, rad (m), velocities v and Slotine and Li's reference
         velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Raises `IndexError` for

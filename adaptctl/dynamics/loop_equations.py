@@ -175,7 +175,8 @@ class LoopEquations(Equations):
         """Energy regressor E (P,), J per unit of each of the P parameters D (P,), at a closed configuration q (n,) of
         the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary joints, rad/s (m/s): the inner
         product of E and D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin. E is 0 for
-        friction. Not checked: columns too short raise `IndexError` or `ValueError`."""
+        friction. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops
+        `ZeroDivisionError` in floats."""
         return self.tree.energy_regressor(q, self.posture(q).tree(v))
 
     def potential_regressor(self, q: Column) -> Column:
@@ -225,8 +226,8 @@ class LoopEquations(Equations):
         """The r rows of the mass matrix J' M J (r, r) of the r primary joints, symmetric, rotors included, in kg m^2
         (kg between prismatic joints, kg m mixed), at a closed configuration q (n,) of the tree's n joints, rad (m), for
         values (P,) of the P `parameters` in SI units: M (n, n) is the tree's mass matrix, J (n, r) the Jacobian of its
-        joints by the primary ones, J' its transpose. Not checked: columns too short raise `IndexError` or
-        `ValueError`."""
+        joints by the primary ones, J' its transpose. Not checked: columns too short raise `IndexError` or `ValueError`,
+        exactly locked loops `ZeroDivisionError` in floats."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
@@ -235,7 +236,7 @@ class LoopEquations(Equations):
         its constant offsets. At a closed configuration q (n,) of the tree's n joints, rad (m), for values (P,) of the P
         `parameters` in SI units; J (n, r) is the Jacobian of these joints by the primary ones, J' its transpose, B_tree
         (n, n) their own damping matrix. Not checked: columns too short raise `IndexError` or `ValueError` where they
-        are read."""
+        are read, exactly locked loops `ZeroDivisionError` in floats."""
         posture = self.posture(q)
         rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]
         ways = self._ways(posture)

@@ -159,7 +159,8 @@ class Mechanism:
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of all P parameters by the Z that constraints leave free; the identity without any."""
+        """Derivatives (P, Z) of all P parameters by the Z that linear constraints leave free, in the unit of the former
+        per unit of the latter; the identity (P, P) without constraints."""
         return np.eye(len(self.parameter_names))
 
     @property
@@ -169,8 +170,8 @@ class Mechanism:
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of what decides which parameters matter: gravity, joints, frames, link names,
-        loops, drive terms and constraints, but no parameters' values."""
+        """SHA-256 hash (hexadecimal) of what decides which parameters are identifiable: gravity, joints, frames, link
+        names, loops, drive terms and constraints, but no parameters' values. Numbers count to 1e-12."""
         return self.description.geometry_sha256
 
     @cached_property
@@ -280,8 +281,8 @@ class Mechanism:
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
 
     def require_mass(self) -> None:
-        """Raise `InputError`, with their names, for links of a tree that have neither inertia nor rotor and carry none:
-        torques do not determine its accelerations. Mechanisms with loops pass."""
+        """Raise `InputError`, naming them, for a tree's links that have neither inertia nor rotor and carry no link
+        with either: torques do not determine their joints' accelerations. Mechanisms with loops pass."""
         if self.description.weightless:
             names = ", ".join(self.description.weightless)
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
@@ -296,9 +297,10 @@ class Mechanism:
 
     @needed("Mechanism.to_pinocchio")
     def to_pinocchio(self) -> pinocchio.Model:
-        """The same mechanism as a Pinocchio model, built depth first; with loops, its tree's, loops left open. Raises
-        `InputError` for a first moment without mass and for drives that turn with several joints, `MissingExtraError`
-        without Pinocchio. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out."""
+        """The same mechanism as a Pinocchio model, built depth first; with loops the model of its tree, loops left
+        open. Raises `InputError` for a first moment without mass and for drives that turn with several joints,
+        `MissingExtraError` without Pinocchio. Warns (`SimplificationWarning`) of friction other than viscous and
+        Coulomb's, left out."""
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
@@ -324,9 +326,9 @@ class Mechanism:
 
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
         """Write at `path` the URDF or MJCF file `original` with the inertias of this mechanism's links; the rest,
-        drives included, stays byte for byte. `root` names its first body in an MJCF scene, None the one that moves.
-        Raises `FileError` for another mechanism's file, one not readable or writable, inertias without mass and, in
-        MJCF, of no rigid body, `InputError` for another suffix or a URDF's root."""
+        drives included, stays byte for byte. `root` names its first body in an MJCF scene; None: the one root body that
+        moves. Raises `FileError` for another mechanism's file, one not readable or writable, inertias without mass and,
+        in MJCF, of no rigid body, `InputError` for another suffix or a `root` for a URDF."""
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)
@@ -353,8 +355,9 @@ class Mechanism:
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
         """A mechanism from a MuJoCo model, which may hold a whole scene: the body named `body` and all that hangs on
         it; None for the one root body on which joints turn or slide. Raises `InputError` for ball and free joints,
-        equalities on it, a `body` on one that moves and, for None, not one moving root, `NotFoundError` for an unknown
-        name. Warns (`SimplificationWarning`) of springs, gravity compensation (left out), non-torque actuators."""
+        equality constraints on it, a `body` on one that moves and, for None, not one moving root, `NotFoundError` for
+        an unknown name, `MissingExtraError` without MuJoCo. Warns (`SimplificationWarning`) of springs, gravity
+        compensation (left out), non-torque actuators."""
         from adaptctl.description.readers.mujoco_model import from_mujoco
 
         return cls(from_mujoco(model, body))

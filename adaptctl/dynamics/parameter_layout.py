@@ -37,10 +37,9 @@ class ParameterLayout(NamedTuple):
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """Pair of dicts by which parameters of indices `columns`, from 0 to P - 1, are found: for those of bodies, the
-        index in a list of ten parameters for each of the N links, massless ones too (10 N of them), by the parameter's
-        index; for those of drives, the number of the drive's term, counted from 0, by the parameter's index. Nothing is
-        checked."""
+        """Two dicts, by parameter index, that sort the parameters of indices `columns`, from 0 to P - 1, into those of
+        bodies and those of drives: the first has a body parameter's index among 10 N, ten for each of the N links,
+        massless ones too; the second has the index in `drives` of a drive parameter's term. Nothing is checked."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 

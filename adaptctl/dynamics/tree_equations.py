@@ -150,9 +150,9 @@ class TreeEquations(Equations):
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:
-        """Energy regressor (P,), J per unit of each of P parameters, from `tens` (10 n,), the energies per unit of ten
-        inertial parameters of each of n links, and the velocities v (n,) of the joints, rad/s (m/s if prismatic), at
-        which the drives' rotors have theirs: s^2/2 at a shaft's speed s, and 0 for friction. Nothing is checked."""
+        """Energy regressor (P,), J per unit of each of P parameters, the drives' included, from that of the inertial
+        parameters alone, `tens` (10 n,), ten for each of n links, and the velocities v (n,) of the joints, rad/s (m/s
+        if prismatic). The entry of a rotor is s^2/2 at its shaft's speed s, that of friction 0. Nothing is checked."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
@@ -202,7 +202,8 @@ class TreeEquations(Equations):
         """The n rows of the damping matrix B (n, n) of a tree's n joints, symmetric, in N m s/rad (N s/m between
         prismatic joints, N s mixed): B v is the drives' friction at velocities v (n,), rad/s (m/s), but for its
         constant offsets. B is diagonal but for drives whose shafts turn with several joints. `parameters` (P,) are the
-        P parameters' values in SI units; the positions p (n,) are not used. Not checked."""
+        P parameters' values in SI units; the positions p (n,) are not used. Not checked: too few parameters raise
+        `ValueError`, too short a v `IndexError` where it is read."""
         rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             if not term.kind.is_friction:
@@ -215,9 +216,10 @@ class TreeEquations(Equations):
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree's n joints under a torque (n,), N m (N), gravity
         and friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (n,), for values (P,) of the P
-        `parameters` in SI units. Found by the articulated-body algorithm (Featherstone 2008, chapter 7) in long trees,
-        else from the mass matrix. Not checked: columns too short raise `IndexError` or `ValueError`, a joint without
-        inertia raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
+        `parameters` in SI units. Found by the articulated-body algorithm (Featherstone 2008, chapter 7) where 6.5
+        joints or more are between a link and the ground on average and each rotor turns with one joint, else from the
+        mass matrix. Not checked: columns too short raise `IndexError` or `ValueError`, a joint without inertia raises
+        `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
         if not self._is_long:
             return super().forward_dynamics(p, v, torque, parameters)
         motion, own, rotors = self.motion(p, v, v, Column.zeros(self.dof)), list(torque), [0.0] * self.dof

@@ -40,9 +40,9 @@ class Loop:
 
 
 class Hinge(NamedTuple):
-    """A joint of a loop at one configuration, in the axes of the loop's common link: its `link`'s index, True in
-    `turns` if it is revolute (False if prismatic), the unit vector `axis` (3), and `origin` (3), m, its frame's origin
-    before its own motion, a point on the axis."""
+    """A joint of a loop at one configuration, in the axes and from the origin of the link at which the loop's two sides
+    part: its `link`'s index, True in `turns` if it is revolute (False if prismatic), the unit vector `axis` (3), and
+    `origin` (3), m, its frame's origin before its own motion, a point on the axis."""
 
     link: int
     turns: bool
@@ -51,9 +51,9 @@ class Hinge(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """One side of a loop closure at one configuration, in the axes and from the origin of the loop's common link (or
-    the ground): `hinges`, its joints outward, and its closing frame, with `rotation` (3, 3), whose columns are the
-    frame's axes, and `origin` (3), m."""
+    """One side of a loop closure at one configuration, in the axes and from the origin of the link (or the ground) at
+    which the two sides part: `hinges`, its joints from there outward, and its closing frame, which the closure makes
+    coincide with the other side's, by `rotation` (3, 3), whose columns are the frame's axes, and `origin` (3), m."""
 
     hinges: list[Hinge]
     rotation: Mat
@@ -61,9 +61,10 @@ class Reach(NamedTuple):
 
 
 def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
-    """The `Reach` of one side of a loop closure: its joints and its closing frame, in the common link's axes, at the
-    configuration at which the links are placed. `places` has the links' `Placement`s in their parents by link index,
-    those of `side.links` at least. A placement that is missing raises `IndexError`, or `KeyError` in a mapping."""
+    """The `Reach` of one side of a loop closure: its joints and its closing frame, which the closure makes coincide
+    with the other side's, in the axes of the link at which the sides part, at the configuration at which the links are
+    placed. `places` has the links' `Placement`s in their parents by link index, those of `side.links` at least. A
+    placement that is missing raises `IndexError`, or `KeyError` in a mapping."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
         place = places[i]
@@ -78,8 +79,9 @@ class Constraint:
     """A loop closure at one configuration: its residual, and how that moves with the loop's joints. Made of `places`,
     the links' `Placement`s in their parents, and the `loop`.
 
-    Its 3 (POINT), 5 (AXIS) or 6 (WELD) scalar conditions are in the axes of the first side's closing frame, so that
-    none vanishes as the loop turns as a whole: three of position, in m, then those of the directions, in rad.
+    It has 3 scalar conditions (of kind POINT: the sides' closing frames have the same origin), 5 (AXIS: the same z
+    axis, too) or 6 (WELD: the same pose), those of position, in m, before those of direction, in rad. They are in the
+    axes of the first side's closing frame, so that they do not change when the loop turns as a whole.
     """
 
     def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
@@ -107,17 +109,18 @@ class Constraint:
 
     def rates(self) -> dict[int, list[Scalar]]:
         """Derivatives of the closure residual by the loop's joint positions, at a closed configuration: by joint index
-        a list of 3 (kind POINT), 5 (AXIS) or 6 (WELD) scalars, m or rad per rad (or per m of a prismatic joint), the
-        joint's column of the closure Jacobian."""
+        a list of 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS) or 6 (with the same pose,
+        WELD) scalars, m or rad per rad (or per m of a prismatic joint), the joint's column of the closure Jacobian."""
         outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
         inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
         return outward | inward
 
     def bias(self, u: Column, w: Column) -> list[Scalar]:
         """The second derivative of the closure residual along two joint velocities u and w (n,) of the tree's n joints,
-        rad/s (m/s if prismatic): a list of 3 (kind POINT), 5 (AXIS) or 6 (WELD) scalars, m/s^2, then rad/s^2. For u = w
-        it is the residual's acceleration while no joint accelerates; it is bilinear and symmetric in both. u and w must
-        keep the loop closed. Nothing is checked: too short a u or w raises `IndexError`."""
+        rad/s (m/s if prismatic): a list of 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS)
+        or 6 (with the same pose, WELD) scalars, m/s^2, then rad/s^2. For u = w it is the residual's acceleration while
+        no joint accelerates; it is bilinear and symmetric in both. u and w must keep the loop closed. Nothing is
+        checked: too short a u or w raises `IndexError`."""
         one, other = _carried(self.first, u, w), _carried(self.second, u, w)
         turning = other.alpha - one.alpha
         if self.kind is ClosureKind.AXIS:
@@ -139,9 +142,10 @@ class Constraint:
 
 
 class Carried(NamedTuple):
-    """Motion of a closing frame under two joint velocities u and w, in the axes of the loop's common link, no joint
-    accelerating: its angular velocities `omega` under u and `rho` under w (3), rad/s, and the angular acceleration
-    `alpha` (3), rad/s^2, and acceleration `acc` of its origin (3), m/s^2, both bilinear and symmetric in u and w."""
+    """Motion of a closing frame, by which one side of a loop is joined to the other, under two joint velocities u and
+    w, in the axes of the link at which the sides part, no joint accelerating: its angular velocities `omega` under u
+    and `rho` under w (3), rad/s, and the angular acceleration `alpha` (3), rad/s^2, and acceleration `acc` of its
+    origin (3), m/s^2, both bilinear and symmetric in u and w."""
 
     omega: Vec
     rho: Vec

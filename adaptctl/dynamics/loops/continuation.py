@@ -32,8 +32,9 @@ NEAREST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """The assembly branch of a mechanism's closed configurations that holds the reference, followed by Newton's steps,
-    which, other than closed forms, do not lead past a singularity unnoticed.
+    """The assembly branch that holds a mechanism's reference configuration: the closed configurations that can be
+    reached from it without passing one in which the loops lock. It is followed by Newton's steps; closed forms could
+    pass to another branch unnoticed.
 
     `equations` are the mechanism's `LoopEquations`, closed by Newton's steps; `reference` (n,) is the configuration of
     the tree's n joints, rad (m if prismatic), in which the loops are known to close. Nothing is checked.
@@ -50,10 +51,11 @@ class Continuation:
     def follow(self, p: Array, start: Array | None = None) -> Array:
         """Closed configurations (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of the r
         primary joints, rad (m), reached from the closed configurations `start` (..., n) along straight lines in p, in
-        steps of at most 0.05 rad (m); None starts at the reference.
+        steps of at most 0.05 rad (m); None starts at the reference configuration.
 
-        Raises `SingularityError` where the way comes near a configuration in which the loops lock (`regularity` below
-        0.05), or they do not close, and `InputError` where `start` does not broadcast to the samples of p.
+        Raises `SingularityError` where the way comes near a configuration in which the loops lock, the smallest
+        singular value of the closure Jacobian by the dependent joints being below 0.05 of that at the reference, or
+        where the loops do not close, and `InputError` where `start` does not broadcast to the samples of p.
         """
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
@@ -75,9 +77,10 @@ class Continuation:
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """The share (m,), from 0 to 1, of the straight way from the reference to each of m primary positions p (m, r),
-        rad (m if prismatic), that can be gone before the `regularity` falls below `least` (no unit, 0.05 by default): 1
-        for all of it. Shapes are not checked; NaN gives 0."""
+        """The share (m,), from 0 to 1, of the straight way from the reference configuration to each of m primary
+        positions p (m, r), rad (m if prismatic), that can be gone before the `regularity`, which is 1 at the reference
+        and 0 where the loops lock, falls below `least` (no unit, 0.05 by default): 1 for all of it. Shapes are not
+        checked; NaN gives 0."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -103,14 +106,14 @@ class Continuation:
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
-        """Indicator, 1.0 or 0.0 as a scalar of the kind of q: 1.0 where the `regularity` at a configuration q (n,) of
-        the tree's n joints, rad (m if prismatic), is at least 0.05 beyond doubt, by a lower bound on the smallest
-        singular value. `lost` is the closure residual, m or rad, from which on the loops count as open, which gives
-        0.0; 1e-9 by default, more is needed in single precision.
+        """Indicator, 1.0 or 0.0 as a scalar of the kind of q: 1.0 where the `regularity`, the smallest singular value
+        of the closure Jacobian over that at the reference, at a configuration q (n,) of the tree's n joints, rad (m if
+        prismatic), is at least 0.05 beyond doubt, by a lower bound on that singular value. `lost` is the closure
+        residual, m or rad, from which on the loops count as open, which gives 0.0; 1e-9 by default, more is needed in
+        single precision.
 
-        The bound on the singular value is 1/|A^-1|, by Frobenius' norm, A (d, d) being the closure Jacobian by the d
-        dependent joints; it is at least 1/sqrt(d) of the singular value. An exactly singular A raises
-        `ZeroDivisionError` in floats.
+        The bound is 1/|A^-1|, by Frobenius' norm, A (d, d) being the closure Jacobian by the d dependent joints; it is
+        at least 1/sqrt(d) of the singular value. An exactly singular A raises `ZeroDivisionError` in floats.
         """
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
@@ -126,8 +129,9 @@ class Continuation:
 
     def require_regular(self, q: Array) -> None:
         """Check of configurations q (..., n) of the tree's n joints, rad (m if prismatic); nothing is returned. Raises
-        `SingularityError`, with the worst one's primary positions, where the `regularity` is below 0.05: near or beyond
-        a configuration in which the loops lock, or with loops left open."""
+        `SingularityError`, with the worst one's primary positions, where the `regularity`, which is 1 at the reference
+        configuration and 0 where the loops lock, is below 0.05: near or beyond a configuration in which the loops lock,
+        or with loops left open."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return

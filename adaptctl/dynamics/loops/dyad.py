@@ -60,10 +60,10 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, one: Reach, other: Reach, plane: tuple[Vec, Vec], is_cut_in_the_middle: bool) -> Links:
-        """Geometry of a dyad's two links in its plane, m, where the two sides of its loop reach. `one` and `other` are
-        these sides' joints and closing frames, `plane` two orthogonal unit vectors (3) that span the plane, in the
-        common link's axes. `is_cut_in_the_middle` is True where each side ends with one link of the dyad, False where
-        `one` ends with both. Nothing is checked."""
+        """Geometry in its plane, m, of a dyad (two links joined by a middle pivot), from the loop's two sides at one
+        configuration. `one` and `other` are the sides' joints and closing frames, `plane` two orthogonal unit vectors
+        (3) that span the plane, in the axes of the link at which the sides part. `is_cut_in_the_middle` is True where
+        each side ends with one link of the dyad, False where `one` ends with both. Nothing is checked."""
         if is_cut_in_the_middle:
             points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
         else:
@@ -80,9 +80,9 @@ class Dyad:
     the links' lengths fix the middle one, but for the side of their connecting line, that of a nearby configuration.
 
     `sides` are the loop's: each ends with a link of the dyad, or the first with both; `joints` the indices of the two
-    dependent joints; `plane` two orthogonal unit vectors (3) across the axes, in the common link's axes; `squares` the
-    links' squared lengths, m^2; `sense` is 1 where positive angles of both joints turn the same way in the plane, else
-    -1.
+    dependent joints; `plane` two orthogonal unit vectors (3) across the axes, in the axes of the link at which the
+    sides part; `squares` the links' squared lengths, m^2; `sense` is 1 where positive angles of both joints turn the
+    same way in the plane, else -1.
     """
 
     sides: tuple[ClosureSide, ClosureSide]
@@ -98,15 +98,16 @@ class Dyad:
 
     @property
     def is_cut_in_the_middle(self) -> bool:
-        """True if the loop is cut at the dyad's middle pivot, False if at an outer one."""
+        """True if the loop is cut at the middle pivot, which joins the dyad's two links, False if at an outer pivot of
+        one of them."""
         return self.joints[1] not in self.sides[0].links
 
     def followed(
         self, places: Mapping[int, Placement], links: Sequence[Segment], q: Sequence[Scalar]
     ) -> tuple[Scalar, ...]:
-        """The angles, rad, of the dyad's two dependent joints that close the loop, in the order of `joints`: within
-        half a turn of those of a configuration q (n,) of the tree's n joints, rad (m if prismatic), and with the middle
-        pivot on the same side.
+        """The angles, rad, of the two dependent joints that close the loop by the dyad (two links joined by a middle
+        pivot, between two outer pivots), in the order of `joints`: within half a turn of those of a configuration q
+        (n,) of the tree's n joints, rad (m if prismatic), and with the middle pivot on the same side.
 
         `places` has the placements of the loop's other links in their parents by link index, `links` the geometry of
         all n links. Where the loop cannot close, the angles leave it open and nothing is raised; outer pivots that

@@ -63,9 +63,9 @@ class Posture(Following):
         super().__init__(closing, [self.factor.solve(-columns[i]) for i in closing.primary])
 
     def bias(self, u: Column, w: Column) -> Column:
-        """The velocity terms J_dot(u) w (n,) of the accelerations of the tree's n joints, rad/s^2 (m/s^2 if prismatic),
-        zero for the primary ones, under two velocities u = J v and w = J v_r (n,) of these joints, rad/s (m/s), that
-        keep the loops closed; J (n, r) is their Jacobian by the r primary joints. Symmetric in u and w. Not checked:
-        too short a u or w raises `IndexError`."""
+        """The velocity terms J_dot v_r (n,) of the accelerations J a_r + J_dot v_r of the tree's n joints, rad/s^2
+        (m/s^2 if prismatic), zero for the primary ones, under two velocities u = J v and w = J v_r (n,) of these
+        joints, rad/s (m/s), that keep the loops closed; J (n, r) is their Jacobian by the r primary joints, J_dot its
+        rate under u. Symmetric in u and w. Not checked: too short a u or w raises `IndexError`."""
         follow = -self.factor.solve(self.closing.bias(self.places, u, w))
         return self.joined(Column.zeros(len(self.closing.primary)), follow)

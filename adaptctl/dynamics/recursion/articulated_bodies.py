@@ -37,15 +37,17 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(*(a + b for a, b in zip(self, other, strict=True)))
 
     def load(self, acceleration: Twist) -> Wrench:
-        """The `Wrench` (force, N, and moment about the body's point, N m) that gives the articulated body an
-        `acceleration`: its angular part `w` (3), rad/s^2, and its linear part `v` (3), m/s^2, in the body's axes."""
+        """The `Wrench` (force, N, and moment about the body's point, N m) that gives an articulated body, a link with
+        all that hangs on it by free joints, an `acceleration`: its angular part `w` (3), rad/s^2, and its linear part
+        `v` (3), m/s^2, in the body's axes."""
         alpha, acc = acceleration.w, acceleration.v
         return Wrench(self.coupling.T @ alpha + self.mass @ acc, self.inertia @ alpha + self.coupling @ acc)
 
     def without(self, load: Wrench, inverse: Scalar) -> ArticulatedBody:
-        """Articulated-body inertia that remains when the link's joint, too, is free: I - U U'/D, I (6, 6) being the
-        given one (Featherstone 2008, chapter 7). `load` is U, the wrench of a unit acceleration of the joint, N and N m
-        per rad/s^2 (or m/s^2); `inverse` is 1/D, D being the joint's inertia, kg m^2 (kg if prismatic)."""
+        """Articulated-body inertia that remains when the link's joint, too, is free: I - U U'/D, I (6, 6) being this
+        one, U' the transpose of U (Featherstone 2008, chapter 7). `load` is U, the wrench of a unit acceleration of the
+        joint, N and N m per rad/s^2 (or m/s^2); `inverse` is 1/D, D being the joint's inertia, kg m^2 (kg if
+        prismatic)."""
         moment, force = inverse * load.moment, inverse * load.force
         return ArticulatedBody(
             _symmetric(self.inertia - _outer(moment, load.moment)),
@@ -54,17 +56,18 @@ class ArticulatedBody(NamedTuple):
         )
 
     def moved_origin(self, offset: Vec) -> ArticulatedBody:
-        """This articulated body about another point, in the same axes: the point from which its own is at `offset` (3),
-        m."""
+        """This articulated-body inertia (6, 6), of a link with all that hangs on it by free joints, about another
+        point, in the same axes: the point from which its own is at `offset` (3), m."""
         arm = _crossing(offset)
         coupling = self.coupling + product(arm, self.mass)
         spread = product(arm, self.coupling.T) + product(coupling, arm.T)
         return ArticulatedBody(_symmetric(self.inertia + spread), coupling, self.mass)
 
     def raised(self, place: Placement, rotor: Scalar) -> ArticulatedBody:
-        """This articulated body, of a link whose joint is free already, about the parent link's origin and in the
-        parent's axes. `place` is the link's placement in its parent, `rotor` the inertia of the joint itself, kg m^2
-        (kg if prismatic); a float 0.0 lets entries that are zero but for round-off be exact zeros."""
+        """This articulated-body inertia (6, 6) of a link, once its own joint is free too (`without`), about the parent
+        link's origin and in the parent's axes. `place` is the link's placement in its parent, `rotor` the inertia of
+        the joint itself, kg m^2 (kg if prismatic); a float 0.0 lets entries that are zero but for round-off be exact
+        zeros."""
         near = place.segment.near
         if place.segment.whole is not None and any(place.shift):  # far from right angles one way costs less than two
             return self.turned_up(place).moved_origin(near + place.up(place.shift))
@@ -74,9 +77,10 @@ class ArticulatedBody(NamedTuple):
         return at_joint.turned_up(place).moved_origin(near)
 
     def free_along(self, place: Placement) -> ArticulatedBody:
-        """This articulated body about its joint's origin with exact zeros where a free joint without rotor, whose axis
-        is one of the coordinate axes, leaves only round-off: it moves along its axis without a load. Unchanged for
-        other axes. `place` is the link's placement in its parent."""
+        """This articulated-body inertia (6, 6) of a link whose joint is free and has no rotor, about the joint's
+        origin, with exact zeros, in place of round-off, in the row and the column of the motion along the joint's axis,
+        which takes no load. The axis must be a coordinate axis; for others it is unchanged. `place` is the link's
+        placement in its parent."""
         still = [abs(x) != 1.0 for x in place.segment.axis]
         if all(still):
             return self
@@ -85,8 +89,8 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(self.inertia, _kept(self.coupling, _ALL, still), _kept(self.mass, still, still))
 
     def turned_up(self, place: Placement) -> ArticulatedBody:
-        """This articulated body in the parent link's axes, about the same point; `place` is the link's placement in its
-        parent."""
+        """This articulated-body inertia (6, 6), of a link with all that hangs on it by free joints, in the parent
+        link's axes, about the same point; `place` is the link's placement in its parent."""
         inertia, mass = symmetric_up(place, self.inertia), symmetric_up(place, self.mass)
         return ArticulatedBody(inertia, tensor_up(place, self.coupling), mass)
 

@@ -18,8 +18,8 @@ class DriveTerm(NamedTuple):
     parameter.
 
     `arms` has pairs (joint index, ratio without unit) of the joints that the drive's shaft turns with, its own first
-    with ratio 1: the shaft's speed is the sum of their velocities times the ratios. `kind` says which term it is.
-    Nothing is checked.
+    with ratio 1: the shaft's speed is the sum of their velocities times the ratios. `kind` is a `DriveParameter`: the
+    rotor's inertia, or viscous, Coulomb, square-root, Stribeck or constant (offset) friction. Nothing is checked.
     """
 
     arms: tuple[tuple[int, float], ...]

@@ -11,7 +11,7 @@ from adaptctl.scalars import ZERO, Column, Scalar, Vec, cross, dot
 
 class Weight:
     """Gravity as one link has it: `gravity` (3), the gravitational acceleration in the link's axes, m/s^2, and
-    `potential`, the potential energy of a mass at the link's origin, J/kg, 0 at the ground frame's origin."""
+    `potential`, the potential energy per mass at the link's origin, J/kg, 0 at the ground frame's origin."""
 
     __slots__ = ("gravity", "potential")
 
@@ -20,9 +20,9 @@ class Weight:
 
 
 def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
-    """The `Weight` of each of n links: the gravitational acceleration in its axes, m/s^2, and the potential of its
-    origin, J/kg. `places` has the links' placements in their parents, parents before children; `gravity` (3) is in the
-    ground frame, m/s^2. Nothing is checked."""
+    """The `Weight` of each of n links: the gravitational acceleration in its axes, m/s^2, and the potential energy per
+    mass at its origin, J/kg. `places` has the links' placements in their parents, parents before children; `gravity`
+    (3) is in the ground frame, m/s^2. Nothing is checked."""
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
@@ -31,8 +31,8 @@ def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
 
 
 def carried_weight(place: Placement, base: Weight) -> Weight:
-    """The `Weight` of one link: the gravitational acceleration in its axes, m/s^2, and the potential of its origin,
-    J/kg. `place` is the link's placement in its parent, `base` the parent's `Weight`."""
+    """The `Weight` of one link: the gravitational acceleration in its axes, m/s^2, and the potential energy per mass at
+    its origin, J/kg. `place` is the link's placement in its parent, `base` the parent's `Weight`."""
     own = place.down(base.gravity)
     fall = dot(base.gravity, place.segment.near) + dot(own, place.shift)
     return Weight(own, base.potential - fall)
@@ -68,9 +68,10 @@ def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Ve
 def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec) -> Column:
     """Energy regressor (10 n,) of a tree of n links, one joint each, that are placed already: J per unit of each link's
     ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link
-    frame's origin). `places` has the links' placements in their parents, v (n,) the joint velocities, rad/s (m/s if
-    prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked: too short a v
-    raises `IndexError`."""
+    frame's origin), whose inner product with it is kinetic plus potential energy, the latter 0 at the ground frame's
+    origin. `places` has the links' placements in their parents, parents before children, v (n,) the joint velocities,
+    rad/s (m/s if prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked:
+    too short a v raises `IndexError`."""
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 

@@ -44,8 +44,8 @@ def raised(place: Placement, link: Body) -> Body:
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """The same rigid `Body` about another point, in the same axes: the point from which its own origin is at `offset`
-    (3), m."""
+    """The same rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about another point, in the same
+    axes: the point from which its own origin is at `offset` (3), m."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)
@@ -124,7 +124,8 @@ class Factors(NamedTuple):
     inverse: Sequence[Scalar]
 
     def solved(self, right: Column) -> Column:
-        """The solution x (n,) of M x = b for the right side b (n,), in the unit of b over that of M."""
+        """The solution x (n,) of M x = b for the factorised matrix M (n, n) and a right side b (n,), in the unit of b
+        over that of M."""
         n, x, lower = len(right), list(right), self.lower
         for k in reversed(range(n)):
             for i in range(k):
@@ -137,8 +138,9 @@ class Factors(NamedTuple):
 
 
 def factorised(rows: Sequence[Sequence[Scalar]]) -> Factors:
-    """The `Factors` of a symmetric positive definite matrix (n, n), given by its n `rows`, as `solve_symmetric` needs
-    them. A pivot that is exactly zero raises `ZeroDivisionError` in floats, gives infinity or NaN in arrays."""
+    """The `Factors` of a symmetric positive definite matrix M = L' D L (n, n), given by its n `rows`: L, lower
+    triangular with ones on its diagonal, and the inverse of the diagonal matrix D. A pivot that is exactly zero raises
+    `ZeroDivisionError` in floats, gives infinity or NaN in arrays."""
     n = len(rows)
     m = [list(row) for row in rows]
     inverse: list[Scalar] = [0.0] * n

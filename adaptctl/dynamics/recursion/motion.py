@@ -13,7 +13,7 @@ GROUND = -1
 
 class Twist:
     """A link's twist in its own axes: its angular velocity `w` (3), rad/s, and the velocity `v` (3) of its origin, m/s.
-    It serves for accelerations too, rad/s^2 and m/s^2, and for either per unit of a joint's."""
+    It also holds their accelerations, rad/s^2 and m/s^2, and either per unit of a joint's velocity or acceleration."""
 
     __slots__ = ("v", "w")
 
@@ -99,15 +99,16 @@ class LinkMotion:
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """The twelve scalars that determine the motion: the six `products` (xx, xy, yy, xz, yz, zz), rad^2/s^2, then x,
-        y, z of `alpha`, rad/s^2, and of `acc`, m/s^2."""
+        """The twelve scalars that determine the motion: the six `products` of angular velocities (xx, xy, yy, xz, yz,
+        zz), rad^2/s^2, then x, y, z of the angular acceleration `alpha`, rad/s^2, and of the origin's acceleration
+        `acc` less gravity's, m/s^2."""
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
     def of(cls, numbers: Sequence[Scalar]) -> LinkMotion:
         """The motion, a `LinkMotion`, made again from its twelve `numbers`: six products of angular velocities,
-        rad^2/s^2, then x, y, z of the angular acceleration, rad/s^2, and of the origin's acceleration, m/s^2. Raises
-        `TypeError` for fewer or more."""
+        rad^2/s^2, then x, y, z of the angular acceleration, rad/s^2, and of the origin's acceleration less gravity's,
+        m/s^2. Raises `TypeError` for fewer or more."""
         return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
 
