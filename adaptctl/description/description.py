@@ -314,7 +314,7 @@ class Description:
     def geometry_sha256(self) -> str:
         """SHA-256 hash (hexadecimal) of what decides which inertial parameters are identifiable: gravity, tree, joints,
         frames, link names, loops and modelled drive terms. Inertial values, limits and the mechanism's name do not
-        count, numbers of tree and loops do to 1e-12, so that another machine's sine gives the same hash."""
+        count; numbers are rounded to 1e-12, so that another machine's sine gives the same hash."""
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])

@@ -30,10 +30,10 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
     reference configuration. A mechanism without loops keeps all.
 
     Each sample of the joints that move a loop is a direction: from the reference they go along a straight line, as far
-    as their limits, the mechanism's conditions and the distance from singularities allow (the closure Jacobian's
-    smallest singular value keeps 0.2 of that at the reference), and stop on the way at random, drawn with NumPy's
-    `generator`. Joints that move no loop keep their positions. Raises `InputError` for a reference that breaks a
-    condition, `LoopError` where loops do not fit together.
+    as their limits, the mechanism's conditions (bounds on weighted sums of its positions) and the distance from
+    singularities allow (the closure Jacobian's smallest singular value keeps 0.2 of that at the reference), and stop on
+    the way at random, drawn with NumPy's `generator`. Joints that move no loop keep their positions. Raises
+    `InputError` for a reference that breaks a condition, `LoopError` where loops do not fit together.
     """
     continuation = mechanism.continuation
     if continuation is None:
@@ -53,9 +53,9 @@ def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int]
     all that are drawn.
 
     `draw`, called with a number m, gives m random positions (m, r). Those are taken that keep the mechanism's
-    conditions and, loops closed, the limits of all the tree's joints, and that a straight line from the reference
-    reaches without coming near a singularity. Raises `InputError` when a hundred draws, of at least 100 positions each,
-    do not give enough, `LoopError` where loops do not fit together.
+    conditions (bounds on weighted sums of its positions) and, loops closed, the limits of all the tree's joints, and
+    that a straight line from the reference reaches without coming near a singularity. Raises `InputError` when a
+    hundred draws, of at least 100 positions each, do not give enough, `LoopError` where loops do not fit together.
     """
     continuation = mechanism.continuation
     if continuation is None:

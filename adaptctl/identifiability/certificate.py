@@ -25,8 +25,8 @@ LISTED = 80
 class Leftover:
     """A singular value beyond the gap, one that the rank counts as zero, though it is more than round-off: `value`,
     relative to the largest, sigma_1, no unit, and the names of the `parameters` that dominate its right singular
-    vector, four at most, or of the link whose bodies make it where a tree's rank was found joint by joint. Nothing is
-    checked at construction."""
+    vector, four at most, or, where a tree's rank was found joint by joint, one text with the name of the link at whose
+    joint it is. Nothing is checked at construction."""
 
     value: float
     """The singular value, relative to sigma_1."""
@@ -51,8 +51,9 @@ class Certificate:
 
     By transfers, the method that finds a tree's rank joint by joint, `rank_geometry`, which follows from the tree's
     geometry (None otherwise), takes the place of `rank_torque`. Gap and smallest value are then those of the worst
-    joint's energy changes, as bodies are moved from its link to the parent link, and `null_residual` is the largest
-    relative change by a body that is unobservable at its joint.
+    joint's energy changes as inertial parameters are moved from its link to the parent link, and `null_residual` is the
+    largest change by a combination of these that by geometry makes none, relative to the largest that one of its size
+    can make.
 
     `rank_exact` is that of exact geometry, computed in what `exact_by` says ("a prime field" or "60 digits"); None, and
     "", where it was not asked for. `leftovers` are singular values after sigma_k that are more than round-off,

@@ -63,9 +63,9 @@ def certified(
 
     "svd" takes the singular value decomposition of energy differences at `samples` random states, drawn by `seed`;
     "transfers", for trees alone, the geometry, joint by joint; "automatic" transfers for trees of 100 parameters or
-    more, if their rank can be certified so, and else "svd". `prove` adds the rank on exact geometry, None where it
-    takes milliseconds (no closed loops), False never. `near` is for angles or lengths that are nearly, but not exactly,
-    special, and would make another rank if they were: "refuse" raises, "as_is" takes them as they stand.
+    more, if their rank can be certified so, and else "svd". `prove` adds the rank on exact geometry, None unless loops
+    are closed and nothing is nearly special (below), False never. `near` is for angles or lengths that are nearly, but
+    not exactly, special, and would make another rank if they were: "refuse" raises, "as_is" takes them as they stand.
 
     Raises `RankError` where the rank cannot be certified or is refused, `InputError` for a `method` or `near` that is
     unknown, and for transfers of a mechanism that is no tree, has constrained parameters, or drives that turn with

@@ -18,8 +18,9 @@ BLOCK = 1024
 
 def energies(mechanism: Mechanism, states: States) -> Array:
     """The energies (samples, P), kinetic plus potential, in J per SI unit of each of a mechanism's P inertial
-    parameters (all but friction), at `samples` states. Raises `InputError` for states of another number of joints,
-    `SingularityError` near locked loops."""
+    parameters (all but friction), at `states`, `samples` positions and velocities of the primary joints. Raises
+    `InputError` for states of another number of joints, `SingularityError` near positions in which closed loops
+    lock."""
     return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.energetic]
 
 
@@ -27,19 +28,20 @@ def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Ar
     """Iterator over the energies of many states, in blocks (m, P) of at most max(1024, 4 P) successive states each, or
     one more: kinetic plus potential, in J per SI unit of each of a mechanism's P inertial parameters (all but
     friction). `states` are `States` one after another. Raises, in the course of the iteration, `InputError` for states
-    of another number of joints and `SingularityError` near locked loops."""
+    of another number of joints and `SingularityError` near positions in which closed loops lock."""
     for some in states:
         for part in some.parts(max(BLOCK, 4 * mechanism.energetic)):
             yield energies(mechanism, part)
 
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:
-    """The matrix H (samples - 1, P) of differences of energies, kinetic plus potential, between successive ones of
-    `samples` states, in J per SI unit of each of a mechanism's P inertial parameters, all but friction (Sheu and Walker
-    1991, equations 8 and 13).
+    """The matrix H (samples - 1, P) of differences of energies, kinetic plus potential, between each of the `states`
+    (`samples` positions and velocities of the primary joints) and the next, in J per SI unit of each of a mechanism's P
+    inertial parameters, all but friction (Sheu and Walker 1991, equations 8 and 13).
 
     Differences matter: the energies themselves hold the potential's constant, which changes no torque, and have one
-    rank too many. Raises `InputError` for states of another number of joints, `SingularityError` near locked loops.
+    rank too many. Raises `InputError` for states of another number of joints, `SingularityError` near positions in
+    which closed loops lock.
     """
     return np.diff(energies(mechanism, states), axis=0)
 
@@ -50,8 +52,9 @@ class EnergyFactor:
     singular values and right singular vectors, and is updated as states come.
 
     `triangle` is R (at most P, P), in J per SI unit of each of P inertial parameters, or H itself while it has at most
-    P rows; `square_sums` (P,) are the sums of squares of the energies themselves, in J^2, and `last` (1, P) those of
-    the last state, from which the next one's are subtracted. Made by `of`; nothing is checked at construction.
+    P rows; `square_sums` (P,) are the sums of squares of the energies themselves, each in the square of its energies'
+    unit, and `last` (1, P) the energies of the last state, from which the next one's are subtracted. Made by `of`;
+    nothing is checked at construction.
 
     Blocks of rows are put under R and factored again (TSQR: Demmel, Grigori, Hoemmen and Langou 2012), so memory does
     not grow with the samples. Columns may be scaled afterwards, without loss of accuracy, since Householder's R is
@@ -67,9 +70,10 @@ class EnergyFactor:
 
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
-        """The factor of the energy differences of successive states, whose energies (m, P), in J per SI unit of each of
-        P parameters, come in `blocks`; after the states of the factor `before`, if one is given (None by default).
-        Raises `ValueError` when there is no block and no factor before, and for blocks of different widths."""
+        """The triangular factor R of the differences H = Q R of energies between successive states, whose energies (m,
+        P), in J per SI unit of each of P parameters, come in `blocks`; after the states of the factor `before`, if one
+        is given (None by default). Raises `ValueError` when there is no block and no factor before, and for blocks of
+        different widths."""
         factor = before
         for block in blocks:
             factor = cls._begun(block) if factor is None else factor.followed_by(block)
@@ -82,8 +86,9 @@ class EnergyFactor:
         return cls(triangle(np.diff(energies, axis=0)), np.square(energies).sum(axis=0), energies[-1:])
 
     def followed_by(self, energies: Array) -> EnergyFactor:
-        """The factor of the energy differences of the states of this one and, after them, of m more, whose `energies`
-        (m, P) are in J per SI unit of each of P parameters. Raises `ValueError` for another number of parameters."""
+        """The triangular factor R of the differences H = Q R of energies between the states of this factor and, after
+        them, m more, whose `energies` (m, P) are in J per SI unit of each of P parameters. Raises `ValueError` for
+        another number of parameters."""
         rows = np.diff(energies, axis=0, prepend=self.last)
         squares = self.square_sums + np.square(energies).sum(axis=0)
         return EnergyFactor(triangle(np.vstack([self.triangle, rows])), squares, energies[-1:])
@@ -95,7 +100,7 @@ def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
     inertial parameters (all but friction).
 
     Forces of prismatic joints are made torques by the mechanism's characteristic length in m. Raises `InputError` for a
-    reference configuration that breaks the mechanism's conditions.
+    reference configuration that breaks the mechanism's conditions (bounds on its positions).
     """
     columns = range(mechanism.energetic)
     samples = max(2, -(-2 * len(columns) // mechanism.dof))

@@ -71,8 +71,8 @@ class EssentialSpace:
     @property
     def proof(self) -> ExactEnergies | None:
         """The proof of the rank of the essential space: energies on exact geometry, in exact arithmetic (60 digits for
-        closed loops), by which the rank was also computed. None where it was not: because it was left out, or, unless
-        asked for, because there are closed loops."""
+        closed loops), by which the rank was also computed. None where it was not: with `prove` False, and, unless asked
+        for, with closed loops whose angles and lengths are not nearly special."""
         return self.search.found.proof
 
     @property
@@ -184,10 +184,10 @@ def essential_space(
     of the given states' energies, so that model reduction holds for them; None takes the random ones. The rank k and
     the null vectors V2 (P, P-k) are the mechanism's own and do not depend on them.
 
-    With `prove` the rank is also computed on exact geometry; None does so where it takes milliseconds, that is, unless
-    loops are closed; False leaves it out. `near` is for angles or lengths that are nearly, but not exactly, special,
-    such as right angles, where the rank would be another one if they were exact: "refuse" raises `RankError`, "as_is"
-    takes the geometry as it stands; `prove` False looks for none.
+    With `prove` the rank is also computed on exact geometry; None does so unless loops are closed, which take long, and
+    nothing is nearly special; False leaves it out. `near` is for angles or lengths that are nearly, but not exactly,
+    special, such as right angles, where the rank would be another one if they were exact: "refuse" raises `RankError`,
+    "as_is" takes the geometry as it stands; `prove` False looks for none.
 
     Raises `RankError` when the rank cannot be certified, with the singular values, or is refused, and `InputError` for
     a method that is unknown or not for this mechanism, for another `near`, `prove` or `seed`, for too few samples or

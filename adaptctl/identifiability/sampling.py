@@ -24,7 +24,7 @@ MOST = 4096
 @dataclass(frozen=True, eq=False)
 class States:
     """States of a mechanism's r primary joints: positions `p` in rad (m) and velocities `v` in rad/s (m/s), both
-    (samples, r), and their `origin`, in words.
+    (samples, r), and their `origin`, where they come from, in words.
 
     Raises `InputError` for arrays of other shapes and for fewer than two samples, `NonFiniteError` on NaN or infinity.
     """
@@ -78,7 +78,7 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     L is the largest distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the
     mechanism's gravity (m/s^2), the standard one where it has none. Limits are ignored, but for joints that move a
     loop. Raises `InputError` for fewer than two samples, and for a reference configuration that breaks the mechanism's
-    conditions.
+    conditions (bounds on its positions).
 
     The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow limits
     would only make the same rank harder to see. Joints that move a loop are kept on the assembly branch of the
@@ -106,7 +106,7 @@ def random_halves(
 
     More than 4096 states in all are drawn as they are used, 4096 at a time, so that any number of them needs the same
     memory. Raises `InputError` for fewer than two samples, and, when drawn, for a reference configuration that breaks
-    the mechanism's conditions.
+    the mechanism's conditions (bounds on its positions).
     """
     if 2 * samples > MOST:
         return _blocks(mechanism, samples, generator), _blocks(mechanism, samples, generator)
@@ -142,8 +142,8 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     from its other limit; where its velocity has none, sqrt(g/L) in rad/s (times L in m/s) does. L is the largest
     distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the gravity (m/s^2), the
     standard one where there is none. Of a mechanism with loops, those positions are drawn that it can reach within its
-    conditions and all its joints' limits. Raises `InputError` when hardly any are, for fewer than two samples, and for
-    a seed that is not a whole number from 0 to 2^32 - 1.
+    conditions (bounds on its positions) and all its joints' limits. Raises `InputError` when hardly any are, for fewer
+    than two samples, and for a seed that is not a whole number from 0 to 2^32 - 1.
     """
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     generator = np.random.default_rng(whole_number(seed, "seed", 0, 2**32 - 1))

@@ -71,7 +71,7 @@ def energy_scales(mechanism: Mechanism, seed: int) -> Array:
     random states, drawn by `seed`, small ones taken as at least a thousandth of the largest.
 
     Choices among parameters of different units are made on D / scales, whichever way the null space was found. Raises
-    `InputError` for a reference configuration that breaks the mechanism's conditions.
+    `InputError` for a reference configuration that breaks the mechanism's conditions (bounds on its positions).
     """
     E = energies(mechanism, random_states(mechanism, FEW_STATES, np.random.default_rng(seed)))
     return column_scales(np.linalg.norm(E, axis=0), energetic_names(mechanism), characteristic_length(mechanism))
@@ -109,9 +109,10 @@ class NumericalRank:
 
 @dataclass(frozen=True, eq=False)
 class ScaledRegressor:
-    """A sampled regressor of P inertial parameters with comparable columns: `scales` (P,), by which the columns are
-    multiplied, and `triangle` R (P, P), the triangular factor of the scaled regressor, which has its singular values
-    and right singular vectors. Made by `of_energies` and `of_torques`; nothing is checked at construction."""
+    """A regressor of P inertial parameters, of energies or torques at sampled states, with comparable columns: `scales`
+    (P,), SI units per J (N m for torques), by which the columns are multiplied, and `triangle` R (P, P), the triangular
+    factor of the scaled regressor, which has its singular values and right singular vectors. Made by `of_energies` and
+    `of_torques`; nothing is checked at construction."""
 
     scales: Array
     """Factors (P,) of the columns."""
@@ -120,9 +121,9 @@ class ScaledRegressor:
 
     @classmethod
     def of_energies(cls, mechanism: Mechanism, factor: EnergyFactor) -> ScaledRegressor:
-        """The scaled regressor of a mechanism's energy differences at random states, given by their `factor`, of more
-        states than the P inertial parameters: each column is scaled by the size of the energies themselves. Raises
-        `ValueError` for a factor of another number of parameters."""
+        """The scaled regressor of a mechanism's energy differences at random states, given by their triangular `factor`
+        R, of more states than the P inertial parameters: each column is scaled by the size of the energies themselves.
+        Raises `ValueError` for a factor of another number of parameters."""
         return cls._scaled(mechanism, factor.triangle, factor.square_sums)
 
     @classmethod
@@ -140,20 +141,23 @@ class ScaledRegressor:
 
     @cached_property
     def singular_values(self) -> Array:
-        """The singular values (P,), falling, without a unit, of the sampled regressor with scaled columns, one for each
-        of P inertial parameters. Raises `numpy.linalg.LinAlgError` for NaN."""
+        """The singular values (P,), falling, without a unit, of the regressor (energies or torques at sampled states)
+        with its P columns, one for each inertial parameter, scaled to be comparable. Raises `numpy.linalg.LinAlgError`
+        for NaN."""
         return np.asarray(np.linalg.svd(self.triangle, compute_uv=False), dtype=np.float64)
 
     @cached_property
     def vectors(self) -> Array:
-        """The orthonormal right singular vectors (P, P), one in each column, by falling singular value, of the sampled
-        regressor with scaled columns. Raises `numpy.linalg.LinAlgError` for NaN."""
+        """The orthonormal right singular vectors (P, P), one in each column, by falling singular value, of the
+        regressor (energies or torques at sampled states) with its P columns, one for each inertial parameter, scaled to
+        be comparable. Raises `numpy.linalg.LinAlgError` for NaN."""
         return right_vectors(self.triangle)
 
     @cached_property
     def decision(self) -> NumericalRank:
-        """The `NumericalRank` of the scaled regressor: its rank, the gap among the singular values there, and the
-        smallest that counts, relative to the largest."""
+        """The `NumericalRank` of the scaled regressor: its rank k, the gap sigma_k/sigma_k+1 between its singular
+        values there, and sigma_k/sigma_1, the smallest that counts over the largest. Raises `numpy.linalg.LinAlgError`
+        for NaN."""
         return NumericalRank.of(self.singular_values)
 
     @property
@@ -165,7 +169,7 @@ class ScaledRegressor:
     @property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, of the scaled regressor of rank k: directions of P
-        inertial parameters over the columns' `scales` (P,) that change nothing."""
+        inertial parameters over the columns' `scales` (P,) that change none of the regressor's energies or torques."""
         return self.vectors[:, self.rank :]
 
     def rank_of(self, columns: Sequence[int]) -> int:

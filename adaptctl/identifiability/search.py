@@ -19,9 +19,11 @@ class Search:
     for.
 
     `method` is "automatic", "svd" (singular values of energies at random states) or "transfers" (a tree's geometry);
-    `near` "refuse" or "as_is", for angles and lengths that are nearly special; `prove` whether the rank is also
-    computed on exact geometry, None where that takes milliseconds. `samples` is the number of random states, `seed`
-    draws them. Nothing is checked at construction, but when it is `found`.
+    `near` is for angles and lengths that are nearly, but not exactly, special, such as right angles: "refuse" raises
+    where the rank would be another if they were exact, "as_is" takes them as they stand; `prove` says whether the rank
+    is also computed on exact geometry, None that it is unless loops are closed and nothing is nearly special. `samples`
+    is the number of random states, `seed` draws them. Nothing is checked at construction, but when `found` is asked
+    for.
     """
 
     mechanism: Mechanism
@@ -34,17 +36,17 @@ class Search:
     @cached_property
     def inputs(self) -> list[str]:
         """All that the search's result depends on, as a list of six texts: the mechanism's SHA-256 hash (hexadecimal),
-        then the method, near, prove, samples and seed as Python writes them. It is the key under which results are
-        cached."""
+        then its settings `method`, `near`, `prove`, `samples` and `seed`, as Python's repr writes them. It is the key
+        under which results are cached."""
         settings = self.method, self.near, self.prove, self.samples, self.seed
         return [self.mechanism.description.sha256, *map(repr, settings)]
 
     @cached_property
     def found(self) -> CertifiedNullSpace:
-        """The certified null space: the directions of the mechanism's inertial parameters that change no energy, their
-        certificate, the proof if there is one, and the energies behind them. Raises `RankError` where the rank cannot
-        be certified or is refused, `InputError` for a method or near that is unknown or a method that is not for this
-        mechanism."""
+        """The certified null space: the directions of the mechanism's inertial parameters that change no energy, the
+        certificate of their number, its proof on exact geometry if there is one, and the energies behind them. Raises
+        `RankError` where the rank cannot be certified or is refused, `InputError` for an unknown `method` or `near`,
+        and for "transfers" where the mechanism is no plain tree."""
         from adaptctl.identifiability.certification import certified  # a tenth of the time to the first torque
 
         return certified(self.mechanism, self.method, self.near, self.prove, self.samples, self.seed)

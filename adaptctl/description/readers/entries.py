@@ -74,7 +74,8 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     def drive(self) -> Drive:
         """The `Drive` (rotor inertia and friction) of this entry. Raises `InputError` for a term that is not finite or
-        above 1e20 in size, for rotor inertia, viscous and Coulomb friction below 0, and for a ratio of 0."""
+        above 1e20 in size, for rotor inertia, viscous and Coulomb friction below 0, and for a ratio that is 0 or not
+        finite."""
         terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
         return Drive(*terms, turns_with=tuple(self.turns_with.items()))
 
@@ -106,8 +107,9 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     def moving(self, name: str, axis: Triple) -> Joint:
         """The joint of this entry, called `name`, about or along `axis` (3,) in the joint's frame, of any length, with
-        the entry's type, limits and drive. Raises `InputError` for a zero axis, and for limits or drive terms that
-        cannot be."""
+        the entry's type, limits and drive. Raises `InputError` for a zero axis, a range that is given twice, does not
+        rise or does not fit the joint's type, a velocity or effort that is not positive, and drive terms that `Drive`
+        refuses (not finite, above 1e20 in size, inertia or friction below 0)."""
         return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:

@@ -88,8 +88,8 @@ class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     `links` has 1 to 256 entries in any order; `source` says where the numbers come from; `gravity` (3,) is in m/s^2, by
     default (0, 0, -9.81). `closures`, `couplings` and `conditions` make loops, by default none. `primary` names the
     primary (independent) joints, None being all that follow no other; `reference` gives the positions (rad or m by
-    joint, zero where not given) from which the loops are followed. Without a `name` the file's is taken. Nothing is
-    checked at construction.
+    joint, zero where not given) of the configuration from which motion is followed, loops closed. Without a `name` the
+    file's is taken. Nothing is checked at construction.
     """
 
     schema: Literal["adaptctl/mechanism/1"]
@@ -111,10 +111,10 @@ def read_mechanism_file(path: str | Path) -> Description:
     one), its joint's place, axis, type and limits (m, rad), its inertia and its drive, in any order; ``[[closures]]``,
     ``[[couplings]]`` and ``[[conditions]]`` make loops. `primary` names the driven joints, the independent ones;
     without closures it may be left out, and all joints that follow no other are primary. `reference` gives the
-    configuration (rad or m by joint) from which the loops are followed. Raises `FileError` for a file that cannot be
-    read and, naming the element, for wrong contents; loops that do not close are found only when equations are made of
-    the description. Warns (`SimplificationWarning`) of angles that look like degrees and of links that move without
-    mass and carry no link that has one.
+    configuration (rad or m by joint) from which motion is followed, loops closed. Raises `FileError` for a file that
+    cannot be read and, naming the element, for wrong contents; loops that do not close are found only when equations
+    are made of the description. Warns (`SimplificationWarning`) of angles that look like degrees and of links that move
+    without mass and carry no link that has one.
     """
     content = read_toml(path, MechanismFile)
     try:

@@ -94,7 +94,8 @@ class MujocoArm:
     def links(self) -> Iterator[Link]:
         """The links of the arm in depth-first order, one for each joint, with the inertia of all bodies that they
         carry. The call also fills `carriers` and `places`, the links that carry the bodies and the bodies' poses there.
-        Raises `InputError` for limits, inertias or lengths that cannot be, and for nonlinear damping."""
+        Raises `InputError` for a range that does not rise, lengths above 1e9 m, inertias above 1e20, numbers that are
+        not finite, drive terms below 0, and nonlinear damping."""
         links: list[Link] = []
         tens: list[Array] = []
         for i in self.bodies:

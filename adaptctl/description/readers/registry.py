@@ -86,7 +86,9 @@ def read(
     rad of a multiple of 90 degrees are made exact. Raises `NotFoundError` for an unknown name, `FileError` for a file
     that cannot be used, `InputError` for a floating base or mesh folders of what is no URDF file, one folder not in a
     list, or a root of what is no MJCF file. Warns (`PhysicalConsistencyWarning`) of links whose inertia no rigid body
-    can have, and (`SimplificationWarning`) of what the file's reader leaves out.
+    can have, and (`SimplificationWarning`) of what a file's reader leaves out (springs, tendons, gravity compensation,
+    meshes outside the folders), takes otherwise (limits of zero, mimic joints without a moving leader, actuators that
+    command no torque) or doubts (angles that look like degrees, links that move without mass).
     """
     suffix = Path(source).suffix.lower()
     if floating_base and suffix != ".urdf":
@@ -121,9 +123,12 @@ def read_model(
 
     With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3 rad of a
     multiple of 90 degrees are made exact. Raises `InputError` for another object, for `floating_base` or
-    `mesh_folders`, which only files take, for a root of a Pinocchio model, and for joints and equalities that are not
-    read, `NotFoundError` for an unknown root. Warns (`PhysicalConsistencyWarning`) of links whose inertia no rigid body
-    can have, and (`SimplificationWarning`) of what is left out.
+    `mesh_folders`, which only files take, for a root of a Pinocchio model, for no joint, ball, free, helical and mimic
+    joints, others of more than one coordinate, active equalities, nonlinear damping, angular gravity, more than 256
+    links and, without a `root`, several root bodies that move, `NotFoundError` for an unknown root. Warns
+    (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, and (`SimplificationWarning`) of
+    springs and gravity compensation, which are left out, of actuators that are no torques, and of a Pinocchio model's
+    limits of zero, taken as no limits.
     """
     library = type(model).__module__.partition(".")[0]
     if floating_base or mesh_folders:

@@ -72,8 +72,8 @@ class _Parser:
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:
-    """The root element of the XML document `text`; it must be a <`tag`> or have one of the `others` tags. All elements
-    know their lines.
+    """The root element of the XML document `text`; it must be a <`tag`> or have one of the `others` tags. Every element
+    is a `LineElement`, whose `line` is where it begins.
 
     Raises `InputError` for text that is not well-formed, has another root or a document type, or holds more than 50 000
     elements, more than 600 within one another, or a name of more than 256 characters or with control characters.

@@ -30,8 +30,8 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
 
     `name` is the body's. Six joints carry it: from the ground, the slides ``name_x``, ``name_y`` and ``name_z`` (m) and
     the hinges ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), the first six of the primary (independent) joints.
-    What was closed onto the ground is closed onto the body. Raises `InputError` for an inertia of another shape, not
-    finite or above 1e20, and for a name that is empty or taken.
+    Frames of loop closures that were on the ground are then on the body. Raises `InputError` for an inertia of another
+    shape, not finite or above 1e20, and for a name that is empty or taken.
     """
     links, loops = floating(description.links, name, inertia), description.loops
     if loops is not None:

@@ -25,9 +25,9 @@ def snapped(description: Description, within: float = WITHIN) -> Description:
     multiple of 90 degrees.
 
     Frames and axes that are nearly along their parents' are turned onto them; where they are not, the child's joint is
-    turned by the little that is missing. What hangs on it turns with it, its origins move by at most `within` times the
-    chain's length. Frames of loop closures within `within` of right angles to their links' are made exact too. Limits,
-    inertias in their links' frames and names stay. `within` is not checked.
+    turned by the little that is missing. The links it carries turn with it, so that their origins move by at most
+    `within` times the chain's length. Frames of loop closures within `within` of right angles to their links' are made
+    exact too. Limits, inertias in their links' frames and names stay. `within` is not checked.
     """
     links: list[Link] = []
     for link in description.links:
@@ -42,8 +42,9 @@ def snapped(description: Description, within: float = WITHIN) -> Description:
 
 def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
     """Triples of a link, the name of the joint before its own, and both joints' axes, two unit vectors (3,), the
-    earlier first, in the frame of the link between, in the links' order. For a link on the ground, the name is
-    "gravity", the axis its direction, and the frame the ground's; such a link is left out where gravity is zero."""
+    earlier first, in the frame of the link between them (the link's parent), in the links' order. For a link on the
+    ground, the name is "gravity", the axis its direction, and the frame the ground's; such a link is left out where
+    gravity is zero."""
     for link in description.links:
         carrier = _carrier(description, description.links, link)
         if carrier is not None:

@@ -88,9 +88,9 @@ class ExactEnergies:
         the parameters `kept` (k,), rising indices, with the geometry described from axis to axis or from frame to
         frame.
 
-        From axis to axis, nothing is lost that the rank depends on, but zeros of the file's offsets, on which it
-        depends what is kept, may be lost to skew axes; from frame to frame it is the other way round. May raise
-        `ArithmeticError` where loops do not close on the exact geometry.
+        Either will do: the one from axis to axis has all that the rank depends on, but where axes are skew it may lose
+        zeros among the file's offsets, which decide what is kept; the one from frame to frame has these zeros, but may
+        lose what the rank depends on. May raise `ArithmeticError` where loops do not close on the exact geometry.
         """
         return any(kept == way.kept(order) for way in (replace(self, by_frames=True), self))
 

@@ -93,11 +93,11 @@ class ExactGeometry:
     """The geometry of a mechanism's tree in exact scalars (residues modulo a prime, or numbers of 60 digits).
 
     `links` are the N links' geometry as the equations of motion take it, lengths in the unit of `reading`, the rule
-    that made floats exact; `shifts` (N,) is what joints' coordinates are here more than in the file, rad for revolute
-    joints, 0 for others. `gravity` (3) is in m/s^2 in the ground's axes, or, by axes, of length 1 in these turned until
-    z is up; zero where there is none. `fixed`, a function of a link's index (-1 for the ground) and a pose in that
-    link's frame, gives the exact frame that is fixed there. Made by `by_axes` or `by_frames`; nothing is checked at
-    construction.
+    that made floats exact; `shifts` (N,), rad for revolute joints and 0 for others, are added to the file's joint
+    coordinates to give those used here. `gravity` (3) is in m/s^2 in the ground's axes, or, by axes, of length 1 in
+    these turned until z is up; zero where there is none. `fixed`, a function of a link's index (-1 for the ground) and
+    a pose in that link's frame, gives the exact frame that is fixed there. Made by `by_axes` or `by_frames`; nothing is
+    checked at construction.
     """
 
     links: tuple[Segment, ...]

@@ -36,8 +36,8 @@ class FloatFrame(NamedTuple):
 
     @property
     def inverse(self) -> FloatFrame:
-        """The inverse of the frame: the other frame, in which this one is placed, as it stands in this one; its origin
-        in m."""
+        """The inverse of the frame, a `FloatFrame`: the outer frame, in which this one is placed, as placed in this
+        one; its origin in m."""
         back = self.rotation.T
         return FloatFrame(back, -(back @ self.origin))
 
@@ -55,8 +55,8 @@ class FramePlacement(NamedTuple):
     @classmethod
     def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
         """The placement of a `frame` that is given in floats, in a mechanism of characteristic `length` in m: angles
-        that are within the `precision` of right ones are made so, and the bearing of an origin that is on the z axis,
-        up to the precision, is 0."""
+        that are within the `precision` of right ones are made so, and so is the bearing, the origin's angle about z
+        from x, which is 0 for an origin on the z axis, up to the precision."""
         radius = _across(frame.origin)
         angle = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
         return cls(turns_of(frame.rotation, precision), angle, radius, _height(frame.origin))

@@ -33,9 +33,9 @@ class Coordinate:
         return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
 
     def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
-        """The coordinate of a joint that follows this one by a `coupling`, follower = ratio leader + offset. The cosine
-        and the sine of this one are those of a `parts`-th of its angle, such that ratio times parts is a whole number;
-        `angle`, in rad, is the follower's where this one's is zero."""
+        """The coordinate of a joint that follows this one by a `coupling`, follower = ratio leader + offset. The
+        `cosine` and `sine` of this coordinate are taken as those of the leader's angle over `parts`, a whole number
+        that makes ratio times `parts` whole too; `angle`, in rad, is the follower's where the leader's is zero."""
         ratio = simplest_rational(coupling.ratio)
         c, s = _power((self.cosine, self.sine), int(ratio * parts))
         ahead = _numbers(angle)
@@ -52,9 +52,10 @@ class Coordinate:
 def random_places(
     description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
-    """The placements in their parents, one for each of a described tree's links, at `samples` random joint coordinates,
-    drawn with NumPy's `rng` over the prime field (integers modulo 2^31 - 1). `geometry` is the tree's, exact and in
-    residues. Joints that follow others by couplings stand where they lead them."""
+    """The placements (rotation and translation) of a described tree's links in their parents, one `Placement` for each
+    link, whose scalars hold all `samples` random states: joint coordinates are drawn with NumPy's `rng` over the prime
+    field (integers modulo 2^31 - 1). `geometry` is the tree's, exact and in residues. Joints that follow others by
+    couplings stand where their leaders put them."""
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
     links, shifts = geometry.links, geometry.shifts

@@ -19,9 +19,9 @@ from adaptctl.scalars import Column
 
 
 def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
-    """The equations of motion of a mechanism with closed loops on its exact `geometry`, as `LoopEquations`, whose
-    joints' coordinates are shifted from the file's as the geometry's are. Raises `InputError` for a tree, `LoopError`
-    where loops do not fit together."""
+    """The equations of motion of a mechanism with closed loops on its exact `geometry`, as `LoopEquations`, whose joint
+    coordinates are the file's plus the geometry's `shifts` (rad). Raises `InputError` for a tree, `LoopError` where
+    loops do not fit together."""
     description = mechanism.description
     if mechanism.continuation is None or description.loops is None:
         raise InputError(f"{mechanism.name}: there are no loops to close")

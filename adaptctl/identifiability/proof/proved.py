@@ -18,12 +18,12 @@ LISTED = 3
 
 def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> ExactEnergies | None:
     """The energies of a mechanism on exact geometry, an `ExactEnergies`, whose rank is proved. None if `prove` is
-    False, and if it is None and the mechanism has closed loops, which take long, but nothing in its geometry is nearly
-    special.
+    False, and if it is None and the mechanism has closed loops, which take long, but no angles or lengths that are
+    nearly, but not exactly, special (right, zero, equal to others).
 
-    `seed` draws the states. Raises `RankError` where angles or lengths are nearly, but not exactly, special, and the
-    rank is another one if these are meant, unless `near` is "as_is" ("refuse" is the other choice) or `prove` False;
-    `InputError` for another `near`.
+    `seed` draws the states. Raises `RankError` where some are nearly special and the rank would be another if they were
+    exactly so, unless `near` is "as_is" ("refuse" is the other choice) or `prove` False; `InputError` for another
+    `near`.
     """
     if near not in get_args(Near):
         raise InputError(f"near: expected one of {', '.join(get_args(Near))}, got {near!r}")

@@ -12,8 +12,9 @@ _UNITS = 10**15
 
 class Precision(NamedTuple):
     """Precision of floats: the differences below which they are taken as meant to be none. `angle`, in rad, is how far
-    from a multiple of a right angle an angle counts as one; lengths below `length` times the mechanism's length count
-    as zero; numbers of size about one that differ by less than `number` count as the same. Nothing is checked."""
+    from a multiple of a right angle an angle counts as one; lengths below `length` times the mechanism's characteristic
+    length (the largest offset from joint to joint or to a link's frame) count as zero; numbers of size about one that
+    differ by less than `number` count as the same. Nothing is checked."""
 
     angle: float
     """rad: angles nearer to a right one, or to zero, are meant to be it."""

@@ -24,8 +24,8 @@ class TreeNullSpace:
     directions of the `mechanism`'s P inertial parameters (all but friction) that change no energy.
 
     `transfers` are the inertial transfers at its joints, changes of a link's and its parent's parameters that together
-    change no energy; `seed` draws the states whose energies make the scales. Made by `of`; nothing is checked at
-    construction.
+    change no energy; `seed` draws the 46 states whose energies make `scales`, by which parameters of different units
+    become comparable. Made by `of`; nothing is checked at construction.
     """
 
     mechanism: Mechanism
@@ -35,9 +35,9 @@ class TreeNullSpace:
 
     @classmethod
     def of(cls, mechanism: Mechanism, seed: int = 0) -> TreeNullSpace:
-        """The null space of a tree's energies, from its geometry and the direction of gravity. No states are sampled
-        but for the scales, drawn by `seed`, 0 by default. The mechanism must be a tree whose parameters are not
-        constrained; this is not checked."""
+        """The null space of a tree's energies, from its geometry and the direction of gravity. States, drawn by `seed`,
+        0 by default, are sampled only for `scales`, which make parameters of different units comparable. The mechanism
+        must be a tree whose parameters are not constrained; this is not checked."""
         return cls(mechanism, inertial_transfers(mechanism), seed)
 
     @cached_property

@@ -48,8 +48,9 @@ class LinkParameters(NamedTuple):
     bodies.
 
     `indices` (n,) are their places, from 0, among the mechanism's P inertial parameters; `bodies` (11, n) has a column
-    for each at 1: the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's frame, with lengths
-    over the tree's characteristic length, then the joint's rotor inertia. Nothing is checked.
+    for each, its value being 1 and all others 0: the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in
+    the joint's frame, with lengths over the tree's characteristic length, then the joint's rotor inertia. Nothing is
+    checked.
     """
 
     indices: NDArray[np.int64]
@@ -60,16 +61,16 @@ class LinkParameters(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InertialTransfers:
-    """The inertial transfers of a tree of N joints: the bodies that a link can give to its parent link without any
-    energy changing, since they are unobservable at the joint between them, and the functionals by which the others are
-    observed.
+    """The inertial transfers of a tree of N joints: the bodies (sets of inertial parameters) that a link can give to
+    its parent link without any energy changing, called unobservable at the joint between them, and the linear
+    functionals of bodies that energies do depend on.
 
     A body (11,) is ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's
     frame, and the inertia of the joint's rotor, with lengths over that of `frames`, the joints' frames. `own` (N,) are
-    the links' own parameters; `to_parent` (N, 10, 10) takes ten to the parent joint's frame, at joint position zero.
-    For each joint, `observable` (m, 11) are orthonormal functionals of bodies that energies depend on, m of 1 to 11,
-    and `unobservable` (11 - m, 11) orthonormal bodies that change none, that of a missing rotor among them. Made by
-    `inertial_transfers`; nothing is checked at construction.
+    the links' own parameters; `to_parent` (N, 10, 10) takes the ten to the parent joint's frame, at joint position
+    zero. For each joint, `observable` (m, 11) are these functionals, orthonormal, m of 1 to 11, and `unobservable`
+    (11-m, 11) orthonormal bodies that change none, that of a missing rotor among them. Made by `inertial_transfers`;
+    nothing is checked at construction.
     """
 
     frames: JointFrames
@@ -101,9 +102,10 @@ class InertialTransfers:
     def nullity(self) -> int:
         """The nullity: the number of independent combinations of the tree's inertial parameters that change no energy.
 
-        They are, at each joint, the unobservable combinations of the link's own parameters and of those passed to it. A
-        link with mass can make up for what is passed to it; a massless one has no parameters for that, and passes its
-        children's unobservable combinations on to its parent.
+        They are, at each joint, the combinations of the link's own parameters, and of those passed to it from its
+        children, that the link can give to its parent without any energy changing (unobservable ones). A link with mass
+        can make up for what is passed to it; a massless one has no parameters for that, and passes its children's
+        unobservable combinations on to its parent.
         """
         count = 0
         passed: list[list[Array]] = [[] for _ in self.parents]
@@ -127,8 +129,8 @@ class InertialTransfers:
 
 def inertial_transfers(mechanism: Mechanism) -> InertialTransfers:
     """The inertial transfers of a mechanism's tree, from its geometry and gravity's direction alone: at every joint the
-    bodies that are unobservable, which a link can give to its parent without any energy changing, and the functionals
-    that are observed.
+    unobservable bodies, sets of inertial parameters that a link can give to its parent without any energy changing, and
+    the linear functionals of bodies that energies do depend on.
 
     No states are sampled. The mechanism must be a tree whose parameters are not constrained and whose drives turn with
     one joint each; this is not checked.

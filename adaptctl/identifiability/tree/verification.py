@@ -21,14 +21,15 @@ from adaptctl.scalars import column
 
 @dataclass(frozen=True, eq=False)
 class TransferEvidence:
-    """The evidence for the rank of a tree's energies: ranks of sampled energy changes at each joint against those by
-    geometry. Ratios have no unit; sigma_1 >= sigma_2 >= ... are a joint's singular values, k its rank by geometry.
+    """The evidence for the rank of a tree's energies: at each joint, the rank of the energy changes, at sampled states,
+    when inertial parameters are taken from its link and given to the parent link, against that by geometry. Ratios have
+    no unit; sigma_1 >= sigma_2 >= ... are a joint's singular values, k its rank by geometry.
 
     `surplus` is the sum over the joints of ranks by energies less those by geometry, 0 if all is well; `gap` the
-    smallest sigma_k/sigma_k+1, `smallest` the smallest sigma_k/sigma_1; `residual` the largest energy change by an
-    unobservable body, over the largest that a body of its size could make; `weakest` (11,) the singular values of the
-    joint with the smallest gap; `leftover` the largest sigma_k+1/sigma_1, round-off if all is well, and `worst` the
-    index, from 0, of the joint that has it. Nothing is checked at construction.
+    smallest sigma_k/sigma_k+1, `smallest` the smallest sigma_k/sigma_1; `residual` the largest energy change by a
+    combination of parameters that by geometry makes none, over the largest that one of its size could make; `weakest`
+    (11,) the singular values of the joint with the smallest gap; `leftover` the largest sigma_k+1/sigma_1, round-off if
+    all is well, and `worst` the index, from 0, of the joint that has it. Nothing is checked at construction.
     """
 
     surplus: int
@@ -53,8 +54,8 @@ def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: State
     I_yy, I_xz, I_yz, I_zz) in the joint's frame at joint position zero, with lengths over the tree's characteristic
     length, and the joint's rotor inertia, 0 where it has none.
 
-    `found` are the tree's inertial transfers. A body is unobservable at a joint exactly when the energy changes in no
-    state. Nothing is checked.
+    `found` are the tree's inertial transfers, whose joint frames are used. A combination of the eleven is unobservable
+    at a joint exactly when the energy changes in no state. Nothing is checked.
     """
     energies = _energies(mechanism, found.frames.length, states) @ frame_changes(
         np.asarray(np.linalg.inv(found.frames.far), dtype=np.float64)
@@ -70,10 +71,10 @@ def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: State
 
 
 def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvidence:
-    """The evidence for a tree's rank from the energy `changes` (N, samples, 11), in J per kg, of bodies that are given
-    from a link to its parent at `samples` states, 11 or more: at each of N joints their singular values, with columns
-    scaled to a norm of one (very small ones less), against the rank by geometry in `found`, the tree's inertial
-    transfers. Raises `numpy.linalg.LinAlgError` for NaN."""
+    """The evidence for a tree's rank from the energy `changes` (N, samples, 11), in J per kg, at `samples` states, 11
+    or more, as each of 11 inertial parameters is taken from a link and given to its parent (`energy_changes`): at each
+    of N joints the changes' singular values, with columns scaled to a norm of one (very small columns to less), against
+    the rank by geometry in `found`, the tree's inertial transfers. Raises `numpy.linalg.LinAlgError` for NaN."""
     norms = np.linalg.norm(changes, axis=1, keepdims=True)
     scales = 1.0 / np.maximum(norms, SMALLEST_NORM * norms.max(axis=2, keepdims=True))
     values = np.linalg.svd(changes * scales, compute_uv=False)

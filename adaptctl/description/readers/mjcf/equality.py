@@ -42,9 +42,9 @@ class Site:
 
 @dataclass
 class Places:
-    """The elements that equalities of an MJCF file name: `bodies` with the links that carry them, among them always
-    "world", `sites`, and `joints` with the coordinates (rad or m) at which the file draws them; all by name, and empty
-    by default."""
+    """The elements that equalities of an MJCF file name: `bodies` with their places (the link that carries each, and
+    its poses, m), always with "world", `sites`, and `joints` with the coordinates (rad or m) at which the file draws
+    them; all by name, and empty by default."""
 
     bodies: dict[str, Standing] = field(default_factory=dict)
     sites: dict[str, Site] = field(default_factory=dict)
@@ -55,19 +55,20 @@ class Places:
         self.bodies.setdefault("world", Standing(GROUND, still, still))
 
     def touched(self, element: Element) -> bool:
-        """True if the <equality> child `element` names a body, site or joint that is known here; the world does not
+        """True if the <equality> child `element` names a body, site or joint in these `Places`; the world does not
         count."""
         known = {"body": self.bodies.keys() - {"world"}, "site": self.sites.keys(), "joint": self.joints.keys()}
         return any(element.get(f"{kind}{k}") in names for kind, names in known.items() for k in (1, 2))
 
     def body(self, name: str, where: str) -> Standing:
-        """The place of the body called `name`. Raises `NotFoundError` where there is none; `where` begins the
-        message."""
+        """The place of the body called `name`: the link that carries it, and its frame's poses in that link and in the
+        world (m). Raises `NotFoundError` where there is none; `where` begins the message."""
         return _known(self.bodies, name, "body", where)
 
     def site(self, name: str, where: str) -> tuple[Standing, Pose]:
-        """The place of the body that has the site called `name`, and the site's pose in that body's frame (m). Raises
-        `NotFoundError` where there is no such site; `where` begins the message."""
+        """The place of the body that has the site called `name` (the link that carries the body, and its poses, m), and
+        the site's pose in that body's frame (m). Raises `NotFoundError` where there is no such site; `where` begins the
+        message."""
         found = _known(self.sites, name, "site", where)
         return self.bodies[found.body], found.pose
 

@@ -28,7 +28,9 @@ _KINDS = ("hinge", "slide")
 def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
     """The joint called `name` of an MJCF <joint> element, a hinge or a slide, its axis in the frame the element stands
     in. `settings` say how angles are written; `effort` is the bound of the joint's actuators (N m or N), None without
-    actuators. Raises `InputError` for a ball joint, an unknown type or attribute, and numbers that cannot be."""
+    actuators. Raises `InputError` for a ball joint, an unknown type or attribute, for attributes that are no finite
+    numbers, a zero axis, a range that is missing though limited or not rising, armature, damping or friction below 0,
+    and nonlinear damping."""
     where = f"joint {name!r}"
     _require_known(joint, _ATTRIBUTES, where)
     kind = joint.get("type", "hinge")

@@ -108,7 +108,8 @@ class MjcfBodies:
 def mjcf_bodies(path: str | Path, root: str | None = None) -> MjcfBodies:
     """The bodies at the joints of the links that `read_mjcf` reads from the MJCF file at `path`, `root` being the name
     of the mechanism's first body, None the one root body that moves. Raises `FileError` for a file that cannot be read,
-    `NotFoundError` for an unknown root, and `InputError` for wrong contents and for motion that is not read.
+    `NotFoundError` for an unknown root, and `InputError` for wrong contents and for what `read_mjcf` refuses: ball
+    joints, mocap bodies, no joint, a `root` on a body that moves and, without a `root`, several root bodies that move.
     Simplifications are not warned of."""
     scene = parsed(read_text(path), "mujoco")
     numbers_of = {id(body): k for k, body in enumerate(scene.iter("body"))}

@@ -26,11 +26,11 @@ _SIMPLIFIED = {
 class Settings:
     """Settings of a whole MJCF file, of its <compiler> and <default> sections, by default MuJoCo's own.
 
-    `degrees` says that angles are in degrees, else in rad; `eulerseq` has the axes of Euler angles, small letters for
-    those that turn along; `autolimits` that a range alone limits; `inertia_from_geoms` ("auto", "true" or "false")
-    whether geoms give inertias, and `inertia_groups` the first and last geom group that does. `classes` has, by default
-    class and tag, the attributes that elements inherit, those of the class it stands in included. Nothing is checked at
-    construction.
+    `degrees` says that angles are in degrees, else in rad; `eulerseq` has the three axes of Euler angles, x, y or z for
+    axes that turn with the frame, X, Y or Z for fixed ones; `autolimits` that a range alone limits;
+    `inertia_from_geoms` ("auto", "true" or "false") whether geoms give inertias, and `inertia_groups` the first and
+    last geom group that does. `classes` has the attributes that elements inherit, by the name of the default class and
+    the elements' tag, with those that the class inherits itself. Nothing is checked at construction.
     """
 
     degrees: bool = True
