@@ -154,12 +154,12 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """The first observation, the environment's n numbers (n,) in its units, and `info` of an episode, which begins;
-        the controller's state is made anew for this start, and `info` has its `gains`, unscaled, as a mapping from
-        names to arrays. `seed` is that of the random numbers, None to go on with them; `options` are those of
-        `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
-        `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none. Raises
-        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
-        be followed to the start, Gymnasium's `Error` for a bad seed."""
+        the controller's state is made anew for this start, and `info` has its `gains`, unscaled, a mapping from names
+        to the m numbers (m,) of each in its own unit. `seed` is that of the random numbers, None to go on with them;
+        `options` are those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
+        "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none.
+        Raises `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops
+        cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
@@ -168,7 +168,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """Observation, the environment's n numbers (n,) in its units, reward (no unit), `terminated`, `truncated` and
         `info` after one control period under the controller, its gains scaled by the action (a,), no unit, one number a
-        joint for a gain of one number a joint, else one a gain, clipped to [-1, 1]; `info` has these `gains`. Raises
+        joint for a gain of one number a joint, else one a gain, clipped to [-1, 1]; reward and ends are the
+        environment's; `info` has besides its keys these `gains`, a mapping from names to m numbers (m,) each. Raises
         `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's
         `ResetNeeded` before the first reset and after the episode's end."""
         if self._memory is None:

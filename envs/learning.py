@@ -138,9 +138,11 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
         """Observation (n,), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], reward (no
         unit), `terminated`, `truncated` and `info` after one control period under an action (r,) in [-1, 1], shares of
-        the torque limits; around a `TuningEnv`, its action (a,). Raises `InputError` on a wrong shape, `NonFiniteError`
-        on NaN and infinity and where the motion runs away, Gymnasium's `ResetNeeded` before the first reset and after
-        the episode's end."""
+        the torque limits; around a `TuningEnv`, its action (a,). `info` and the ends are those of the environment
+        within: `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity
+        or leave bounds that the robot's file states, `truncated` where the duration is over. Raises `InputError` on a
+        wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's `ResetNeeded`
+        before the first reset and after the episode's end."""
         share = finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(share * self._scale)
         return self._view(observation), reward, terminated, truncated, info
@@ -181,10 +183,12 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
         """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], rewards
         (no unit), `terminated` and `truncated`, (N,) each, and `info` after one control period of all N arms under
-        actions (N, r) in [-1, 1], shares of the torque limits; around a `TuningVectorEnv`, its actions (N, a).
-        `final_obs` in `info` is scaled likewise. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and
-        infinity and where a motion runs away, Gymnasium's `ResetNeeded` before the first reset, and with
-        `autoreset_mode` "Disabled" where an arm's episode is over."""
+        actions (N, r) in [-1, 1], shares of the torque limits; around a `TuningVectorEnv`, its actions (N, a). `info`
+        and the ends are those of the environment within: `terminated` is True where a joint's error passes its bound or
+        kinematic loops come near a singularity or leave bounds that the robot's file states, `truncated` where the
+        duration is over. `final_obs` in `info` is scaled likewise. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN and infinity and where a motion runs away, Gymnasium's `ResetNeeded` before the first
+        reset, and with `autoreset_mode` "Disabled" where an arm's episode is over."""
         shares = finite_actions(actions, self.action_space)
         observations, rewards, terminated, truncated, info = self.env.step(shares * self._scale)
         if "final_obs" in info:

@@ -37,11 +37,11 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """The environment's observation, n numbers (n,) in its units, reward, `terminated`, `truncated` and `info`
-        after one control period under the `action`, the environment's a numbers (a,). What is shown is the time, `time`
-        of `info` or else the periods counted, s, the positions of the r joints and the reference's (r,), rad (m), and
-        the torque that `info` has as `applied_torque` (r,), N m (N), or else the action. Raises what the environment
-        raises; a failure of the view is a `LiveViewWarning`."""
+        """The environment's observation, n numbers (n,) in its units, reward (no unit), `terminated`, `truncated` and
+        `info`, all unchanged, after one control period under the `action`, the environment's a numbers (a,). What is
+        shown is the time, `time` of `info` or else the periods counted, s, the positions of the r joints and the
+        reference's (r,), rad (m), and the torque that `info` has as `applied_torque` (r,), N m (N), or else the action.
+        Raises what the environment raises; a failure of the view is a `LiveViewWarning`."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))

@@ -73,9 +73,10 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """Observation, the environment's n numbers (n,) in its units, reward (no unit), `terminated`, `truncated` and
         `info` after one control period under the controller's torque plus `share` times the torque limits, N m (N),
-        times the action (r,), in [-1, 1] but not clipped, r joints; `info` has the controller's torque as `base_torque`
-        (r,). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away,
-        Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
+        times the action (r,), in [-1, 1] but not clipped, r joints; reward and ends are the environment's; `info` has
+        besides its keys the controller's torque as `base_torque` (r,), N m (N). Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's `ResetNeeded` before the first
+        reset and after the episode's end."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         torque = self._base + self._scale * finite_actions(action, self.action_space)

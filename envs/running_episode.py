@@ -13,9 +13,9 @@ from adaptctl.simulation.sampled_references import Preview
 @sent_as_made
 @dataclass
 class RunningEpisode:
-    """The changing parts of a running episode: the plant's `parameters` (P,), SI units; the `preview` of the reference
-    at each step; the plant's `state`; the number of the `step`, from 0; how many steps' torques were `clipped`; and
-    `over`, True once it has ended."""
+    """The changing parts of a running episode: the plant's P true inertial `parameters` (P,), SI units, without what
+    effects load; the `preview` of the reference at each step; the plant's `state`; the number of the `step`, from 0;
+    how many steps' torques were `clipped`; and `over`, True once it has ended. Nothing is checked."""
 
     parameters: Array
     preview: Preview

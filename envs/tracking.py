@@ -218,8 +218,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (5r + r L,) of an episode, which begins, and its `info` (true `parameters` (P,),
-        `energy` and more). For r joints it has positions, velocities and the reference's positions, velocities and
+        """The first observation (5r + r L,) of an episode, which begins, and its `info`: `time` (0 s), true
+        `parameters` (P,), `applied_torque` (0 yet), `energy` (J) and `clipped` (0); with effects also `p`, `v` and
+        `marks`. For r joints the observation has positions, velocities and the reference's positions, velocities and
         accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2 (m, m/s, m/s^2). `seed` is that of the
         random numbers, None to go on with them; `options`, None for none, are `payload` (kg or a mapping), `trajectory`
         (a `Reference`, a seed or "random"), `initial_error`, rad (m), and `parameters` (P,), the P true inertial ones,
@@ -245,10 +246,13 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """The observation (5r + r L,) of r joints with L look-ahead times, rad, rad/s, rad/s^2 (m, m/s, m/s^2), reward
-        (no unit), `terminated`, `truncated` and `info` (`time`, `energy` and more) after one control period under the
-        torque `action` (r,), N m (N), held and clipped to its limits. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN, infinity and a motion that runs away, Gymnasium's `ResetNeeded` without a running
-        episode."""
+        (no unit), `terminated`, `truncated` and `info` after one control period under the torque `action` (r,), N m
+        (N), held and clipped to its limits. `terminated` is True where a joint's error passes its bound or kinematic
+        loops come near a singularity or leave bounds that the robot's file states, `truncated` where the duration is
+        over. `info` has `time` (s), `parameters` (P,), the P true inertial ones (SI units), `applied_torque` (r,), N m
+        (N), `energy` (J) and `clipped`, the number of actions clipped so far; with effects also the true `p` and `v`
+        (r,) and `marks`, a dict of events. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and
+        a motion that runs away, Gymnasium's `ResetNeeded` without a running episode."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
@@ -293,10 +297,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         )
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """The `info` (true parameters, energy and more) of an episode that `hand_over` gave away and that goes on here
-        from `state`, the plant's. `steps` is the number of control periods it took since, `clipped` that of those with
-        a clipped torque; `terminated` is True if it ended. Nothing is checked. Raises Gymnasium's `ResetNeeded` before
-        the first reset."""
+        """The `info`, as `step` returns it (`time`, true `parameters`, `applied_torque`, `energy`, `clipped`, with
+        effects `p`, `v` and `marks`), of an episode that `hand_over` gave away and that goes on here from `state`, the
+        plant's. `steps` is the number of control periods it took since, `clipped` that of those with a clipped torque;
+        `terminated` is True if it ended. Nothing is checked. Raises Gymnasium's `ResetNeeded` before the first
+        reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps

@@ -55,7 +55,7 @@ class CNumber:
         return f"({text})" if text.startswith("-") else text
 
     def text(self, x: float) -> str:
-        """The C text of the number `x`, followed by a comment that says what it stands for, where `names` has its
-        magnitude. Raises `ValueError` for NaN."""
+        """The C text of the number `x`, followed, where the attribute `names`, a mapping from magnitudes to names, has
+        its magnitude, by a comment with that name, such as a robot's parameter. Raises `ValueError` for NaN."""
         name = self.names.get(abs(x))
         return f"{self.constant(x)} /* {name} */" if name else self.constant(x)

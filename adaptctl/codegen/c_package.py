@@ -49,10 +49,10 @@ class CPackage:
         self.stack = 0
 
     def files(self, ticks: Sequence[RecordedTick], last_state: Any) -> dict[str, str]:
-        """Contents of the C files by name: source, header, a C++ header, CMake's file, a test with its recorded
-        numbers, and an example. `ticks`, at least one, have been recorded from the controller in Python for the test,
-        `last_state` is the controller's state after them. Raises `IndexError` without ticks, `TraceError` for a law
-        that cannot be traced."""
+        """Contents of the C files by name: source, header and a C++ header (the package's name and .c, .h, .hpp),
+        CMakeLists.txt, a test (test_ and that name, .c) with its recorded numbers (vectors.h), and example.c. `ticks`,
+        at least one, have been recorded from the controller in Python for the test, `last_state` is the controller's
+        state after them. Raises `IndexError` without ticks, `TraceError` for a law that cannot be traced."""
         estimate = self.interface.estimate
         leaves = dict(zip((f.name for f in self.interface.memory), self.interface.memory_of(last_state), strict=True))
         recorded = {
@@ -74,7 +74,8 @@ class CPackage:
     @cached_property
     def functions(self) -> str:
         """The C functions, as text, of the controller's law, of all that it calls and of what the code's `init` calls
-        to begin the memory; asking for it also sets `stack`. Raises `TraceError` for a law that cannot be traced."""
+        to begin the memory; asking for it also sets the attribute `stack`, about how many bytes of stack a call of the
+        law takes. Raises `TraceError` for a law that cannot be traced."""
         name, start = self.name, self.start
         law = self.program.source(self.interface.law, self._law_signature())
         texts, self.stack = [law.text], law.stack

@@ -99,8 +99,16 @@ LONGEST_NAME = 40
 @dataclass(frozen=True)
 class Exported:
     """An exported controller: the absolute path of its folder, `directory`; the `name` that begins its code's names;
-    the names of the `files` in the folder, the manifest's last; and the contents of its `manifest` in JSON's types,
-    None for null. Nothing is checked."""
+    the names of the `files` in the folder, the manifest's last; and the contents of its `manifest`, a dict in JSON's
+    types, None for null. Nothing is checked.
+
+    The manifest has "schema", "name", "adaptctl", "numpy" (versions), "spdx" (licence), "law", "adaptation" (names of
+    classes), "guarded", "period" (s), "mechanism" and "basis" (names and hashes), "joints", "gains" (by name, SI
+    units), "gains_sha256", "flops" and "operations" (of a control period, in floating point), "state_numbers" (how many
+    the memory has), "scalar", "language", "check" (outcome of the simulation, None without), "tolerance" (of torques,
+    in parts of the largest) and "files" (their SHA-256); in C also "state_bytes", "stack_bytes_about", "vectors" (ticks
+    recorded) and "abi_hash", in WebAssembly "wasm_bytes".
+    """
 
     directory: Path
     name: str

@@ -35,9 +35,17 @@ LONGEST = 3000
 
 @dataclass(frozen=True)
 class LiveArm:
-    """A closed loop that a web page runs live: `binary`, the WebAssembly module of one control period, and `facts`,
-    what the page must know to run it, in JSON's types: places of numbers in the module's memory, names of joints, first
-    values and geometry. Nothing is checked."""
+    """A closed loop of an arm of r joints that a web page runs live: `binary`, the WebAssembly module of one control
+    period, and `facts`, a dict in JSON's types of what the page must know to run it. Nothing is checked.
+
+    Indices of 64-bit floats in the module's memory are in `facts` those of the inputs, "state" (a list of columns,
+    whose lengths are "sizes"), "time", "parameters", "friction" and "gains" (None without any), and those of the
+    outputs, "next" (the new state), "torque", "error", "goal" (the reference's positions) and "places" (the links'
+    origins, "size" numbers, m). First values are "start" (the state's), "parameter" and "gain". Of the arm and the law
+    there are "joints" (names), "units" of errors ("mrad" or "mm" a joint), "period" (s), "damping" (r,), the law's, 1
+    where it has none, "groups" of gains that one slider scales, "parents" (the links' parents), "reach" (m), "load"
+    (what a payload of 1 kg adds to the parameters) and "heaviest" (the largest payload, kg).
+    """
 
     binary: bytes
     facts: dict[str, Any]
@@ -69,12 +77,14 @@ class LiveLoop:
         return self.state | {"time": 1} | parameters | self.controller.gain_sizes
 
     def equation(self, time: Column, friction: Column, **columns: Column) -> tuple[Column, ...]:
-        """The columns of `state` after one control period, in order, followed by the torque (r,), N m (N if prismatic),
-        the error of the positions and the positions of the reference (r,), rad (m), and the origins of the N links
-        (3N,), m, in the world frame at its beginning.
+        """The columns of `state` after one control period, in order, followed by the law's torque (r,), N m (N if
+        prismatic), not yet clipped, the errors of the positions and the reference's positions, (r,) each, rad (m), and
+        the origins of the N links (3N,), m, in the world frame at its beginning.
 
         `time` (1,) is in s, `friction` (r,) is viscous friction of the r joints besides the plant's, N m s/rad (N s/m);
-        `columns` are the others of `arguments`, SI units. Nothing is checked: names that are missing raise `KeyError`.
+        `columns` are the others of `arguments`, SI units: "q", "v", "drives" and "sensors" of the plant, "memory_0",
+        "memory_1", ..., the P inertial and friction "parameters" and, if any, "gains", the controller's own where
+        missing. Nothing is checked: names that are missing raise `KeyError`.
         """
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
         p, v = self.plant.primary(columns["q"]), columns["v"]

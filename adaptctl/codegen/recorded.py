@@ -54,8 +54,8 @@ def default_reference(interface: Interface) -> Reference:
 
 def centre(interface: Interface) -> Array:
     """The centre (r,), rad (m if prismatic), of a check's motion of the r joints, from a controller's `interface`: its
-    home, moved so far that joint limits stay 0.15 rad (m) away, or half the joint's range; home itself where there are
-    loops or no known mechanism. Nothing is raised."""
+    home, moved so far that it is at least 0.15 rad (m), or half the joint's range where that is less, from joint
+    limits; home itself where there are loops or no known mechanism. Nothing is raised."""
     home, mechanism = np.asarray(interface.controller.home, dtype=np.float64), interface.mechanism
     if mechanism is None or mechanism.description.loops is not None:
         return home

@@ -45,10 +45,11 @@ class Walk:
 
 @dataclass(frozen=True)
 class Start:
-    """Start of a controller's memory in exported code: `configurations`, the indices of the memory's fields that begin
-    with the configuration q (n,) of the tree's n joints, rad (m if prismatic); `computed`, those of the fields that
-    `more`, a traced `Routine`, computes of q at rest, None where there are none; and `walk`, the `Walk` that closes the
-    mechanism's loops, None for a tree. Fields that are in neither begin alike everywhere. Nothing is checked."""
+    """Start of a controller's memory in exported code: `configurations`, the indices of the memory's fields whose first
+    values are the configuration q (n,) of the tree's n joints, rad (m if prismatic); `computed`, those of the fields
+    that `more`, a traced `Routine`, computes of q at rest, None where there are none; and `walk`, the `Walk` that
+    closes the mechanism's loops, None for a tree. Fields in neither have the same first values at every q. Nothing is
+    checked."""
 
     configurations: tuple[int, ...]
     computed: tuple[int, ...]

@@ -24,9 +24,10 @@ STRETCH = 10_000
 
 def vouched(interface: Interface, reference: Reference, duration: float = DURATION) -> dict[str, Any]:
     """Outcome, in JSON's types, of a simulation of the controller of an `interface` on its own mechanism along
-    `reference`, a function of time (s), for `duration` s, 600 unless given: the reference, and the root mean square
-    errors of the joints' positions, rad (m if prismatic), in the first and the last 10 s, None where the reference is
-    not one of joints.
+    `reference`, a function of time (s), for `duration` s, 600 unless given, as a dict: "duration", s; "reference", as
+    `stated` gives it; "finite", True; and "rms_error_first_10_s" and "rms_error_last_10_s", the root mean square over
+    all joints of the errors of their positions, rad (m if prismatic), in the first and the last 10 s, None where the
+    reference is not one of joints.
 
     Raises `InputError` where the run becomes not finite or guards stop it, where no mechanism is known or it has more
     than 100 links, and for a reference for another number of coordinates; `NonFiniteError` for a reference that is not
@@ -63,8 +64,9 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
 
 
 def stated(reference: Reference) -> dict[str, Any]:
-    """A `reference` in JSON's types, for a manifest: of `Sinusoids` the kind and the numbers, centre and amplitude in
-    rad (m), frequency in Hz, phase in rad; of any other the name of its class. Nothing is raised."""
+    """A `reference` in JSON's types, for a manifest: a dict of "kind", the name of its class, and, for `Sinusoids`,
+    "center" (r,) and "amplitude" (h, r), rad (m), "frequency", Hz, and "phase", rad, (h, r) each, lists of the numbers
+    of h sinusoids for each of r coordinates. Nothing is raised."""
     if not isinstance(reference, Sinusoids):
         return {"kind": type(reference).__name__}
     names = ("center", "amplitude", "frequency", "phase")

@@ -116,9 +116,11 @@ class ClosedLoop:
         (floats, arrays of samples, dual numbers, nodes of an expression graph).
 
         `columns` are, in SI units, those before it: "q", "v", "drives", "sensors", "measured_p", "measured_v" and
-        "memory_0", "memory_1", ... (lengths in the property `state`); "parameters" and "gains" (in `held`);
-        "reference_p", "reference_v" and "reference_a" (in `reference`); "noise". Without "gains" the controller's own
-        are taken. Raises `KeyError` where another is missing; lengths are not checked.
+        "memory_0", "memory_1", ... (lengths in the property `state`); "parameters", the plant's P true inertial ones,
+        and "gains", the controller's tunable numbers (in `held`); "reference_p", "reference_v" and "reference_a", the
+        reference's positions, velocities and accelerations (in `reference`); "noise", the sensors' standard normal
+        numbers. Without "gains" the controller's own are taken. Raises `KeyError` where another is missing; lengths are
+        not checked.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]

@@ -64,10 +64,11 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
     (floats, arrays, or symbols to be compiled).
 
     `clock` is the period's index, from 0, and `error` (r,) are its tracking errors, positions of r joints less the
-    reference's, rad (m). `columns` has, by name, the sums before the period, and what errors are judged by: the bounds
-    "within" and "beyond" (r,), rad (m), and "final" (1,), the index of the first period whose errors are final. An
-    error that is NaN or larger than `beyond` makes the run diverge: from this period on all sums stay. Raises
-    `KeyError` where a column is missing, `IndexError` or `ValueError` for bounds that are too short.
+    reference's, rad (m). `columns` has, by name, the sums before the period, "squares", "final_squares" and "largest"
+    (r,), "outside", "diverged" and "joint" (1,), and what errors are judged by: the bounds "within" and "beyond" (r,),
+    rad (m), and "final" (1,), the index of the first period whose errors are final. An error that is NaN or larger than
+    `beyond` makes the run diverge: from this period on all sums stay. Raises `KeyError` where a column is missing,
+    `IndexError` or `ValueError` for bounds that are too short.
     """
     before = ErrorSums(*(columns[name] for name in ErrorSums._fields))
     sizes = Column(map(absolute, error))

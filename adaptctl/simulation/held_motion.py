@@ -33,8 +33,8 @@ class Bodies(NamedTuple):
     q' (n,) of q, rad/s (m/s), from q and v. `moved` gives q' and the accelerations v' (r,), rad/s^2 (m/s^2), from q, v,
     the torque (r,), N m (N), and the inertial parameters (P,), SI units; where it is for the links alone and an
     implicit integrator, it may be given one more column (r,), N m s/rad (N s/m), the decrease of the torque for every
-    rad/s that v gains in the step. `projected` gives from q a configuration whose loops are closed more exactly, q
-    itself for a tree.
+    rad/s (m/s) that v gains in the step. `projected` gives from q a configuration whose loops are closed more exactly,
+    q itself for a tree.
     """
 
     rates: Callable[[Column, Column], Column]

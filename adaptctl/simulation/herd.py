@@ -88,9 +88,9 @@ class Herd:
         return max(1, min(STRETCH, MEMORY // (8 * self.arms.members * numbers) if numbers else STRETCH))
 
     def taken(self, time: Array, *, record: bool, threads: int) -> tuple[Array, ...]:
-        """The outputs of the native step in the control periods that begin at `time` (T,), s, which the M arms take:
-        with `record` arrays (T, M, ...) of all periods, else (M, ...) of the last one, in the order of the step's
-        outputs.
+        """The outputs of the native step, those that its equation returns after the new state, in the T control periods
+        that begin at `time` (T,), s, which the M arms take: an array each, in the equation's order, (T, M, length) of
+        all periods with `record`, else (M, length) of the last one.
 
         The loads of effects are those at the first of these times. `threads` share the arms. Raises `InputError` for a
         number of threads below 1, and what the references raise, `InputError` and `NonFiniteError`, where they are

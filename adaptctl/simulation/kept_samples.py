@@ -48,8 +48,8 @@ class KeptSamples:
         return None if rest else sample if self.most is None else sample % self.most
 
     def among(self, first: int, count: int) -> slice:
-        """Slice of the kept ones among `count` successive control periods, of which the first has the index `first`,
-        counted from 0 in the run."""
+        """Slice of an array with a row for each of `count` successive control periods that selects the kept ones; the
+        first period has the index `first`, counted from 0 in the run."""
         return slice(-first % self.every, count, self.every)
 
     def rows(self, first: int, count: int) -> NDArray[np.int64]:
@@ -60,8 +60,8 @@ class KeptSamples:
         return samples if self.most is None else samples % self.most
 
     def order(self, count: int) -> slice | NDArray[np.int64]:
-        """The rows that hold samples after `count` control periods of a run, the oldest first: a slice, or an array
-        (s,) of s row indices where older samples have been overwritten."""
+        """The rows of the array of samples that are filled after `count` control periods of a run, the oldest sample
+        first: a slice, or an array (s,) of s row indices where older samples have been overwritten."""
         samples = -(-count // self.every)
         if self.most is None or samples <= self.most:
             return slice(0, samples)

@@ -23,10 +23,10 @@ Pair = tuple[str, str]
 
 
 def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
-    """Counts of the pairs of bodies in contact, by their names, over positions (n, r), rad (m), of the r joints of a
+    """Counts of the pairs of bodies in contact, by their names, over n positions (n, r), rad (m), of the r joints of a
     MuJoCo `plant`'s arm: for each pair with a body of the arm in it, the number of positions at which the two penetrate
     each other. All else is in the model's initial state; a body without a name is called "body" and its index. Raises
-    `ValueError` for positions of another number of joints."""
+    `ValueError` for another number of joints."""
     import mujoco
 
     model, arm = plant.model, plant.arm

@@ -50,15 +50,16 @@ class PeriodOutcome(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ControlPeriod:
     """One control period of a plant, a function over scalars of any kind (floats, arrays, or symbols to be compiled)
-    from named columns to a `PeriodOutcome`: torques are clipped to the limits, pass the actuator effects and move the
-    mechanism, whose joints are then measured.
+    from named columns to a `PeriodOutcome`, the state after it and what was measured and applied: torques are clipped
+    to the limits, pass the actuator effects and move the mechanism, whose joints are then measured.
 
     It is called with a mapping that has "q" (n,), rad (m), "v" (r,), rad/s (m/s), "torque" (r,), N m (N), "parameters"
     (P,), the inertial ones in SI units, "noise" (2r,), standard normal numbers, empty without sensors, and the memories
-    "drives" and "sensors" of the effects; it raises `KeyError` where one is missing. `motion` moves the joints over the
-    period under a held torque; `effects` are those between controller and joints; `limits` (r,), N m (N), bound the
-    torques' magnitudes; `primary` are the indices, from 0, of the r primary (independent) joints among the spanning
-    tree's n; `length` is the period's, s. Nothing is checked at construction.
+    "drives", of the actuator effects, followed by positions (r,) and velocities (r,) of the motors if joints are
+    elastic, and "sensors", of the sensor effects; it raises `KeyError` where one is missing. `motion` moves the joints
+    over the period under a held torque; `effects` are those between controller and joints; `limits` (r,), N m (N),
+    bound the torques' magnitudes; `primary` are the indices, from 0, of the r primary (independent) joints among the
+    spanning tree's n; `length` is the period's, s. Nothing is checked at construction.
     """
 
     motion: HeldMotion

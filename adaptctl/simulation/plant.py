@@ -88,7 +88,7 @@ class Plant(Tunable):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names (m,), as "torque_limited", of the m actuator effects that mark periods where they change a torque."""
+        """Names (m,), such as "torque_limited", of the m actuator effects that mark periods of changed torques."""
         return self._effects.marks
 
     @cached_property
@@ -198,8 +198,8 @@ class Plant(Tunable):
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of configurations q (..., n), rad (m), of the spanning tree's n joints where loops are away from
-        singularities, and primary joints within the bounds that the description sets for loops; all True for a tree."""
+        """Mask (...) of configurations q (..., n), rad (m), of the tree's n joints: True where loops are away from
+        singularities and primary joints within the bounds in the robot's description; all True for a tree."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))

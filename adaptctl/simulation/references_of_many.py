@@ -35,19 +35,21 @@ class SampledForm:
     @property
     def shared(self) -> dict[str, int]:
         """Lengths, by name, of the columns that are new in each control period and the same for all arms:
-        "reference_p", "reference_v" and "reference_a", `size` each, where one reference is for all arms; else {}."""
+        "reference_p", "reference_v" and "reference_a", one number for each of `size` joints, where one reference is for
+        all arms; else {}."""
         return {} if self.each else dict.fromkeys(REFERENCE, self.size)
 
     @property
     def driven(self) -> dict[str, int]:
         """Lengths, by name, of the columns that are new in each control period for each arm: "reference_p",
-        "reference_v" and "reference_a", `size` each, where each arm has its own reference; else {}."""
+        "reference_v" and "reference_a", one number for each of `size` joints, where each arm has its own reference;
+        else {}."""
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
-        """The reference point of a control period, as it came: positions (`size`,), rad (m), velocities and
-        accelerations, the same per s and s^2, the columns "reference_p", "reference_v" and "reference_a". Raises
-        `KeyError` where one is missing."""
+        """The reference point of a control period, whose parts are the columns of these names in `columns`, unchanged:
+        positions "reference_p", rad (m), velocities "reference_v" and accelerations "reference_a", the same per s and
+        s^2, (r,) each for r = `size` joints. Raises `KeyError` where one is missing."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
@@ -82,20 +84,21 @@ class SinusoidForm:
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
         """The reference point of an arm's sums of sinusoids, at the time in `columns`, or `ahead` (s) of it, 0 unless
-        given: columns (`size`,) of positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2),
-        over scalars of any kind (floats, arrays, or symbols to be compiled).
+        given: columns (r,) for r = `size` joints of positions, rad (m), velocities, rad/s (m/s), and accelerations,
+        rad/s^2 (m/s^2), over scalars of any kind (floats, arrays, or symbols to be compiled).
 
-        `columns` has by name "time" (1,), s, and the sinusoids' numbers "center", "amplitude", "frequency", "phase" and
-        "start_time", of the lengths in `SinusoidForm.held`. Raises `KeyError` where one is missing.
+        `columns` has by name "time" (1,), s, and the numbers of h = `terms` sinusoids a joint: "center" (r,) and
+        "amplitude" (h r,), rad (m), "frequency" (h r,), Hz, "phase" (h r,), rad, and "start_time" (1,), s. Raises
+        `KeyError` where one is missing.
         """
         numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
         return sinusoids_at(columns["time"][0] + ahead, numbers)
 
     def numbers(self, references: Sequence[Reference | None]) -> SinusoidNumbers:
-        """The numbers of the M `references`, all of them `Sinusoids`, as arrays (M, n) each, of the lengths n in
-        `SinusoidForm.held`: center and amplitude (rad or m), frequency (Hz), phase (rad) and start_time (s). Sums of
-        fewer than `terms` sinusoids are filled up with terms of no amplitude. Raises `KeyError` for what is no
-        `Sinusoids`, `ValueError` for sums of more terms."""
+        """The numbers of the M `references`, all of them `Sinusoids`, for r = `size` joints and h = `terms` terms:
+        center (M, r) and amplitude (M, h r), rad or m, frequency, Hz, and phase, rad, (M, h r) each, and start_time (M,
+        1), s. Sums of fewer than `terms` sinusoids are filled up with terms of amplitude 0. Raises `KeyError` for what
+        is no `Sinusoids`, `ValueError` for sums of more terms."""
         known: dict[int, SinusoidNumbers] = {}
         for one in references:
             if isinstance(one, Sinusoids) and id(one) not in known:
@@ -147,9 +150,9 @@ class ReferencesOfMany:
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """The columns, by name, that each of M arms keeps through a run: arrays (M, n) of the numbers of its
-        `Sinusoids`, center and amplitude (rad or m), frequency (Hz), phase (rad) and start_time (s); empty where
-        references are sampled."""
+        """The columns, by name, that each of M arms keeps through a run: the numbers of its `Sinusoids`, of h terms for
+        each of r joints: "center" (M, r) and "amplitude" (M, h r), rad or m, "frequency", Hz, and "phase", rad, (M, h
+        r) each, and "start_time" (M, 1), s; empty where references are sampled."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:

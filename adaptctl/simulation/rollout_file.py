@@ -43,7 +43,8 @@ OF_LAWS = ("estimate", "learning")
 
 class RolloutFile:
     """Writer of a run's Parquet file at `path`, a context manager to which samples are appended as they come: a row for
-    each sample, columns of float64 such as `p.joint1`, with their units as metadata.
+    each sample, columns of float64 such as `time`, `p.joint1`, `estimate.0` and `mark.payload`, with their units as
+    metadata, joints' as if all were revolute.
 
     When the context ends the file appears, whole; after an error there is none, and a file that was there before stays.
     `joints` (r,) names the r = `dof` joints, None for joint1, joint2, ... The attribute `about`, a dict to be set
@@ -66,10 +67,11 @@ class RolloutFile:
         return self
 
     def append(self, columns: Mapping[str, Array | None], marks: Mapping[str, Array]) -> None:
-        """Append T samples of r joints to the file: `columns` maps the names of a `Rollout`'s arrays, such as "time"
-        (T,) and "p" (T, r), to their values in SI units, None for an array of joints that the file is to leave out;
-        `marks` maps names of events to arrays (T,). Both have the same names at every call; later calls without samples
-        write nothing.
+        """Append T samples of r joints to the file: `columns` maps the names of a `Rollout`'s arrays to their values in
+        SI units: "time", "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a",
+        "torque", "applied", "measured_p" and "measured_v" (T, r), None for one that the file is to leave out;
+        "estimate" (T, k) and "learning" (T, l), of k and l numbers. `marks` maps names of events to arrays (T,). Both
+        have the same names at every call; later calls without samples write nothing.
 
         Raises `KeyError` where an array is missing, `ValueError` for other columns than at the first call, and
         `OSError` where writing fails.
@@ -107,13 +109,15 @@ def rollout_table(
     joints: Sequence[str],
     about: Mapping[str, object] = MappingProxyType({}),
 ) -> pyarrow.Table:
-    """The samples of a run as an Arrow table: a row for each of T samples, columns of float64 such as `p.joint1`, with
-    their units as metadata, and the entries of `about`, which JSON must be able to hold, as the table's own, none
-    unless given.
+    """The samples of a run as an Arrow table: a row for each of T samples, columns of float64 such as `time`,
+    `p.joint1`, `estimate.0` and `mark.payload`, with their units as metadata, joints' as if all were revolute, and the
+    entries of `about`, which JSON must be able to hold, as the table's own, none unless given.
 
-    `columns` maps the names of a `Rollout`'s arrays, such as "time" (T,) and "p" (T, r), to their values in SI units,
-    None for an array of joints that is left out; `marks` maps names of events to arrays (T,); `joints` (r,) names the r
-    joints. Raises `KeyError` where an array is missing and `ModuleNotFoundError` without pyarrow.
+    `columns` maps the names of a `Rollout`'s arrays to their values in SI units: "time", "clipped", "energy" and
+    "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and
+    "measured_v" (T, r), None for one that is left out; "estimate" (T, k) and "learning" (T, l), of k and l numbers.
+    `marks` maps names of events to arrays (T,); `joints` (r,) names the r joints. Raises `KeyError` where an array is
+    missing and `ModuleNotFoundError` without pyarrow.
     """
     import pyarrow as pa
 
@@ -124,9 +128,10 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """The contents of a run's Parquet file at `path`, three mappings by name: the arrays of its T samples, (T,), (T, r)
-    for r joints or (T, k), in SI units, read-only; the marks of events, (T,) each; and what it says of the whole run,
-    such as "control_period" (s).
+    """The contents of a run's Parquet file at `path`, three mappings by name: the arrays of a `Rollout` of T samples in
+    SI units, read-only: "time", "clipped", "energy" and "reward" (T,), those of r joints, such as "p" (T, r), and
+    "estimate" (T, k) and "learning" (T, l), of k and l numbers; the marks of events, (T,) each; and of the whole run
+    "control_period" and "wall_time", s, "complete", "terminated" and "every", as far as the file has them.
 
     Raises `FileError` for a file that cannot be read, is no run of this package or is damaged, and
     `ModuleNotFoundError` without pyarrow.

@@ -122,9 +122,11 @@ class Rollout:
 
     @needed("Rollout.save")
     def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run to a Parquet file at `path`, whole or not at all: a row for each sample, columns of float64
-        such as `p.joint1`, with their units as metadata, which `adaptctl identify` reads. `joints` (r,) names the r
-        joints, None for joint1, joint2, ...
+        """Write the run to a Parquet file at `path`, whole or not at all: a row for each sample, columns of float64,
+        one for `time`, `clipped`, `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a
+        number for `estimate` and `learning`, such as `estimate.0`, and one an event, such as `mark.payload`, with their
+        units as metadata, joints' as if all were revolute. The file is one that `adaptctl identify` reads. `joints`
+        (r,) names the r joints, None for joint1, joint2, ...
 
         The environment's last `info` is left out. Raises `InputError` for another number of names, `FileError` where
         the file cannot be written, and `MissingExtraError` without pyarrow.
@@ -135,8 +137,10 @@ class Rollout:
 
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
-        """The run as an Arrow table: a row for each sample, columns of float64 such as `p.joint1`, with their units as
-        metadata. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number
+        """The run as an Arrow table: a row for each sample, columns of float64, one for `time`, `clipped`, `energy` and
+        `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and `learning`, such as
+        `estimate.0`, and one an event, such as `mark.payload`, with their units as metadata, joints' as if all were
+        revolute. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number
         of names, `MissingExtraError` without pyarrow."""
         return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
 
@@ -149,9 +153,11 @@ class Rollout:
         return {name: getattr(self, name) for name in KEPT}
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
-        """The run as a pandas data frame: a row for each sample, columns such as `p.joint1`, in SI units: rad (m), s, N
-        m (N), J. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number
-        of names, `MissingExtraError` without pandas or pyarrow."""
+        """The run as a pandas data frame: a row for each sample, columns of float64, one for `time`, `clipped`,
+        `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and
+        `learning`, such as `estimate.0`, and one an event, such as `mark.payload`; in SI units: rad (m), s, N m (N), J.
+        `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number of names,
+        `MissingExtraError` without pandas or pyarrow."""
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 

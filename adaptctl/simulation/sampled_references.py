@@ -22,8 +22,9 @@ BLOCK = 128
 
 
 def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
-    """The points of a `reference` at times (T,), s: positions, velocities and accelerations (T, size) each, rad (m) and
-    the same per s and s^2, views of a new array (T, 3, size) or of `out`, one of that shape, which is written to.
+    """The points of a `reference` of `size` coordinates (joints) at T times (T,), s: positions, velocities and
+    accelerations (T, size) each, rad (m) and the same per s and s^2, views of a new array (T, 3, size) or of `out`,
+    unless that is None: one of that shape, which is written to.
 
     Raises `InputError` where the reference returns no reference point or one of another shape, `NonFiniteError` for NaN
     or infinity in it; what the reference itself raises goes through.

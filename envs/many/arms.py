@@ -163,13 +163,13 @@ class Arms:
     def rows(self) -> Array:
         """Rows (N, 3r + r L) of the references of all N arms now: positions, velocities and accelerations of r joints,
         then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic). To be read after
-        the arms have begun."""
+        all arms have begun; before, the numbers mean nothing."""
         return self._row(self.all)
 
     @property
     def positions(self) -> Array:
         """The true positions (N, r) of the r primary joints of all N arms now, rad (m if prismatic). To be read after
-        the arms have begun."""
+        arms have begun; before, `KeyError` is raised."""
         return self.single.plant.positions(self._lanes.state["q"])
 
     def _follow(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> None:

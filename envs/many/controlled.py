@@ -47,9 +47,9 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), n numbers an arm in the environment's units, and `info` of all N arms, after an episode
-        of every arm has begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools (N,);
-        the controller's state of these arms is made anew.
+        """Observations (N, n), n numbers an arm in the environment's units, and `info`, that of
+        `VectorTrackingEnv.reset`, of all N arms, after an episode of every arm has begun, or, with `autoreset_mode`
+        "Disabled", of those in the option `reset_mask`, bools (N,); the controller's state of these arms is made anew.
 
         `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
         `payload` (kg or a mapping), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (rad, m) and the
@@ -67,8 +67,11 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Observations (N, n), n numbers an arm in the environment's units, rewards (no unit), `terminated` and
         `truncated`, bools, (N,) each, and `info` after one control period of all N arms under each one's own
-        controller, changed by the actions (N, a), no unit, in [-1, 1], as the subclass defines. Actions of arms that
-        begin again do not matter, but are checked.
+        controller, changed by the actions (N, a), no unit, in [-1, 1], as the subclass defines. Rewards and ends are
+        those of `VectorTrackingEnv.step`: terminated where a joint's error passes its bound or kinematic loops come
+        near a singularity or leave bounds that the robot's file states, truncated where the duration is over. `info`
+        has that environment's keys and the subclass's, `base_torque` or `gains`. Actions of arms that begin again do
+        not matter, but are checked.
 
         Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming number and arm, before
         anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`

@@ -23,9 +23,10 @@ LARGEST = 1e300
 class Facts(NamedTuple):
     """Facts about an arm after a control period, one scalar each, where conditions are 1.0 or 0.0: `reward`, no unit,
     without the penalty for an episode that is terminated; `finite`, 1 if the motion has not run away; `lost`, 1 if a
-    joint's error passed its bound; `sure`, 1 if loops are surely within their conditions and away from singularities, 0
-    where that must be computed exactly; `energy`, kinetic plus potential, J, with the inertial parameters of the period
-    that ends; `clipped`, 1 if the torque was clipped to its limits."""
+    joint's error passed its bound; `sure`, 1 if a mechanism's loops are surely away from singularities and positions
+    within the conditions that its file states, or it has no loops, 0 where that must be computed exactly; `energy`,
+    kinetic plus potential, J, with the inertial parameters of the period that ends; `clipped`, 1 if the torque was
+    clipped to its limits."""
 
     reward: Any
     """without what ending costs"""
@@ -76,8 +77,9 @@ class VectorStep:
 
     def compile(self, precision: Precision = "double") -> Stepper:
         """The step as native code, a `Stepper`, in the given `precision` of numbers, "double" or "single", which works
-        on as many arms at once as suit the processor's SIMD registers. Its state has the columns of `plant.sizes`, its
-        held columns those of `held`. Raises `InputError` for another precision."""
+        on as many arms at once as suit the processor's SIMD registers. Its state has the columns "q", "v", "drives" and
+        "sensors" of the plant, its held columns, which a step leaves as they are, "torque", "noise", "parameters" and
+        the reference's, as in the property `held`. Raises `InputError` for another precision."""
         sizes = self.plant.sizes
         return compile_step(self.equation, state=sizes, held=self.held, name="vector_step", precision=precision)
 
@@ -107,8 +109,8 @@ class VectorStep:
         `Facts` and the plant's m marks (6 + m,); and the true positions and velocities and the torque that reached the
         joints (3r,).
 
-        `columns` are, by name, those of `plant.sizes`, the state, and of the property `held`; one that is missing
-        raises `KeyError`.
+        `columns` are, by name, the state before it, "q", "v", "drives" and "sensors", and those of the property `held`:
+        "torque" (r,), "noise", "parameters" (P,) and the reference's; one that is missing raises `KeyError`.
         """
         plant, row = self.plant, self.row(columns)
         after = plant.equation(columns)

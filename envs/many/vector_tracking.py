@@ -59,8 +59,10 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Rewards and episode end
 
-    `rewards`, no unit, `terminations` and `truncations`, bools, are (N,). An arm that ends disturbs no other. A motion
-    that runs away raises `NonFiniteError`, which names the arm; then reset all.
+    `rewards`, no unit, `terminations` and `truncations`, bools, are (N,): an arm's episode is terminated when an error
+    passes `error_bound`, or a mechanism with loops nears a singularity or breaks a condition of its file, and truncated
+    at `duration`. An arm that ends disturbs no other. A motion that runs away raises `NonFiniteError`, which names the
+    arm; then reset all.
 
     ## Beginning again
 
@@ -79,8 +81,9 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Information
 
-    As in `TrackingEnv`, with a leading axis of arms. For every key a mask `_key` (N,) says which arms have it.
-    `parameters` and the masks are read-only.
+    As in `TrackingEnv`, with a leading axis of arms: `time`, `parameters`, `applied_torque`, `energy`, `clipped`, and
+    with effects `p`, `v` and `marks`. For every key a mask `_key` (N,) says which arms have it. `parameters` and the
+    masks are read-only.
 
     ## Arguments
 
@@ -152,7 +155,9 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     ) -> tuple[Array, dict[str, Any]]:
         """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad, rad/s, rad/s^2 (m if
         prismatic), and `info` of all N arms, after an episode of every arm has begun, or, with `autoreset_mode`
-        "Disabled" alone, of those in the option `reset_mask`, bools (N,), not all False.
+        "Disabled" alone, of those in the option `reset_mask`, bools (N,), not all False. `info` has `time`,
+        `parameters`, `applied_torque`, `energy` and `clipped` and, with effects, `p`, `v` and `marks`, as in `step`,
+        and for each key a mask `_key` (N,) of the arms that have begun.
 
         `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
         `payload` (kg or a mapping), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (rad, m) and the
@@ -182,9 +187,15 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         prismatic), rewards (no unit), `terminated` and `truncated`, bools, (N,) each, and `info` after one control
         period of all N arms under `actions`, torques (N, r), N m (N), held and clipped to the torque limits.
 
-        Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming joint and arm, before
-        anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`
-        before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is over.
+        `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity or leave
+        bounds that the robot's file states, `truncated` where the duration is over. `info` has `time` (N,), s,
+        `parameters` (N, P), the P true inertial ones (SI units), `applied_torque` (N, r), N m (N), `energy` (N,), J,
+        and `clipped` (N,), actions clipped so far; with effects also the true `p` and `v` (N, r) and `marks`, a dict of
+        events; for each key a mask `_key` (N,) of arms; with `autoreset_mode` "SameStep" `final_obs` and `final_info`
+        of episodes that ended. Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming
+        joint and arm, before anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away;
+        Gymnasium's `ResetNeeded` before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is
+        over.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)
@@ -316,16 +327,19 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
 class Puma560VectorTrackingEnv(VectorTrackingEnv):
     """Vector environment of N PUMA 560 arms, six joints each: `VectorTrackingEnv` with the arguments and defaults of
-    `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42), rad, rad/s, rad/s^2. Raises what
-    `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
+    `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42): positions, velocities, the
+    reference's positions, velocities and accelerations, and its positions 0.05 and 0.2 s ahead, six each, rad, rad/s,
+    rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
 
     kind = Puma560TrackingEnv
 
 
 class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     """Vector environment of N semi-direct-drive arms, three primary joints each: `VectorTrackingEnv` with the arguments
-    and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21), rad, rad/s,
-    rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
+    and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21): positions,
+    velocities, the reference's positions, velocities and accelerations, and its positions 0.05 and 0.2 s ahead, three
+    each, rad, rad/s, rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for
+    unknown names."""
 
     kind = SemiDirectDriveTrackingEnv
 

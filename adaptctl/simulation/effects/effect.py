@@ -113,8 +113,8 @@ class LoadEffect(Effect):
         raised."""
 
     def until(self, time: float) -> float:
-        """The time (s) until which the load at `time` (s) stays as it is: `time` itself, as for a load that changes
-        continuously, unless a subclass overrides it."""
+        """The time (s) until which the load at `time` (s) stays as it is, infinity if for ever: `time` itself, as for a
+        load that changes continuously, unless a subclass overrides it. Nothing is raised."""
         return time
 
     @abstractmethod

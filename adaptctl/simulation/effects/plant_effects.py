@@ -34,7 +34,9 @@ class PlantEffects:
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
-        """The plant's effects, from a list or another iterable of them in any order, sorted into their places.
+        """The `PlantEffects` of a plant, from a list or another iterable of effects in any order: sorted into actuator,
+        sensor, joint and load effects and elastic joints, the first two by their `rank`, the order in which signals
+        pass them.
 
         Raises `InputError` for what is no `Effect`, for an effect alone that is not in a list, and for two actuator
         effects, two sensor effects or two elastic joints of one class; joint and load effects may repeat.
@@ -69,7 +71,7 @@ class PlantEffects:
     @property
     def marks(self) -> tuple[str, ...]:
         """Names of the actuator effects that mark the control periods in which they change a torque, such as
-        "torque_limited", in the order of the torque's way; empty where none does."""
+        "torque_limited", in the order in which a torque passes them; empty where none does."""
         return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
