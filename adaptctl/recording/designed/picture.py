@@ -60,8 +60,8 @@ def spots(costs: CostMap, parts: Skeleton) -> Spots:
 
 def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
     """Scale of colours, a Matplotlib `TwoSlopeNorm`, for relative changes of cost, no unit, with 0 in its middle. It
-    goes from the least change, of those on the study's links and of `change` (n,), to the greatest of `change`; an end
-    without such a change lies a thousandth of the other's size from 0."""
+    goes from the least of `change` (n,) and of the changes at the cheapest place of each link of the study to the
+    greatest of `change`; an end on whose side of 0 there is none lies a thousandth of the other's size from 0."""
     low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
     high = max(float(change.max()), 0.0)
     least = 1e-3 * max(high, -low, 1e-9)

@@ -49,7 +49,8 @@ def report(found: Identification, figures: Mapping[str, Path]) -> str:
 
 def verdict(found: Identification) -> str:
     """The outcome of an identification in a sentence: the root mean square error of the torques that it predicts on the
-    rows of its validation, in N m over all joints, and in percent of the measured torques."""
+    rows of its validation, over all joints, told in N m also where some are prismatic, and in percent of the measured
+    torques."""
     validation = found.validation
     return (
         f"Predicts the torques of {validation.origin}, to {validation.rms_error:.3g} N m over all joints, "
