@@ -47,8 +47,9 @@ def report(
 
 def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis) -> Group:
     """Heading of the report of a basis, a group of texts of the package rich: the robot with its numbers of links,
-    joints and inertial parameters, how many of these are independent, the certificate that proves this number, and
-    notes."""
+    joints' degrees of freedom and inertial parameters, how many of these are independent, the certificate that proves
+    this number, and notes, where there are any: on the certificate, on parameters that nearly depend on others, and on
+    friction's, which are kept besides."""
     parameters, friction = len(space.parameter_names), len(mechanism.parameter_names) - len(space.parameter_names)
     first = Text.assemble(
         (mechanism.name, "bold"),

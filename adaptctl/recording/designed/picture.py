@@ -76,10 +76,10 @@ def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
 
 
 def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
-    """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls coloured by what a point mass
-    costs at their places, blue where it relieves the arm and red where it costs; small balls fill the boxes where
-    masses may be, and yellow ones are the counterweights. `p` (T, r) are the positions, rad (m if prismatic), of its r
-    joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
+    """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls coloured by the relative change of
+    the motion's energy by a point with the study's mass at their places, blue where it relieves the arm and red where
+    it costs; small balls fill the boxes where masses may be, and yellow ones are the counterweights. `p` (T, r) are the
+    positions, rad (m if prismatic), of its r joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
 
     Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
     where kinematic loops do not fit together, `SingularityError` near where they lock.
