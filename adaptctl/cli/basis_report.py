@@ -47,8 +47,9 @@ def report(
 
 def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis) -> Group:
     """Heading of the report of a basis, a group of texts of the package rich: the robot with its numbers of links,
-    joints and inertial parameters, how many of these are independent, the certificate that proves this number, and
-    notes."""
+    joints' degrees of freedom and inertial parameters, how many of these are independent, the certificate that proves
+    this number, and notes, where there are any: on the certificate, on parameters that nearly depend on others, and on
+    friction's, which are kept besides."""
     parameters, friction = len(space.parameter_names), len(mechanism.parameter_names) - len(space.parameter_names)
     first = Text.assemble(
         (mechanism.name, "bold"),
@@ -68,9 +69,10 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
 
 
 def spectrum(space: EssentialSpace) -> Table:
-    """Table, of the package rich, of the singular values of the energy differences with a bar of "#" for each, on a
-    logarithmic scale: the first two, six on either side of the gap at the rank (the number of independent parameters),
-    and the last."""
+    """Table, of the package rich, of the singular values of a mechanism's energy differences between states, those of
+    its essential `space`, J per SI unit: each with its number from 1 and a bar of "#", on a logarithmic scale. It has
+    the first two, six on either side of the gap at the rank (the number of independent inertial parameters), and the
+    last."""
     values, k = space.singular_values, space.rank
     table = Table(box=None, show_header=False, pad_edge=False)
     shown = sorted({*range(min(2, k)), *range(max(0, k - ABOUT), min(len(values), k + ABOUT)), len(values) - 1})
@@ -114,8 +116,8 @@ def equations(basis: FundamentalBasis) -> Group:
 
 
 def energy_error(reduction: Reduction) -> Text:
-    """Sentence, a text of the package rich, on a model reduction: how many of the parameters' essential components keep
-    the energy to what error, in percent, and over which motions."""
+    """Sentence, a text of the package rich, on a model reduction: how many of all essential components, of which the
+    inertial parameters are a sum, keep the energy to what error, in percent, and over which motions."""
     return Text(
         f"{reduction.kept} of {len(reduction.weights)} components keep the energy within "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "

@@ -67,14 +67,18 @@ def gains(
 
 
 def as_builtins(design: GainDesign) -> dict[str, Any]:
-    """A gain design in JSON's types, one entry a joint: typical `inertia`, kg m^2 (kg if prismatic), and
-    `least_inertia` over it, no unit; `stiffness`, 1/s^2, and `rate`, 1/s, of the error's feedback; its natural
+    """A gain design in JSON's types. Each of the `joints` has the typical `inertia`, kg m^2 (kg if prismatic), for
+    which its loop is designed, and `least_inertia`, the least over configurations, all other joints free, over it, no
+    unit; `stiffness`, 1/s^2, and `rate`, 1/s, of the error's feedback, e'' = -stiffness e - rate e'; its natural
     frequency `bandwidth`, rad/s, and `damping_ratio`, no unit; the gains of Slotine and Li's law,
-    `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m), None where the poles are not real; gain
-    margin (no unit), phase margin (rad), delay margin (s) and `crossover` (rad/s), None for infinite or none.
+    `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m), None where poles are not real;
+    `gain_margin` (no unit), `phase_margin` (rad), `delay_margin` (s) and `crossover` (rad/s), None for infinite or
+    none.
 
-    For all joints it has the `period`, s, the `delay` in periods, the `sampled_gain`, the `largest_sampled_gain` that
-    is allowed, and `fastest`, the factor by which poles may be faster, None for infinite; no units.
+    For all joints it has `method`, `period`, s, and `delay`, in periods; `sampled_gain`, the period times the largest
+    eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K, at the worst configuration found,
+    `largest_sampled_gain`, the most that is allowed, and `fastest`, the factor by which poles may be faster, None for
+    infinite; no units.
     """
     mechanism, cascade = design.mechanism, design.damped_enough
     joints = [

@@ -58,10 +58,17 @@ def as_builtins(tuning: Tuning) -> dict[str, Any]:
     """A tuning in JSON's types. Each of the `joints` has Slotine and Li's gains, `bandwidth` (1/s) and `damping` (N m
     s/rad, N s/m if prismatic), `initial_error` (rad, m), `torque_limit` (N m, N), `torque_share`, the largest share of
     it that the reference asks (no unit), `limited_by`, words on what limits the gains, and the reference's `center` and
-    `amplitude` (rad, m) and `frequency` (Hz). For all there are the control `period` (s), the diagonal of the
-    `adaptation` gain by parameter (its unit squared per J), the integration (`substeps` a period, `integrator`), the
-    stability numbers `hold_number` and `adaptation_number` (no units), `verified`, tracking errors of runs (rad, m),
-    None for infinite, and `notes`."""
+    `amplitude` (rad, m) and `frequency` (Hz).
+
+    For all there are the control `period` T (s), the diagonal of the `adaptation` gain Gamma by parameter (its unit
+    squared per J), the integration (`substeps` a period, `integrator`), and two numbers without a unit, each stable
+    below 2, of the sampled loop along the reference: `hold_number`, the largest eigenvalue of T (M + T B)^-1 K, with
+    the mass matrix M, viscous friction B and damping K, and `adaptation_number`, that of T K^-1 Y Gamma Y', with the
+    parameters' regressor Y and its transpose Y'. Each run of `verified` has its `name`, `learns`, True where it stayed
+    near the reference and errors fell to a third, root mean square errors (rad, m) over the `first` second, the `last`
+    two, and these with adaptation `off`, the `largest` error, and `limited`, the share of the second half with a torque
+    at its limit, 0 to 1; None for infinite. `notes` are sentences.
+    """
     mechanism, reference = tuning.mechanism, tuning.reference
     joints = [
         {

@@ -49,8 +49,9 @@ class FrictionTrial(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Choice:
     """Choice of a fit's settings: `settings`, the `FitSettings` that were chosen (friction model, weight of the prior,
-    cut-off of the low-pass filter in Hz), and `trials`, one `FrictionTrial` for each candidate in the order of trying.
-    `trials` is empty where all settings were given. Made by `choose`; nothing is checked at construction."""
+    a first guess of the links, against the logs, cut-off of the low-pass filter in Hz), and `trials`, one
+    `FrictionTrial` for each candidate in the order of trying. `trials` is empty where all settings were given. Made by
+    `choose`; nothing is checked at construction."""
 
     settings: FitSettings
     trials: tuple[FrictionTrial, ...]

@@ -153,8 +153,8 @@ class Drives:
 
     @cached_property
     def constants(self) -> Array:
-        """Torque constants (r,) of the r motors, in N m for a unit of their torque columns (an ampere, say): 1 where
-        these are torques already, NaN where unknown."""
+        """Torque constants (r,) of the r motors, in N m (N for a linear motor) for a unit of their torque columns (an
+        ampere, say): 1 where these are torques already, NaN where unknown."""
         given = (motor.torque_constant for motor in self.motors)
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 

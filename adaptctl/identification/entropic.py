@@ -64,9 +64,9 @@ class EntropicPrior:
         return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
 
     def start(self, size: int) -> Array:
-        """The prior's own parameters (P,), SI units, for `size` = P parameters: the links' ten each, the rough sizes of
-        the other positive parameters, and zero for all others. Raises `ValueError` or `IndexError` for a size that is
-        too small."""
+        """The prior's own parameters (P,), SI units, for `size` = P parameters: the links' ten inertial ones each, the
+        rough sizes of the other positive parameters, and zero for all others. Raises `ValueError` or `IndexError` for a
+        size that is too small."""
         x = np.zeros(size)
         x[: self.tens.size] = self.tens.ravel()
         x[self.positive] = self.scales
@@ -74,9 +74,10 @@ class EntropicPrior:
 
     def divergence(self, x: Array, weight: float) -> float:
         """Divergence, without a unit, of the parameters `x` (P,), SI units, from the prior, up to a constant: `weight`
-        times the sum of tr(P0^-1 P) - log det P over the links, with a link's pseudo-inertia P (4, 4) by x and P0 by
-        the prior, plus 0.01 times the sum of z - log z over the other positive parameters, z each over its rough size.
-        Infinite where no rigid bodies have x, or a positive parameter is not positive."""
+        times the sum of tr(L0^-1 L) - log det L over the links, with a link's pseudo-inertia L (4, 4), the matrix of
+        its second and first moments and mass, by x and L0 by the prior, plus 0.01 times the sum of z - log z over the
+        other positive parameters, z each over its rough size. Infinite where no rigid bodies have x, or a positive
+        parameter is not positive."""
         matrices = self._matrices(x)
         sign, determinants = np.linalg.slogdet(matrices)
         ratios = x[self.positive] / self.scales
@@ -87,16 +88,17 @@ class EntropicPrior:
 
     def distance(self, x: Array) -> float:
         """Divergence, without a unit, of the links in `x` (P,), SI units, from the prior's: the sum over the links of
-        tr(P0^-1 P) - log det(P0^-1 P) - 4, with a link's pseudo-inertia P (4, 4) by x and P0 by the prior. It is 0 at
-        the prior itself, and greater elsewhere; `x` must be of links that rigid bodies can have, which is not
-        checked."""
+        tr(L0^-1 L) - log det(L0^-1 L) - 4, with a link's pseudo-inertia L (4, 4), the matrix of its second and first
+        moments and mass, by x and L0 by the prior. It is 0 at the prior itself, and greater elsewhere; `x` must be of
+        links that rigid bodies can have, which is not checked."""
         _, logarithms = np.linalg.slogdet(self.inverses @ self._matrices(x))
         return float(np.sum(self.inverses * self._matrices(x)) - np.sum(logarithms) - 4 * len(self.tens))
 
     def gradient(self, x: Array, weight: float) -> Array:
-        """Gradient (P,), per SI unit of each parameter, of `divergence` with the same `weight` (unitless) at the
-        parameters `x` (P,), SI units. Parameters that are neither a link's nor positive ones have zero. Raises NumPy's
-        `LinAlgError` where a link's pseudo-inertia is singular; other impossible links are not refused."""
+        """Gradient (P,), per SI unit of each parameter, of `divergence`, that of the parameters `x` (P,), SI units,
+        from the prior, with the same `weight` (unitless) of the links. Parameters that are neither a link's nor
+        positive ones have zero. Raises NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4), the matrix of its
+        second and first moments and mass, is singular; other impossible links are not refused."""
         out = np.zeros_like(x)
         slopes = self.inverses - np.linalg.inv(self._matrices(x))
         out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNITS, slopes).ravel()
@@ -104,10 +106,11 @@ class EntropicPrior:
         return out
 
     def curvature(self, x: Array, weight: float) -> Array:
-        """Second derivatives (P, P), per SI units of two parameters, of `divergence` with the same `weight` (unitless)
-        at the parameters `x` (P,), SI units: a block (10, 10) for each link, diagonal entries for the other positive
-        parameters, and zero elsewhere. Raises NumPy's `LinAlgError` where a link's pseudo-inertia is singular; other
-        impossible links are not refused."""
+        """Second derivatives (P, P), per SI units of two parameters, of `divergence`, that of the parameters `x` (P,),
+        SI units, from the prior, with the same `weight` (unitless) of the links: a block (10, 10) for each link,
+        diagonal entries for the other positive parameters, and zero elsewhere. Raises NumPy's `LinAlgError` where a
+        link's pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is singular; other impossible
+        links are not refused."""
         inverse = np.linalg.inv(self._matrices(x))[:, None]
         bent = inverse @ UNITS @ inverse
         blocks = weight * np.einsum("naij,bij->nab", bent, UNITS)

@@ -36,10 +36,10 @@ class Rows:
     """Rows of a robot's filtered equations of motion at n instants: torque = regressor D, with the robot's P parameters
     D (P,) in SI units, torques and regressor through one low-pass filter of `cutoff` Hz.
 
-    `time` (n,) is in s, as in the logs; `regressor` (n, r, P) in N m per SI unit of each parameter; `torque` (n, r) the
-    torques of r primary joints, N m (N for a prismatic joint); `velocity` (n, r) their filtered velocities, rad/s
-    (m/s); and `log` (n,) the number of the log, from 0, that each instant is of. `len` gives n. Nothing is checked at
-    construction.
+    `time` (n,) is in s, as in the logs; `regressor` (n, r, P) in N m (N for a prismatic joint) per SI unit of each
+    parameter; `torque` (n, r) the torques of r primary joints, N m (N); `velocity` (n, r) their filtered velocities,
+    rad/s (m/s); and `log` (n,) the number of the log, from 0, that each instant is of. `len` gives n. Nothing is
+    checked at construction.
     """
 
     cutoff: float
@@ -173,9 +173,10 @@ class RowFilter:
         return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), every)
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
-        """The regressor (n, r, P), N m per SI unit of each of P parameters, of n rows of filtered equations from a
-        chunk of l samples of a motion: its `momentum` (l, r, P), N m s per unit, through the filter's derivative, less
-        its `forces` (l, r, P), N m per unit, through the filter, for r primary joints.
+        """The regressor (n, r, P), N m (N for a prismatic joint) per SI unit of each of P parameters, of n rows of
+        filtered equations from a chunk of l samples of a motion, for r primary joints: `momentum` (l, r, P), the
+        regressor of the generalised momenta, N m s (N s) per unit, through the filter's derivative, less `forces` (l,
+        r, P), that of all other forces, friction among them, N m (N) per unit, through the filter.
 
         The rows are those that begin at the motion's samples from index `start` on, in the first `length` samples of
         the chunk, which has up to `taps` - 1 samples more (the filter's length less one). n is 0 where the chunk is
@@ -196,7 +197,8 @@ class RowFilter:
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
         """Rows of filtered equations, a `Rows`, at those instants of a filtered `regressor` (n, r, P) at which the arm
         moves: with the torques, filtered alike at the log's own rate, and the motion's filtered velocities. The
-        regressor, N m per SI unit of each of P parameters, is that of all of the motion's n rows."""
+        regressor, N m (N for a prismatic one) of r joints per SI unit of each of P parameters, is that of all of the
+        motion's n rows."""
         log, n = motion.log, len(regressor)
         at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)

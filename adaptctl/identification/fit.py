@@ -151,10 +151,10 @@ class LogEvidence:
 
     def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
         """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in all n rows of filtered
-        equations at a `cutoff` (Hz; None for the settings' own), or None where the settings' friction model has none.
-        The rigid torques that it grows with are those of a fit without it to some of the blocks of time (numbers from
-        0). Raises `KeyError` for a cut-off that the evidence does not have, `AdaptctlError` where that fit is not
-        found."""
+        equations at a `cutoff` (Hz; None for the settings' own): the torques of r joints by the friction of each of r
+        drives, were its share of the rigid torque 1; or None where the settings' friction model has none. The rigid
+        torques that it grows with are those of a fit without it to some of the blocks of time (numbers from 0). Raises
+        `KeyError` for a cut-off that the evidence does not have, `AdaptctlError` where that fit is not found."""
         if not settings.friction.load:
             return None
         at = settings.cutoff if cutoff is None else cutoff
@@ -221,8 +221,8 @@ def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
 def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
     """Indices (c,), among a mechanism's parameters, of the drives' parameters that must be positive (rotor inertias,
     viscous and Coulomb friction), and their rough sizes (c,), SI units. The size of a rotor inertia is a tenth of the
-    mean moment of inertia, at least 1e-6, of the N links whose ten inertial parameters are `tens` (N, 10); others have
-    1."""
+    mean moment of inertia, at least 1e-6 kg m^2, of the N links whose ten inertial parameters (mass, first moments,
+    inertia tensor) are `tens` (N, 10); others have 1."""
     first = 10 * len(mechanism.description.bodies)
     drives = mechanism.description.drive_parameters
     own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]

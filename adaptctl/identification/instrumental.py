@@ -40,10 +40,11 @@ def halves(log: PreparedLog) -> tuple[PreparedLog, PreparedLog]:
 
 
 def first_stage(rows: Rows, instruments: Rows) -> Rows:
-    """Rows of filtered equations, a `Rows`, whose regressor (n, r, P), N m per SI unit of each of P parameters, is
-    replaced, for each of r joints, by its regression on the regressor of `instruments`, rows of the same n instants
-    with other noise. What is left is free of the noise of `rows` (two-stage least squares). Raises `ValueError` or
-    `IndexError` for instruments of other instants or joints, NumPy's `LinAlgError` for numbers that are not finite."""
+    """Rows of filtered equations, a `Rows`, whose regressor (n, r, P), N m (N for a prismatic joint) per SI unit of
+    each of P parameters, is replaced, for each of r joints, by its regression on the regressor of `instruments`, rows
+    of the same n instants with other noise. What is left is free of the noise of `rows` (two-stage least squares).
+    Raises `ValueError` or `IndexError` for instruments of other instants or joints, NumPy's `LinAlgError` for numbers
+    that are not finite."""
     parts = [_regressed(rows.regressor[:, j], instruments.regressor[:, j]) for j in range(rows.regressor.shape[1])]
     return replace(rows, regressor=np.stack(parts, axis=1))
 

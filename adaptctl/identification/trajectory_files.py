@@ -27,9 +27,9 @@ def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate
 
 def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) -> dict[str, Any]:
     """The fields of a ROS 2 trajectory_msgs/JointTrajectory message, a dictionary of JSON's types, of a robot's motion
-    sampled evenly at about a `rate` (Hz): `header`, `joint_names`, which are `joints`, and `points`, each with its time
-    from the start and the joints' positions (rad, or m for a prismatic joint), velocities (rad/s, m/s) and
-    accelerations (rad/s^2, m/s^2). Names and rate are not checked."""
+    sampled evenly at about a `rate` (Hz): `header`, with a stamp of 0 and no frame, `joint_names`, which are `joints`,
+    and `points`, each with `time_from_start` (sec and nanosec) and the joints' `positions` (rad, or m for a prismatic
+    joint), `velocities` (rad/s, m/s) and `accelerations` (rad/s^2, m/s^2). Names and rate are not checked."""
     time, p, v, a, _ = motion.sampled(rate)
     points = [
         {

@@ -186,9 +186,10 @@ def parameters(comparison: Comparison) -> Figure:
 
 
 def spectrum(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of the singular values of the energies by which a mechanism's independent inertial parameters
-    are counted, each over the largest (no unit), on a logarithmic scale: a bar for each, and a dashed line in the gap
-    between those that count and those that are zero but for round-off."""
+    """Figure (Matplotlib) of the singular values of the energy differences of a comparison's mechanism, one for each of
+    its inertial parameters, each over the largest (no unit), on a logarithmic scale: a bar for each, and a dashed line
+    in the gap between those that count, as many as parameters are independent, and those that are zero but for
+    round-off."""
     values, rank = shares(comparison.space), comparison.space.rank
     figure = sheet(3.3)
     axes = figure.subplots()

@@ -72,9 +72,9 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
 
 def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
     """Content, in JSON's types, of a report's live arm, a simulated arm that runs in the page as WebAssembly; None
-    where `live` is a text, the reason why there is none. It has `binary`, the module in base64; `facts`, all that the
-    page must know to run it; `label`, the name of the run that it repeats; and `colors`, one a joint, such as
-    "#2d7deb". Nothing is raised."""
+    where `live` is a text, the reason why there is none. It has `binary`, the module in base64; `facts`, those of
+    `live`: places of numbers in the module's memory, names of joints, first values and geometry; `label`, the name of
+    the run that it repeats; and `colors`, one a joint, such as "#2d7deb". Nothing is raised."""
     if isinstance(live, str):
         return None
     binary = base64.b64encode(live.binary).decode("ascii")

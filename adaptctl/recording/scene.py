@@ -114,7 +114,7 @@ def log_base(
     """Draw what stands still under a mechanism in a rerun recording, as the entity `name` below "world": the shapes
     that the robot's file fixes to the ground, and a pedestal from each link on the ground down to the floor, whose
     height is `floor`, m. A body that hangs above its own links, such as a humanoid's hips, gets none. `parts` are the
-    shapes that the mechanism is drawn by; they set the pedestals' size."""
+    shapes that the mechanism is drawn by; they set the pedestals' size. Nothing is raised."""
     radius = 1.15 * ROOT_RADIUS * parts.reach
     feet = np.array([link.near.translation for link in mechanism.links if link.parent == GROUND])
     shown = visuals(mechanism.description)

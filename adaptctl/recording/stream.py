@@ -18,8 +18,9 @@ from adaptctl.files import replacing
 
 
 class Recorded(Protocol):
-    """Protocol of what a recording is about: it has the experiment's name, a title, the seed, and whether it ran to its
-    end. An implementation needs these four attributes alone; reading them raises nothing."""
+    """Protocol of what a recording is about: `experiment`, the experiment's name, `title`, `seed` of its random
+    numbers, and `complete`, True where it ran to its end. An implementation needs these four attributes alone; reading
+    them raises nothing."""
 
     @property
     def experiment(self) -> str:

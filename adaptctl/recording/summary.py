@@ -21,15 +21,20 @@ def write_summary(path: str | Path, comparison: Comparison) -> None:
 
 
 def summary(comparison: Comparison) -> dict[str, Any]:
-    """Summary of a comparison of runs in JSON's types: what was run and how it went, in SI units and rad; None for what
-    is not known or was not run.
+    """Summary of a comparison of runs in JSON's types, SI units and rad; None for a number that is not known or was not
+    measured.
 
-    Numbers at its head are of the first run: `rms_error` is the root mean square of the position errors (rad, m) of all
-    joints and samples, `first_rms_error` over the first second, `final_rms_error` over the last two; `clipped_steps`
-    counts samples with a torque that was clipped or at its limit; `lyapunov_initial`, `_final` and `_max_increase` are
-    in J. `runs` has such numbers for every run, `parameters` true values and last estimates, `verdict` the failures,
-    `findings` and `settings` what the experiment states. Raises `InputError` for parameter estimates with the basis of
-    another mechanism.
+    `experiment`, `robot`, `robot_sha256`, `seed` and `complete`, False where it was interrupted, say what was run;
+    `verdict` has the failures, `findings` and `settings` what the experiment states; `parameters` maps names to the
+    `true` value and the last `estimate`, `truth_known` tells whether the former is, and `rank` is the number of
+    independent inertial parameters. `runs` has label, end, errors and cost of every run, by name.
+
+    Further numbers are of the first run: `duration`, asked for, `duration_run`, `control_period` and `wall_time`, s,
+    and `realtime_factor`; `rms_error`, the root mean square of the position errors (rad, m) of all joints and samples,
+    `first_rms_error` over the first second, `final_rms_error` over the last two, `final_rms_error_adaptation_off` that
+    of the run with adaptation off; `lyapunov_initial`, `lyapunov_final` and `lyapunov_max_increase`, J;
+    `peak_torque_share`, the largest torque over its limit; `clipped_steps`, samples with a torque that was clipped or
+    at its limit. Raises `InputError` for parameter estimates with the basis of another mechanism.
     """
     subject, baseline = comparison.subject, comparison.baseline
     lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)

@@ -73,9 +73,12 @@ def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str
 
 
 def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
-    """Columns of a run's table, each a `Quantity` of T samples: `time` (s), `energy` (J), `reward` and `clipped` (no
-    units), `lyapunov` (J) where the control law has such a function, and `mark.NAME` for each kind of event that the
-    environment or the controller's guards mark.
+    """Columns of a run's table, each a `Quantity` of T samples: `time` (s), `energy`, kinetic plus potential (J),
+    `reward` of the environment (no unit), `clipped`, 1 where a torque was clipped, else 0, `lyapunov` (J) where the
+    control law has such a function, and `mark.NAME` for each mark of the plant or the controller's guards: `payload`,
+    the mass held (kg), `torque_limited`, `rate_limited`, `frozen` (nothing is learned), `bounded` (an estimate brought
+    back to its bounds), `ringing` (a sliding variable changes its sign every control period) or `stopped` (the arm is
+    braked), 1 where so.
 
     Columns of a joint end in its name, such as `p.joint1`: position `p`, `reference_p` and `error`, rad (m if
     prismatic), velocity `v` and `reference_v`, `reference_a`, those per s and s^2, and `torque`, asked for, and

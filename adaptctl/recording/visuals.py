@@ -53,8 +53,8 @@ def log_visuals(
     recording: rr.RecordingStream, path: str, link: int, shown: Visuals, color: Color, opacity: int = 255
 ) -> bool:
     """Draw the shapes that a robot file has for one link, in a rerun recording, at all times; returns False where it
-    has none. `link` is the link's index from 0, or -1 for the ground; the shapes become the entities `path`/visual/0,
-    1, ...
+    has none. `link` is the link's index from 0, or -1 for the ground; `shown` has the shapes of all links and the bytes
+    of their mesh files. The shapes become the entities `path`/visual/0, 1, ...
 
     With an `opacity` of 255, the default, shapes have their own colours, and `color` where they have none; meshes have
     those of their files, except STL files, which hold none. Below 255 the link is a translucent ghost, all of it in

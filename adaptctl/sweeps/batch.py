@@ -36,8 +36,8 @@ def batched(
 ) -> RunOutcomes:
     """Outcomes of those `experiments` that can be computed together in native code, by their index: for each a list of
     pairs, a controller's name and its `RunOutcome`. The others are left out: all where any is no `Learning`, a
-    comparison of controllers, and those whose plant has effects or kinematic loops or whose reference is no sinusoids
-    of the joints.
+    comparison of controllers, and those whose plant has kinematic loops or effects (delays and limits of torques,
+    friction and springs in joints, sensors, loads) or whose reference is no sinusoids of the joints.
 
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of the
     numbers. In double the outcomes are those of each experiment by itself, to round-off. An experiment that raises an

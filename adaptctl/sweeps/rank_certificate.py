@@ -42,8 +42,9 @@ class RankCertificate(SweepMeasurement):
 
     @classmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The `RunOutcome` of each of the measurements `chosen`, in their order: "done" or "failed", with the rank from
-        energies and that from joints, or the error, as its reason. No `AdaptctlError` is raised."""
+        """The `RunOutcome` of each of the measurements `chosen`, in their order: "done" where the chain's rank, the
+        number of its identifiable parameters, is the same from energies as from its joints one by one, else "failed";
+        both ranks, or the error, are its reason. No `AdaptctlError` is raised."""
         return [one._judged() for one in chosen]
 
     def mechanism(self) -> Mechanism:

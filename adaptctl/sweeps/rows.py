@@ -38,8 +38,9 @@ def rows_of(
     precision: Precision = "double",
 ) -> list[Row]:
     """The rows of `runs` of an `experiment` or measurement, by its name, in the runs' order: one for each run and
-    controller, a mapping by column with settings, controller, outcome, version, time and host. A run has its settings
-    by name, defaults for the others.
+    controller, a mapping by column. Columns are the settings by name, `controller`, the fields of `RunOutcome` (status,
+    reason, position errors, divergence, rise of the Lyapunov function), `version` of adaptctl, `wall_time`, s a run,
+    and `host`, the computer. A run has its settings by name, defaults for the others.
 
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of
     runs that are computed together in native code. A run that raises an `AdaptctlError` is a row of status "failed"
@@ -84,8 +85,9 @@ def _outcomes(
 
 def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
     """Type and meaning, with the unit, of the columns of a sweep's table, by name, in order: the settings of the
-    experiment or measurement of class `kind`, then controller, outcome, version, time and host. Types are "int64",
-    "double" and "string". Nothing is raised."""
+    experiment or measurement of class `kind`, `controller`, the fields of `RunOutcome` (status, reason, position
+    errors, divergence, rise of the Lyapunov function), `version`, `wall_time` and `host`. Types are "int64", "double"
+    and "string". Nothing is raised."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     about = {
         "version": ("string", "of adaptctl"),

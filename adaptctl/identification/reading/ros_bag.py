@@ -19,7 +19,8 @@ FIELDS = (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m"))
 
 def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
     """The table of a log in a ROS 1 or ROS 2 bag, a `LogTable`: from its JointState messages the columns `time` (s),
-    `position.J` (rad), and, where all messages have them, `velocity.J` (rad/s) and `effort.J` (N m), for every joint J.
+    `position.J`, and, where all messages have them, `velocity.J` and `effort.J`, for every joint J. Their stated units
+    are rad, rad/s and N m, also of prismatic joints, since messages do not tell the kind.
 
     Time is the messages' own stamp where they have one, else when they were recorded, in s from the first. `topic`
     names the topic of the messages; None takes the only one. Raises `FileError` for a bag that cannot be read, has no

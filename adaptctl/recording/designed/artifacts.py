@@ -102,10 +102,10 @@ def write_study(
 
 
 def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str:
-    """HTML, as text, of a design study's page: outcome, costs of a mass on every link, counterweights, costs before and
-    after, parameters that can go. `named` has title and further contents, `figures` maps the drawings' names to the
-    figures that go into the page. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot
-    be certified."""
+    """HTML, as text, of a design study's page: outcome, changes of the motion's energy by a point mass at places of
+    every link, counterweights, costs of the motion before and after them, parameters that can go. `named` has title and
+    further contents, `figures` maps the drawings' names to the figures that go into the page. Raises `RankError` where
+    the mechanism's rank, its number of base parameters, cannot be certified."""
     after = study.counterweights.balanced
     pairs = zip(quantities(study.task, study.percent), quantities(after, study.percent), strict=True)
     return rendered(
@@ -131,10 +131,10 @@ def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str
 
 def write_recording(path: Path, study: DesignStudy, named: Named, figures: Mapping[str, Path]) -> None:
     """Write the recording of a design study for the rerun viewer to the file `path` (.rrd), whole or not at all: the
-    arm in motion, coloured by what a mass costs at each place, its counterweights, the errors and torques of the runs
-    in `named`, tables and pictures. `figures` maps names of drawings to their PNG files. Raises `FileError` where the
-    file cannot be written or read back, `OSError` where a PNG file cannot be read, `ValueError` for runs with positions
-    that are NaN or infinite."""
+    arm in motion, coloured by the change of its motion's energy by a point mass at each place, its counterweights, the
+    errors and torques of the runs in `named`, tables and pictures. `figures` maps names of drawings to their PNG files.
+    Raises `FileError` where the file cannot be written or read back, `OSError` where a PNG file cannot be read,
+    `ValueError` for runs with positions that are NaN or infinite."""
     mechanism = study.task.mechanism
     parts, (time, p) = skeleton(mechanism), _moved(study, named.runs)
     content = np.ascontiguousarray(np.concatenate([study.counterweights.parameters, p.ravel()])).tobytes()

@@ -18,8 +18,9 @@ from adaptctl.recording.skeleton import skeleton
 
 def drawings(study: DesignStudy) -> Iterator[Drawing]:
     """Figures of a design study, each a `Drawing` with name, caption and drawing function, in the order of the report:
-    the arm coloured by what a mass costs, the costs on every link, torques, and energy errors. Nothing is drawn before
-    a drawing's function is called."""
+    the arm coloured by the relative change of the motion's energy by a point mass at each place, these changes on every
+    link, the joints' torques, and energy errors by number of essential components (combinations of parameters). Nothing
+    is drawn before a drawing's function is called."""
     mass, mechanism = study.body.mass, study.task.mechanism
     yield Drawing(
         "arm",
@@ -47,8 +48,9 @@ def drawings(study: DesignStudy) -> Iterator[Drawing]:
 
 
 def links_figure(study: DesignStudy) -> Figure:
-    """Figure (Matplotlib) of the changes of the energy, in percent, that a design study's mass makes on every link: at
-    the cheapest place, at the link's centre of mass and at the dearest place."""
+    """Figure (Matplotlib) of the changes, in percent, of the motion's energy, a root mean square about its mean, that a
+    point with the design study's mass makes on every link: at the cheapest place, at the link's centre of mass and at
+    the dearest place."""
     figure = sheet(0.55 + 0.5 * len(study.links))
     axes = figure.subplots()
     place = np.arange(len(study.links))

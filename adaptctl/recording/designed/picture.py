@@ -60,8 +60,8 @@ def spots(costs: CostMap, parts: Skeleton) -> Spots:
 
 def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
     """Scale of colours, a Matplotlib `TwoSlopeNorm`, for relative changes of cost, no unit, with 0 in its middle. It
-    goes from the least change, of those on the study's links and of `change` (n,), to the greatest of `change`; an end
-    without such a change lies a thousandth of the other's size from 0."""
+    goes from the least of `change` (n,) and of the changes at the cheapest place of each link of the study to the
+    greatest of `change`; an end on whose side of 0 there is none lies a thousandth of the other's size from 0."""
     low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
     high = max(float(change.max()), 0.0)
     least = 1e-3 * max(high, -low, 1e-9)
@@ -76,10 +76,10 @@ def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
 
 
 def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
-    """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls coloured by what a point mass
-    costs at their places, blue where it relieves the arm and red where it costs; small balls fill the boxes where
-    masses may be, and yellow ones are the counterweights. `p` (T, r) are the positions, rad (m if prismatic), of its r
-    joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
+    """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls coloured by the relative change of
+    the motion's energy by a point with the study's mass at their places, blue where it relieves the arm and red where
+    it costs; small balls fill the boxes where masses may be, and yellow ones are the counterweights. `p` (T, r) are the
+    positions, rad (m if prismatic), of its r joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
 
     Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
     where kinematic loops do not fit together, `SingularityError` near where they lock.

@@ -11,8 +11,9 @@ from adaptctl.recording.fact import Fact
 
 def header(study: DesignStudy) -> str:
     """Text, one line, of a design study's robot and task: its name, its numbers of inertial parameters, of independent
-    (base) parameters and of those that matter, and the states that the task consists of. Raises `RankError` where the
-    mechanism's rank, its number of base parameters, cannot be certified."""
+    (base) parameters and of those of them that alone make more than 1e-6 of the energy ("not zero"), and the states
+    that the task consists of. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be
+    certified."""
     task = study.task
     return (
         f"{task.mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} independent, "
@@ -21,8 +22,9 @@ def header(study: DesignStudy) -> str:
 
 
 def outcome_words(study: DesignStudy) -> str:
-    """The outcome of a design study in a sentence or two: by how many percent the added mass changes the energy at the
-    best and at the worst place, and what the counterweights save."""
+    """The outcome of a design study in a sentence or two: by how many percent the study's mass, as a point, changes the
+    energy, a root mean square about its mean, at the best and at the worst of all places on links, and how many percent
+    of their objective, such as energy, the counterweights save."""
     found, best = study.counterweights, min(study.links, key=lambda cost: cost.least)
     worst = max(study.links, key=lambda cost: cost.most)
     text = (
@@ -37,9 +39,10 @@ def outcome_words(study: DesignStudy) -> str:
 
 def facts(study: DesignStudy) -> Iterator[Fact]:
     """Facts of a design study, each a `Fact`: a question that a person asks first, and its answer in words, with units.
-    They are numbers of parameters, the costs of the motion (energy in J, torque in percent of its limit, coupling in kg
-    m^2) before and after the counterweights, and the counterweights' masses. Raises `RankError` where the mechanism's
-    rank, its number of base parameters, cannot be certified."""
+    They are numbers of parameters and essential components (combinations of them), the costs of the motion (energy in
+    J, torque in percent of its limit, coupling, the mass matrix off its diagonal, in kg m^2; all root mean squares)
+    before and after the counterweights, and the counterweights' masses. Raises `RankError` where the mechanism's rank,
+    its number of base parameters, cannot be certified."""
     found, before = study.counterweights, study.task
     after = found.balanced
     yield Fact("Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero")
@@ -58,11 +61,12 @@ def _fall(before: float, after: float, unit: str) -> str:
 
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
-    """Costs of a mechanism's motion over a task, as pairs of texts, a label and a number with its unit: numbers of
-    parameters and of components that keep the energy to an error of `percent` (%), energy (J), torque (% of its limit),
-    coupling (kg m^2), and each joint's torque (N m, N if prismatic). Raises `InputError` for a percentage that is no
-    finite number of at least 0, `RankError` where the mechanism's rank, its number of base parameters, cannot be
-    certified."""
+    """Costs of a mechanism's motion over a task, as pairs of texts, a label and a number with its unit: numbers of base
+    parameters, of those of them that are not zero (alone make more than 1e-6 of the energy), and of essential
+    components, combinations of parameters, that keep the energy to an error of `percent` (%); and root mean squares of
+    energy about its mean (J), torque (% of its limit), coupling, the mass matrix off its diagonal (kg m^2), and each
+    joint's torque (N m, N if prismatic). Raises `InputError` for a percentage that is no finite number of at least 0,
+    `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
     yield "independent parameters", f"{task.basis.rank}"
     yield "of them not zero", f"{len(task.carried())}"
     yield f"components within {percent:g} % of energy", f"{task.components(percent)}"

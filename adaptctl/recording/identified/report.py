@@ -49,7 +49,8 @@ def report(found: Identification, figures: Mapping[str, Path]) -> str:
 
 def verdict(found: Identification) -> str:
     """The outcome of an identification in a sentence: the root mean square error of the torques that it predicts on the
-    rows of its validation, in N m over all joints, and in percent of the measured torques."""
+    rows of its validation, over all joints, told in N m also where some are prismatic, and in percent of the measured
+    torques."""
     validation = found.validation
     return (
         f"Predicts the torques of {validation.origin}, to {validation.rms_error:.3g} N m over all joints, "
@@ -81,8 +82,10 @@ def components(found: Identification) -> str:
 
 def facts(found: Identification) -> Iterator[Fact]:
     """Facts of an identification, each a `Fact`: a question that a reader asks first, and its answer in words, with
-    units: torque errors, number of fundamental (base) parameters, friction's terms, physical consistency, combinations
-    that the logs leave open, the prior's weight and the filter's cut-off (Hz)."""
+    units: the root mean square torque error over all joints (N m, also where some are prismatic) and in percent of the
+    measured torques, number of fundamental (base) parameters, friction's terms, physical consistency, number of
+    combinations that the logs leave open, the weight (no unit) of the prior, the links' first guess, against the logs,
+    and the filter's cut-off (Hz)."""
     validation, settings = found.validation, found.choice.settings
     yield Fact("error on data not seen", f"{validation.rms_error:.3g} N m")
     yield Fact("of the measured torque", f"{validation.relative_error:.1%}")

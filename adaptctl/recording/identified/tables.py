@@ -29,10 +29,16 @@ def write_summary(path: str | Path, found: Identification) -> None:
 def summary(found: Identification) -> dict[str, Any]:
     """Summary of an identification in JSON's types. `validation` and, by name, `alternatives`, simpler models, have the
     torque errors on the same rows: `rms_error` in N m (N if prismatic) over all joints, `relative_error` over the
-    measured torques (no unit), `cutoff` in Hz, `rows`, and both errors of each of the `joints`. Besides these it has
-    the robot, the logs, friction's terms, the prior's weight (no unit), the filter's `cutoff` in Hz, whether all links
-    are physically consistent, the combinations of parameters that were not excited, and what was tried and done.
-    Nothing is raised."""
+    measured torques (no unit), `cutoff` in Hz, `rows`, their number, and both errors of each of the `joints`.
+
+    Besides these it has `robot`, its name, `robot_sha256`, and the `logs`; `friction`, the model's terms,
+    `prior_weight` (no unit) and the filter's `cutoff` (Hz); `consistent`, True where rigid bodies can have all links'
+    parameters; `training_misfit_over_least_squares`, the fit's residual over that of least squares;
+    `deviations_over_nominal`, the factor by which standard deviations exceed those for white residuals;
+    `essential_components`, the `rank` and the number `for_energy_to_1_percent`; `unexcited`, combinations of parameters
+    that the logs hardly excite, in words; `trials`, the settings tried; `steps` of the logs' preparation, and
+    `remarks`. Nothing is raised.
+    """
     settings = found.choice.settings
     return {
         "schema": SUMMARY_SCHEMA,
@@ -68,11 +74,12 @@ def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
 
 
 def write_estimates(path: str | Path, found: Identification) -> None:
-    """Write the first estimates for an adaptive controller to the file `path` as JSON, whole or not at all: of each
-    fundamental (base) parameter, in its `unit`, `value`, standard `deviation` and `prior_range`, the greatest distance
-    of the truth that is expected, and `gain`, in that unit squared per J, the diagonal of the adaptation gain; all
-    inertial and friction parameters, SI units; and each joint's load-dependent friction, a share of its torque without
-    a unit. Raises `FileError` where it cannot be written, and for numbers that are NaN or infinite."""
+    """Write the first estimates for an adaptive controller to the file `path` as JSON, whole or not at all.
+    `fundamental` has, by name of each fundamental (base) parameter, in its `unit`, `value`, standard `deviation` and
+    `prior_range`, the greatest distance of the truth that is expected, and `gain`, in that unit squared per J, the
+    diagonal of the adaptation gain; `parameters` all inertial and friction parameters, SI units;
+    `load_dependent_friction`, by joint, the share of its torque, no unit. The `robot`'s name is there too. Raises
+    `FileError` where it cannot be written, and for numbers that are NaN or infinite."""
     joints = [joint.name for joint in found.mechanism.primary_joints]
     columns = zip(
         found.names,
