@@ -162,7 +162,8 @@ class AdaptationLaws(RoughStart, Learning):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: which laws do best from a rough model."""
+        """Text of the experiment's question, a paragraph for its report: which adaptation and control laws do best
+        where the arm is known roughly."""
         return (
             "An arm whose links are known within "
             f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. {self.comparing}"
@@ -224,8 +225,8 @@ class AdaptationLaws(RoughStart, Learning):
             yield Encoder(velocity_noise=self.velocity_noise)
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Reference of the mechanism's r primary (independently moving) joints, rad: a sum of five sinusoids for each,
-        drawn by seed, about a posture with a bent elbow (with closed loops, about the home position), or, where
+        """Reference of the mechanism's r primary (independently moving) joints, rad (m): a sum of five sinusoids for
+        each, drawn by seed, about a posture with a bent elbow (with closed loops, about the home position), or, where
         `motion` is "exciting", the most exciting Fourier series. Raises `InputError` for more than six joints and, for
         the Fourier series, for closed loops."""
         if self.motion == EXCITING:
@@ -239,9 +240,9 @@ class AdaptationLaws(RoughStart, Learning):
         return Sinusoids(center, self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Reference:
-        """Reference of the r primary (independently moving) joints, rad, that is run: the one that `reference` returns,
-        brought to rest at `halt` (s) unless that is 0. Raises `InputError` where closed loops do not allow all of it,
-        and as `reference` does."""
+        """Reference of the r primary (independently moving) joints, rad (m), that is run: the one that `reference`
+        returns, brought to rest at `halt` (s) unless that is 0. Raises `InputError` where closed loops do not allow all
+        of it, and as `reference` does."""
         moving = self.reference(mechanism)
         reference = Halted(moving, self.halt) if self.halt else moving
         p = reference(np.linspace(0.0, self.duration, REACHES)).p
@@ -369,8 +370,8 @@ class AdaptationLaws(RoughStart, Learning):
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the least and the greatest parameter error (no unit) at the end, of the laws that adapt; None
-        where no law does. `outcome` has the runs, `found` the findings by name."""
+        """Sentence with the least and the greatest parameter error at the end, a share of the torque of all parameters,
+        of the laws that adapt; None where no law does. `outcome` has the runs, `found` the findings by name."""
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = found.span("parameter_error", adapting)
@@ -378,8 +379,8 @@ class AdaptationLaws(RoughStart, Learning):
         return f"{start} {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure for the report, as a `Drawing`: parameter errors (no unit) over time, s. `outcome` has the runs,
-        `basis` the fundamental (base) parameters by which errors are measured."""
+        """Figure for the report, as a `Drawing`: parameter errors, shares of the torque of all parameters, over time,
+        s. `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._errors(outcome, basis)

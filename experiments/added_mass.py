@@ -31,9 +31,9 @@ class AddedMassStudy(Experiment):
     leave the question open.
 
     The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
-    joint to the next; the components that `energy_error` is about are parts of the inertial parameters, as many as
-    carry all energy but that error. Raises `InputError` at construction for a setting of the wrong type or out of its
-    bounds, `NonFiniteError` for NaN or infinity.
+    joint to the next; `energy_error` (%) is the error of the energy that the numbers of essential components allow;
+    these are combinations of the inertial parameters, the right singular vectors of the energies. Raises `InputError`
+    at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "added-mass"
@@ -47,11 +47,11 @@ class AddedMassStudy(Experiment):
     share: float = setting(0.2, "largest counterweight over its link's mass", low=0.0, high=10.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the study: its outcome in words, facts, and a function that writes its folder. `progress(what,
-        share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for an unknown robot,
-        `FileError` for a file that cannot be used, `InputError` for an arm whose energy does not vary, or that has
-        relations which bind some of its inertial parameters, `RankError` where its number of base parameters cannot be
-        certified."""
+        """Result of the study: its outcome in words, facts (questions with answers), and a function that writes its
+        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for an
+        unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm whose energy does not vary,
+        or that has relations which bind some of its inertial parameters, `RankError` where its number of base
+        parameters cannot be certified."""
         from adaptctl.recording.designed.wording import facts, outcome_words
 
         study = self.study(progress)

@@ -157,9 +157,9 @@ def _run(
 
 @contextmanager
 def shown_live(env: gymnasium.Env[Any, Any], mechanism: Mechanism) -> Iterator[gymnasium.Env[Any, Any]]:
-    """Context manager that gives the environment to drive: `env` itself, or, where experiments are told to stream to a
-    live viewer and that can be reached, a wrapper of `env` that also shows the motion of its arm, `mechanism`,
-    there."""
+    """Context manager that gives the environment to drive: `env` itself, or, within
+    `adaptctl.recording.live.streaming`, where the live viewer named there can be reached, a wrapper of `env` that also
+    shows the motion of its arm, `mechanism`, there."""
     from adaptctl.recording.live import CURRENT, Live
 
     if (to := CURRENT.get()) is None:

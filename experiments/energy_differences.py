@@ -44,9 +44,9 @@ class EnergyDifferences(Experiment):
     window: float = setting(0.1, "length of an energy difference, s", low=0.01, high=2.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison of both estimators: outcome in words, facts, and a function that writes its folder.
-        `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for a `robot`
-        that is not the name of an example with a log."""
+        """Result of the comparison of both estimators: outcome in words, facts (questions with answers), and a function
+        that writes its folder. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises
+        `NotFoundError` for a `robot` that is not the name of an example with a log."""
         found = self.compare(progress)
         return Result(found.complete, found.headline(), tuple(found.facts()), Verdict(), found.write)
 

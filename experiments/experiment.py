@@ -55,9 +55,9 @@ class Experiment(CheckedSettings, ABC):
 
     @abstractmethod
     def run(self, progress: Progress) -> Result:
-        """Result of the experiment, which an implementation must return: the outcome in words, facts, a verdict on its
-        controllers, and a function that writes the folder of results. It should call `progress(what, share)` with what
-        is being computed and the share of it that is done, 0 to 1.
+        """Result of the experiment, which an implementation must return: the outcome in words, facts (questions with
+        answers), a verdict on its controllers, and a function that writes the folder of results. It should call
+        `progress(what, share)` with what is being computed and the share of it that is done, 0 to 1.
 
         Ctrl-C (`KeyboardInterrupt`) ends it early: what was computed until then is returned, marked as not complete;
         where nothing was, the exception passes. An implementation raises `InputError` for settings that do not suit

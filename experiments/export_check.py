@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExportCheck(Experiment):
-    """Experiment on exported control laws: each of `laws` is exported as C for each kind of number in `scalars`
-    ("double", "float"), built by every compiler that is found, and run on test vectors recorded from Python. Raises
-    `InputError` at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or
-    infinity."""
+    """Experiment on exported control laws: each of `laws` (names of control laws, by default all that can be exported
+    by name) is exported as C for each kind of number in `scalars` ("double", "float"), built by every compiler that is
+    found, and run on test vectors recorded from Python. Raises `InputError` at construction for a setting of the wrong
+    type or out of its bounds, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "export-check"
     title: ClassVar[str] = "{robot}: exported controllers, compiled and compared"
@@ -44,12 +44,12 @@ class ExportCheck(Experiment):
     control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
 
     def run(self, progress: Progress) -> Result:
-        """Result of all builds: outcome in words, facts, a verdict with each build that differs from Python, and a
-        function that writes the folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C
-        keeps the builds done. Raises `InputError` where no compiler is found, a kind of number is unknown or no gains
-        can hold a joint, `NotFoundError` for an unknown law or robot, `FileError` for a robot's file that cannot be
-        used, `RankError` where the number of base parameters cannot be certified, `subprocess.TimeoutExpired` for a
-        compiler or program that takes more than 300 s."""
+        """Result of all builds: outcome in words, facts (questions with answers), a verdict with each build that
+        differs from Python, and a function that writes the folder. `progress(what, share)` gets the step's name and the
+        share done, 0 to 1; Ctrl-C keeps the builds done. Raises `InputError` where no compiler is found, a kind of
+        number is unknown or no gains can hold a joint, `NotFoundError` for an unknown law or robot, `FileError` for a
+        robot's file that cannot be used, `RankError` where the number of base parameters cannot be certified,
+        `subprocess.TimeoutExpired` for a compiler or program that takes more than 300 s."""
         compilers = found_compilers()
         if not compilers:
             raise InputError(f"export-check: no compiler is found; install one of: {', '.join(COMPILERS)}")
@@ -120,8 +120,8 @@ class Checked:
         return [name for name in COMPILERS if name not in self.compilers]
 
     def result(self) -> Result:
-        """Result of the experiment, as the command line shows it: outcome in words, facts, verdict, and a function that
-        writes the folder; marked as failed where a build differs."""
+        """Result of the experiment, as the command line shows it: outcome in words, facts (questions with answers),
+        verdict, and a function that writes the folder; marked as failed where a build differs."""
         verdict = self.verdict
         return Result(
             self.complete, self.headline(), self.facts(), verdict, self.write, failed=not verdict.passed
@@ -186,8 +186,9 @@ class Checked:
         progress("Recording and report", 1.0)
 
     def summary(self) -> dict[str, Any]:
-        """Summary of the check in JSON's types: experiment, robot and seed, verdict, the compilers found and missing,
-        and of every build its law, kind of number, compiler, message and differences of torques (N m, None where not
+        """Summary of the check in JSON's types: the experiment's name, "robot", "seed", "complete", "passed" (of all
+        builds), the versions of "compilers" found by name, "missing" ones, and "builds", a dict for each with "law",
+        "scalar", "compiler", "passed", "message", and "difference" and "largest" of the torques (N m, None where not
         known)."""
         told = [{**asdict(b), "difference": b.difference, "largest": b.largest} for b in self.builds]
         about = {"schema": "adaptctl/export-check/2", "experiment": self.of.name, "robot": self.of.robot}

@@ -69,8 +69,8 @@ class FrictionInJoints(OnRealPlant):
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
         """Effects of the plant besides rigid links: Stribeck's excess of static over Coulomb friction in each joint, at
-        rest the share `stribeck` of the joint's Coulomb friction, N m. Raises `InputError` for an arm without friction
-        in its joints."""
+        rest the share `stribeck` of the joint's Coulomb friction, N m (N if prismatic). Raises `InputError` for an arm
+        without friction in its joints."""
         from adaptctl.simulation.effects import Friction
 
         coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
@@ -83,17 +83,17 @@ class FrictionInJoints(OnRealPlant):
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of the links' deviations from the rough model or, for friction, of
-        `friction_range` (a share) times the joint's torque limit, N m, which for viscous friction is reached at 1
-        rad/s."""
+        `rate` (1/J) times the square of the links' and rotors' standard deviations, their parameters off by
+        `parameter_error` (a share) of their size, or, for friction, of `friction_range` (a share) times the joint's
+        torque limit, N m, which for viscous friction is reached at 1 rad/s."""
         gain, ranges = super().adaptation(model), self.friction_range * self.torque_limits(model.mechanism)
         for k, joint in _friction_columns(model):
             gain[k] = self.rate * ranges[joint] ** 2
         return gain
 
     def first(self, model: ReducedModel) -> Array:
-        """First estimate (k,) of a model's k parameters in SI units: the rough model's, with zero viscous and Coulomb
-        friction."""
+        """First estimate (k,) of a model's k parameters in SI units: those of the rough model, every link's parameters
+        off by `parameter_error` (a share), with zero viscous and Coulomb friction."""
         estimate = super().first(model)
         estimate[[k for k, _ in _friction_columns(model)]] = 0.0
         return estimate

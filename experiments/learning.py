@@ -121,8 +121,9 @@ class Learning(ClosedLoopExperiment):
         with name, value and meaning: an implementation must yield them. `env` is the tracking environment."""
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison: outcome in words, facts, verdict, and a function that writes the folder of results.
-        `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C keeps the runs begun.
+        """Result of the comparison: outcome in words, facts (questions with answers), verdict, and a function that
+        writes the folder of results. `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C
+        keeps the runs begun.
 
         Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
         unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control

@@ -28,8 +28,9 @@ class Marked(NamedTuple):
 
 
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
-    """Matplotlib figure of the parameter errors (no unit, logarithmic) of the runs in `curves` over time, s, and below
-    a bar for each run, filled while its event held; `meaning`, the title of the bars, says what the event is."""
+    """Matplotlib figure of the parameter errors (shares of the torque of all parameters, no unit, logarithmic) of the
+    runs in `curves` over time, s, and below a bar for each run, filled while its event held; `meaning`, the title of
+    the bars, says what the event is."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
@@ -50,8 +51,8 @@ def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
 
 
 def spans(time: Array, marked: Array) -> list[tuple[float, float]]:
-    """Spans of time in which `marked` (T,) is positive: start and length, s, of each, a last sample counting until the
-    next. `time` (T,), s, is that of the evenly spaced samples. Nothing is checked."""
+    """Spans of time in which `marked` (T,) is positive, as a list of pairs (start, length), s, in order. `time` (T,),
+    s, is that of the T evenly spaced samples, each of which counts until the next. Nothing is checked."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], (marked > 0.0).astype(int), [0]))))
     period = float(time[1] - time[0]) if len(time) > 1 else 0.0
     starts, stops = edges[::2], edges[1::2]

@@ -15,9 +15,9 @@ EXCITING = "exciting"
 
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """Fourier series of joint positions, rad, on which a mechanism's regressor of base parameters has the least
-    condition number, found by `exciting_reference` with `seed`; the last four are cached. Raises `InputError` for a
-    mechanism with closed loops, `RankError` where the number of base parameters cannot be certified."""
+    """Fourier series of joint positions, rad (m if prismatic), on which a mechanism's regressor of base parameters has
+    the least condition number, found by `exciting_reference` with `seed`; the last four are cached. Raises `InputError`
+    for a mechanism with closed loops, `RankError` where the number of base parameters cannot be certified."""
     from adaptctl.control import exciting_reference
 
     if mechanism.description.loops is not None:

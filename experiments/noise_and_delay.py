@@ -103,11 +103,11 @@ class NoiseAndDelay(AdaptationLaws):
             yield ActuatorLag(self.lag)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run, the first being the
-        experiment's subject: those of `AdaptationLaws`, each behind guards that keep its torque within the motors'
-        limits and let nothing be learned while a torque is held back. `basis` has the k fundamental (base) parameters
-        that they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a basis of
-        another geometry than the mechanism's."""
+        """Contenders (controllers to compare, with names) in the order in which they run, one for each of `laws`, the
+        first the experiment's subject, then one with adaptation off: each behind guards that keep its torque within the
+        motors' limits and let nothing be learned while a torque is held back. `basis` has the k fundamental (base)
+        parameters that they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a
+        basis of another geometry than the mechanism's."""
         from adaptctl.control import Guarded
 
         limits = self.motors(mechanism)
@@ -120,9 +120,9 @@ class NoiseAndDelay(AdaptationLaws):
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers: each law's parameter error at the end (no unit) and its drift (1/min), both shares
-        of the torque of all parameters, RMS tracking error, rad, and share of periods with a limited torque (no unit);
-        then the delay that the tracking loop tolerates and the delay that there is, s. `outcome` has the runs, `basis`
-        the fundamental (base) parameters by which errors are measured."""
+        of the torque of all parameters, RMS tracking error, rad, and share of periods with a limited torque (no unit),
+        and what its memory stored; then the delay that the tracking loop tolerates and the delay that there is, s.
+        `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
         errors = self._errors(outcome, basis)
         contenders = {one.name: one for one in self.contenders(outcome.mechanism, basis)}
         for run in outcome.runs:
@@ -138,8 +138,9 @@ class NoiseAndDelay(AdaptationLaws):
         yield from self._loop(outcome.mechanism)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the least and the greatest parameter error at the end (no unit) and drift (1/min) of the laws
-        that adapt; `outcome` has the runs, `found` the findings by name."""
+        """Sentences with the least and the greatest parameter error at the end and drift in the second half of the run
+        (1/min) of the laws that adapt, both shares (no unit) of the torque of all parameters; `outcome` has the runs,
+        `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
         ended = super().answer(outcome, found)

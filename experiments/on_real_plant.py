@@ -32,9 +32,10 @@ JOINTS = 6
 class OnRealPlant(RoughStart, Learning):
     """Abstract base class of experiments in which laws learn on an arm of six joints whose plant has more effects than
     rigid links, such as friction or a payload, from a rough model with every link's parameters off by
-    `parameter_error`, a share. A subclass gives the effects. Raises `InputError` at construction for a `center`,
-    `amplitude` or `frequency` that has not six entries, and for settings of the wrong type or out of their bounds,
-    `NonFiniteError` for NaN or infinity."""
+    `parameter_error`, a share. A subclass gives the effects. In the setting `ratio` a joint's typical inertia is the
+    median of its entry of the mass matrix's diagonal over random configurations. Raises `InputError` at construction
+    for a `center`, `amplitude` or `frequency` that has not six entries, and for settings of the wrong type or out of
+    their bounds, `NonFiniteError` for NaN or infinity."""
 
     robot: str = setting("puma560_geared", "puma560_geared, puma560_friction, or another arm of six joints")
     rate: float = setting(
@@ -105,7 +106,7 @@ class OnRealPlant(RoughStart, Learning):
         yield Setting("reference", "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", "faded in over 2 s")
 
     def from_rough(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:
-        """Slotine and Li's control law on a `model` of k parameters, its first estimate (k,) being that of a rough
-        model of the arm; with adaptation off if not `adapting`. Raises `GainError` for gains too large for the control
-        period."""
+        """Slotine and Li's control law on a `model` of k parameters, its first estimate (k,) that of a rough model of
+        the arm, every link's parameters off by `parameter_error`, a share; with adaptation off if not `adapting`.
+        Raises `GainError` for gains too large for the control period."""
         return self.slotine_li(model, self.adaptation(model) if adapting else None, self.first(model))

@@ -101,8 +101,9 @@ class PayloadDrop(AdaptationLaws):
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers: each law's time, s, from each event until its error is less than twice the error
         before the pickup or, where it never is, its last error over that earlier one (no unit); its RMS error in the 2
-        s before the pickup, mrad; and the findings of `AdaptationLaws`. `outcome` has the runs, `basis` the fundamental
-        (base) parameters by which errors are measured."""
+        s before the pickup, mrad; and each law's parameter error at the end (a share, no unit, of the torque of all
+        parameters), what its memory stored, and the median time, us, of computing one torque. `outcome` has the runs,
+        `basis` the fundamental (base) parameters by which errors are measured."""
         for one in self._recoveries(outcome):
             name, event = one.run.name, one.event.replace(" ", "_")
             if one.time is not None:
@@ -136,9 +137,9 @@ class PayloadDrop(AdaptationLaws):
         return f"After the {event} {', and '.join(parts) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figures for the report, as `Drawing`s: the times, s, until errors have come back, then the parameter errors
-        (no unit) over time, s. `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are
-        measured."""
+        """Figures for the report, as `Drawing`s: the times, s, until errors have come back, then the parameter errors,
+        shares (no unit) of the torque of all parameters, over time, s. `outcome` has the runs, `basis` the fundamental
+        (base) parameters by which errors are measured."""
         from adaptctl.recording.drawing import Drawing
 
         found = list(self._recoveries(outcome))
@@ -185,8 +186,9 @@ class PayloadDrop(AdaptationLaws):
         return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
 
     def deviations(self, model: ReducedModel) -> Array:
-        """Standard deviations (k,) of a model's k parameters, in SI units, from their first estimates: those of the
-        rough model and of the payload on the last link together, the root of the sum of their squares."""
+        """Standard deviations (k,) of a model's k parameters, in SI units, from their first estimates: those of links
+        and drives that are off by `parameter_error`, a share of their size, and of the payload on the last link
+        together, the root of the sum of their squares."""
         nothing = np.zeros(len(model.mechanism.parameter_names))
         loaded = self._body().added_to(nothing, len(model.mechanism.description.bodies) - 1)
         return np.hypot(super().deviations(model), deviations(model, loaded, 1.0))

@@ -46,8 +46,8 @@ def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: 
 
 
 def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
-    """Time, s, from `begin` (s) until the RMS tracking error (rad or m) of a run over the 2 s that follow, which end at
-    `end` (s) or before, is less than `below`; None if it never is."""
+    """Time, s, from `begin` (s) until the RMS tracking error of all joints (rad or m) of a run over the 2 s that
+    follow, which end at `end` (s) or before, is less than `below`; None if it never is."""
     length = round(WINDOW / run.rollout.spacing)
     coming = run.moving_rms_error(WINDOW)[length - 1 :]
     time = run.rollout.time[: len(coming)]

@@ -16,8 +16,8 @@ class RoughStart:
     """Base class of experiments that start from a rough model of the arm, every link's parameters off by
     `parameter_error`, a share. The adaptation gain Gamma is `rate` (1/J) times the square of each parameter's deviation
     from the rough model; the tracking loop has the `bandwidth`, 1/s, and a damping of `ratio` (no unit) times the
-    bandwidth times each joint's typical inertia; `seed` draws which links are up and which down. Nothing is checked at
-    construction."""
+    bandwidth times each joint's typical inertia (the median of its entry of the mass matrix's diagonal over random
+    configurations); `seed` draws which links are up and which down. Nothing is checked at construction."""
 
     seed: int
     bandwidth: float
@@ -28,7 +28,8 @@ class RoughStart:
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains of the tracking loop for the mechanism's r primary (independently moving) joints: Lambda (r,), 1/s, the
         bandwidth as set, and K (r,), N m s/rad (N s/m if prismatic), `ratio` times Lambda times the joint's typical
-        inertia. Raises `InputError` where a joint's typical inertia is not positive."""
+        inertia (the median of its entry of the mass matrix's diagonal over random configurations). Raises `InputError`
+        where a joint's typical inertia is not positive."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
 
     def rough(self, mechanism: Mechanism) -> Array:
@@ -37,8 +38,8 @@ class RoughStart:
         return scaled_links(mechanism, self.parameter_error, self.seed)
 
     def first(self, model: ReducedModel) -> Array:
-        """First estimate (k,) of a model's k parameters, fundamental (base) and friction ones, in SI units: the rough
-        model's P parameters regrouped into k."""
+        """First estimate (k,) of a model's k parameters, fundamental (base) and friction ones, in SI units: the P
+        parameters of the rough model, with every link's off by `parameter_error` (a share), regrouped into k."""
         return np.asarray(model.regrouping @ self.rough(model.mechanism))
 
     def deviations(self, model: ReducedModel) -> Array:
@@ -48,10 +49,12 @@ class RoughStart:
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of each one's standard deviation from the rough model."""
+        `rate` (1/J) times the square of each one's standard deviation, where each link's and drive's parameters are off
+        by `parameter_error`, a share, of their size."""
         return self.rate * self.deviations(model) ** 2
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
         """Text for the report on the adaptation gain Gamma: `rate` (1/J) times the squared standard deviation of each
-        parameter from the rough model; `mechanism` is not used."""
+        parameter, where links and drives are off by `parameter_error`, a share, of their size; `mechanism` is not
+        used."""
         return f"{self.rate:g} × (deviation)², {100 * self.parameter_error:.0f} % of each link's and drive's size"

@@ -137,8 +137,9 @@ class Saturation(OnRealPlant):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure for the report, as a `Drawing`: the estimates' errors (no unit) over time, s, and when a torque was
-        held back. `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
+        """Figure for the report, as a `Drawing`: the estimates' errors, shares (no unit) of the torque of all
+        parameters, over time, s, and when a torque was held back. `outcome` has the runs, `basis` the fundamental
+        (base) parameters by which errors are measured."""
         from adaptctl.recording.drawing import Drawing
 
         points = outcome.runs[0].rollout

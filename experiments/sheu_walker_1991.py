@@ -50,10 +50,10 @@ class SheuWalker1991(Experiment):
         chosen(self.only)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the replication: outcome in words, facts, and a function that writes the folder. `progress(what,
-        share)` gets the step's name and the share done, 0 to 1; Ctrl-C (`KeyboardInterrupt`) keeps the tables and
-        figures done, and is raised where there are none. Raises `RankError` where an arm's number of independent
-        parameters cannot be certified."""
+        """Result of the replication: outcome in words, facts (questions with answers), and a function that writes the
+        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C (`KeyboardInterrupt`)
+        keeps the tables and figures done, and is raised where there are none. Raises `RankError` where an arm's number
+        of independent parameters cannot be certified."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Replication:

@@ -81,8 +81,9 @@ class StableBandwidth(AdaptationLaws):
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers: the largest stable bandwidth, 1/s, of every law on springs of every stiffness and on
-        the rigid arm, 0 where none that was tried is stable; and those of `AdaptationLaws`. `outcome` has the runs,
-        `basis` the k fundamental (base) parameters that are adapted."""
+        the rigid arm, 0 where none that was tried is stable; and each law's parameter error at the end (a share, no
+        unit, of the torque of all parameters), what its memory stored, and the median time, us, of computing one
+        torque. `outcome` has the runs, `basis` the k fundamental (base) parameters that are adapted."""
         yield from super().findings(outcome, basis)
         labels = {run.name: run.label for run in outcome.runs}
         for stiffness in (*self.stiffness, RIGID):
@@ -94,8 +95,8 @@ class StableBandwidth(AdaptationLaws):
                 yield Finding(f"stable_bandwidth.{name}.{_stiffness_text(stiffness)}", found, "1/s", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the largest stable bandwidths, 1/s, of the first law on the rigid arm, on the stiffest and on
-        the softest springs; `outcome` has the runs, `found` the findings by name."""
+        """Sentence with the largest stable bandwidths, 1/s, of the experiment's subject (the first of `laws`) on the
+        rigid arm, on the stiffest and on the softest springs; `outcome` has the runs, `found` the findings by name."""
         stiffest, softest = max(self.stiffness), min(self.stiffness)
         rigid, stiff, soft = (
             found.text(f"stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}") for k in (RIGID, stiffest, softest)

@@ -45,9 +45,10 @@ class TaskSpaceTracking(TipPath, Learning):
 
     The laws are Slotine and Li's in task space, with the gradient, with composite adaptation, with a damped Jacobian
     and with adaptation off; in joints, on the same path by inverse kinematics; and computed torque with the true
-    parameters. In the settings Λ is the bandwidth (1/s) and I a joint's typical inertia. Raises `InputError` at
-    construction for a `center`, `amplitude`, `frequency` or `phase` that has not three entries (x, y, z), and for
-    settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    parameters. In the settings Λ is the bandwidth (1/s) and I a joint's typical inertia (the median of its entry of the
+    mass matrix's diagonal over random configurations). Raises `InputError` at construction for a `center`, `amplitude`,
+    `frequency` or `phase` that has not three entries (x, y, z), and for settings of the wrong type or out of their
+    bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "task-space"

@@ -52,10 +52,12 @@ ARMS = (
 
 
 class TipPath(RangedGain):
-    """Base class of experiments in which an arm's tip follows a sinusoid along each world axis, learned from zero.
-    `center`, `amplitude` (m), `frequency` (Hz) and `phase` (rad) have three entries, x, y and z; `duration` (s) is the
-    run's, `start_time` (s) that of the smooth start, 2 s by default; `bandwidth` is Lambda (1/s), `stiffness` the
-    damping K over Lambda times each joint's typical inertia (no unit). Nothing is checked at construction."""
+    """Base class of experiments in which an arm's tip follows a sinusoid along each world axis and its controllers
+    learn from parameter estimates of zero. `center`, `amplitude` (m), `frequency` (Hz) and `phase` (rad) have three
+    entries, x, y and z; `duration` (s) is the run's, `start_time` (s) that of the smooth start, 2 s by default;
+    `bandwidth` (1/s) is the rate at which errors decay, and `stiffness` (no unit) times it and times a joint's typical
+    inertia (the median of its entry of the mass matrix's diagonal over random configurations) is the damping of that
+    joint. Nothing is checked at construction."""
 
     duration: float
     bandwidth: float
@@ -84,8 +86,9 @@ class TipPath(RangedGain):
 
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains of the tracking loop for the mechanism's r primary (independently moving) joints: Lambda (r,), 1/s, the
-        bandwidth as set, and K (r,), N m s/rad, `stiffness` times Lambda times the joint's typical inertia. Raises
-        `InputError` where a joint's typical inertia is not positive."""
+        bandwidth as set, and K (r,), N m s/rad (N s/m if prismatic), `stiffness` times Lambda times the joint's typical
+        inertia (the median of its entry of the mass matrix's diagonal over random configurations). Raises `InputError`
+        where a joint's typical inertia is not positive."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
 
     def path_settings(self, tip: str) -> Iterator[Setting]:

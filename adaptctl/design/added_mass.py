@@ -90,9 +90,9 @@ class AddedMass:
 
     @property
     def torques(self) -> Array:
-        """Root mean square torques (r,) of the r primary joints with the added body, over the task's states, N m (N for
-        a prismatic joint), without friction. Raises `InputError` for an unknown link, `NonFiniteError` where the
-        torques are too large for numbers."""
+        """Root mean square torques (r,) of the r primary (independently moving) joints with the added body, over the
+        task's states, N m (N for a prismatic joint), without friction. Raises `InputError` for an unknown link,
+        `NonFiniteError` where the torques are too large for numbers."""
         return self.task.torques(self.parameters)
 
     @property

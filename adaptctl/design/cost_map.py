@@ -42,8 +42,8 @@ class CostMap:
     `objective` names the cost, a root mean square over the task's states: "energy" of the kinetic plus potential energy
     about its mean (J), "torque" of the joint torques as shares of their limits (unitless), "coupling" of the mass
     matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
-    combinations of inertial parameters that matter (J). Made by `cost_map`. Raises `InputError` at construction for a
-    mass that is not positive and finite, for an unknown objective and for a cost that is zero without the mass,
+    combinations of inertial parameters that change it (J). Made by `cost_map`. Raises `InputError` at construction for
+    a mass that is not positive and finite, for an unknown objective and for a cost that is zero without the mass,
     `RankError` for "components" where the number of identifiable parameters cannot be certified.
     """
 
@@ -100,8 +100,8 @@ def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> 
     `objective` names the cost, a root mean square over the task's states: "energy", the default, of the kinetic plus
     potential energy about its mean (J), "torque" of the joint torques as shares of their limits (unitless), "coupling"
     of the mass matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
-    combinations of inertial parameters that matter (J). Raises `InputError` for a mass that is not positive and finite,
-    for an unknown objective, for a cost that is zero without the mass and for a task with constant energy, and
+    combinations of inertial parameters that change it (J). Raises `InputError` for a mass that is not positive and
+    finite, for an unknown objective, for a cost that is zero without the mass and for a task with constant energy, and
     `RankError` for "components" where the number of identifiable parameters cannot be certified.
     """
     task.require_energy()

@@ -42,9 +42,9 @@ class Removal:
     names the inertial parameters that are zero by symmetry, `zero` the fundamental parameters that are zero afterwards.
     `columns` (k',) are the indices, among all P inertial parameters without friction, of those that are enough, and
     `regrouping` (k', P), in SI units, gives their values: Y D = Y[:, columns] regrouping D for the inertial parameters
-    D (P,) of the changed design, with the torque regressor Y (r, P) of r primary joints. `mass` (kg) is added at
-    `place` (3,), m in the link's frame, or moved there from the link's centre of mass; 0 and None for a symmetry.
-    `holds` is true where the mechanism has the symmetry already. Made by `removals`; nothing is refused at
+    D (P,) of the changed design, with the torque regressor Y (r, P) of r primary (independently moving) joints. `mass`
+    (kg) is added at `place` (3,), m in the link's frame, or moved there from the link's centre of mass; 0 and None for
+    a symmetry. `holds` is true where the mechanism has the symmetry already. Made by `removals`; nothing is refused at
     construction.
     """
 

@@ -77,7 +77,8 @@ class DesignStudy:
         the number of floating-point operations that it saves an adaptive controller in each control period. First come
         at most six changes by symmetry, then at most six by added or moved mass, of each kind those that leave the
         fewest parameters, the fewest first. Of changes of one kind that remove the same parameters, the one with the
-        least mass is taken."""
+        least mass is taken. Raises `RankError` where the number of identifiable parameters cannot be certified,
+        `LoopError` where loops do not fit together."""
         lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
         for removal in self.removals:
             lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)

@@ -45,15 +45,15 @@ CARRIED = 1e-6
 @dataclass(frozen=True, eq=False)
 class DesignTask:
     """A task to judge a design by: states of a mechanism in motion, positions `p` (rad, or m for a prismatic joint),
-    velocities `v` (rad/s or m/s) and accelerations `a` (rad/s^2 or m/s^2), each (samples, r) for r primary joints, and
-    their `origin`, in words.
+    velocities `v` (rad/s or m/s) and accelerations `a` (rad/s^2 or m/s^2), each (samples, r) for r primary
+    (independently moving) joints, and their `origin`, in words.
 
-    Costs of a design are linear in the P inertial parameters D (P,), ten a link (kg, kg m, kg m^2) and rotor inertias
-    (kg m^2 or kg), without friction: each is the norm |M D| with a matrix M (n, P) of n <= P rows. At construction
-    raises `InputError` for arrays of other shapes or of fewer than two states, for a mechanism with relations that bind
-    some of its inertial parameters, and for positions and velocities that are alike to 1e-9: a task without motion has
-    no energy to judge by; `NonFiniteError` for NaN or infinity. With loops, anything computed from states near locked
-    loops raises `SingularityError`; states too large for numbers, `NonFiniteError`.
+    A cost of a design is the norm |M D| of a matrix M (n, P), of n <= P rows, times the P inertial parameters D (P,),
+    ten a link (kg, kg m, kg m^2) and rotor inertias (kg m^2, kg for a prismatic joint), without friction. At
+    construction raises `InputError` for arrays of other shapes or of fewer than two states, for a mechanism with
+    relations that bind some of its inertial parameters, and for positions and velocities that are alike to 1e-9: a task
+    without motion has no energy to judge by; `NonFiniteError` for NaN or infinity. With loops, anything computed from
+    states near locked loops raises `SingularityError`; states too large for numbers, `NonFiniteError`.
     """
 
     mechanism: Mechanism
@@ -141,9 +141,9 @@ class DesignTask:
 
     @cached_property
     def torque_limits(self) -> Array:
-        """Torque limits (r,) of the r primary joints that torques are compared with, N m (N for a prismatic joint): the
-        joints' own. A joint without one gets four times its largest torque in up to 200 random states at up to 2 rad/s
-        (m/s) and 10 rad/s^2 (m/s^2), and at least 1 N m (N). Read-only."""
+        """Torque limits (r,) of the r primary (independently moving) joints that torques are compared with, N m (N for
+        a prismatic joint): the joints' own. A joint without one gets four times its largest torque in up to 200 random
+        states at up to 2 rad/s (m/s) and 10 rad/s^2 (m/s^2), and at least 1 N m (N). Read-only."""
         return frozen(finite_torque_limits(self.mechanism))
 
     def require_energy(self) -> None:
@@ -164,11 +164,11 @@ class DesignTask:
         The cost is a root mean square over the states. For "energy" it is that of the energy about its mean: its square
         is half the mean square of the energy's differences among all pairs of states (Sheu and Walker 1991, equation
         8). For "torque" it is that of the joint torques as shares of their limits, the squares summed over joints; for
-        "coupling" that of the mass matrix's entries off the diagonal, those of prismatic joints times the
-        characteristic length (m). For "components" it is that of the energy, by M = S V1' (k, P): the k singular values
-        S of the energies that are not zero, times their right singular vectors V1 (P, k). Read-only. Raises
-        `InputError` for another objective, and for "components" `RankError` where the number of identifiable parameters
-        cannot be certified.
+        "coupling" that of the mass matrix's entries off the diagonal, times the characteristic length (m; the largest
+        distance from a joint to the next or to its link's frame) for each prismatic joint of the entry. For
+        "components" it is that of the energy, by M = S V1' (k, P): the k singular values S of the energies that are not
+        zero, times their right singular vectors V1 (P, k). Read-only. Raises `InputError` for another objective, and
+        for "components" `RankError` where the number of identifiable parameters cannot be certified.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,
@@ -190,10 +190,10 @@ class DesignTask:
         return float(np.linalg.norm(self._applied(self.matrix(objective), parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
-        """Root mean square torques (r,) of the r primary joints over the task's states, N m (N for a prismatic joint),
-        without friction, for P inertial parameters (P,) in SI units, by default (None) the mechanism's own. Raises
-        `InputError` for another shape of parameters, `NonFiniteError` where one is not finite or the torques are too
-        large for numbers."""
+        """Root mean square torques (r,) of the r primary (independently moving) joints over the task's states, N m (N
+        for a prismatic joint), without friction, for P inertial parameters (P,) in SI units, by default (None) the
+        mechanism's own. Raises `InputError` for another shape of parameters, `NonFiniteError` where one is not finite
+        or the torques are too large for numbers."""
         return np.linalg.norm(self._applied(self._joint_torques, parameters), axis=-1)
 
     def components(self, percent: float, parameters: ArrayLike | None = None) -> int:
@@ -303,10 +303,10 @@ class DesignTask:
 
 def component_counts(weights: Array, percent: float) -> Array:
     """The least numbers (...) of essential components that keep the root mean square energy to an error of `percent`
-    (%; Sheu and Walker 1991, equation 23). `weights` (..., k), in J, are the root mean square energies of each of k
-    essential components, which are combinations of the inertial parameters, the right singular vectors of the energies;
-    of those left out, the squares' sum has a root of at most the error. Raises `InputError` for a percentage that is no
-    finite number of at least 0."""
+    (%; Sheu and Walker 1991, equation 23): the root of the summed squares of the weights left out is at most that
+    percentage of that of all. `weights` (..., k), in J, are the root mean square energies of each of k essential
+    components, which are combinations of the inertial parameters, the right singular vectors of the energies. Raises
+    `InputError` for a percentage that is no finite number of at least 0."""
     percent = real_number(percent, "percent")
     if not 0.0 <= percent < np.inf:
         raise InputError(f"percent: expected a percentage of at least 0, got {percent}")

@@ -12,8 +12,8 @@ from adaptctl.recording.verdict import Verdict
 
 
 def shown(replication: Replication) -> Result:
-    """Result of the replication, as the command line shows it: outcome in words, facts, an empty verdict (for it is
-    about no controller), and a function that writes the folder of results."""
+    """Result of the replication, as the command line shows it: outcome in words, facts (questions with answers), an
+    empty verdict (for it is about no controller), and a function that writes the folder of results."""
     return Result(
         complete=replication.complete,
         headline=headline(replication),

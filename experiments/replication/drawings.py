@@ -36,9 +36,10 @@ def singular_values(draws: Draws, numbers: Array) -> Drawing:
 
 def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Drawing:
     """Drawing for the report (a `Drawing` with name, caption and figure) of Figure 3 of Sheu and Walker (1991), the
-    energy error, %, over the number of components of the parameters that are kept: a panel for each arm's random draws
-    in `panels` (two or three), by title, with the printed errors in `points`, %, by title and number of components; a
-    negative one is an upper bound, drawn as an arrow."""
+    energy error, %, over the number of essential components (the parameters' parts along the right singular vectors of
+    energy differences) that are kept: a panel for each arm's random draws in `panels` (two or three), by title, with
+    the printed errors in `points`, %, by title and number of components; a negative one is an upper bound, drawn as an
+    arrow."""
     caption = (
         "Figure 3: error of the energy over the number of components kept. Line: median of the seeds; bands: from the "
         "5th to the 95th percentile, and all; crosses: printed in Tables 3 and 10; arrows: the text's upper bounds."
@@ -48,9 +49,9 @@ def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int
 
 def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
     """Drawing for the report (a `Drawing` with name, caption and figure) of Table 3 or 10 of Sheu and Walker (1991):
-    mean square torque errors, (N m)^2, over the number of components of the parameters that are kept. `name` is the
-    drawing's ("table-3"), `table` the printed one, `errors` (seeds, k + 1, r) those computed for each random draw with
-    0 to k components at r joints."""
+    mean square torque errors, (N m)^2, over the number of essential components (the parameters' parts along the right
+    singular vectors of energy differences) that are kept. `name` is the drawing's ("table-3"), `table` the printed one,
+    `errors` (seeds, k + 1, r) those computed for each random draw with 0 to k components at r joints, (N m)^2."""
     caption = (
         f"{name.replace('-', ' ').title()}: mean square torque errors over the number of components kept, a joint "
         "each. Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."

@@ -45,20 +45,23 @@ class Draws:
 
     @property
     def percent_errors(self) -> Array:
-        """Energy errors (seeds, k + 1), %, when the first 0, 1, ..., k components of the parameters, those with the
-        most energy, are kept (Sheu and Walker 1991, equation 23); k is the arm's number of essential (identifiable)
-        parameters."""
+        """Energy errors (seeds, k + 1), when the first 0, 1, ..., k of the k essential components (the parameters'
+        parts along the right singular vectors of the energy differences), those with the most energy, are kept: root of
+        the summed squares of the errors, in % of that of the energy differences themselves (Sheu and Walker 1991,
+        equation 23)."""
         return np.stack([reduction.percent_errors for reduction in self.reductions])
 
     @property
     def weights(self) -> Array:
         """Energy weights |beta_j| (seeds, k) of the k essential components of the parameters (their parts along the
-        right singular vectors of the energy differences), J, by falling size (Sheu and Walker 1991, equation 19)."""
+        right singular vectors of the energy differences), J, by falling size: the root of the summed squares of the
+        energy differences that each makes (Sheu and Walker 1991, equation 19)."""
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
     def torque_errors(self, motion: StatedMotion) -> Array:
         """Mean square torque errors (seeds, k + 1, r), (N m)^2, of the r joints along a `motion`, for each draw when
-        the first 0, 1, ..., k components of the parameters, those with the most energy, are kept."""
+        the first 0, 1, ..., k of the k essential components (the parameters' parts along the right singular vectors of
+        the energy differences), those with the most energy, are kept."""
         Y = motion.Y
         parts = np.stack([reduction.components for reduction in self.reductions])
         missing = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
@@ -70,10 +73,10 @@ class Draws:
         return np.concatenate([errors, nothing_missing[:, None]], axis=1)
 
     def torque(self, motion: StatedMotion, seed: int, components: int) -> Array:
-        """Torques (T, r), N m, of the r joints at the T times of a `motion`, with so many `components` of the
-        parameters, those with the most energy in one draw; `seed` is the draw's index from 0. Raises `InputError` for a
-        number of components that is not from 0 to the number k of essential (identifiable) parameters, `IndexError` for
-        no such draw."""
+        """Torques (T, r), N m, of the r joints at the T times of a `motion`, of the parameters' first `components`
+        essential components (their parts along the right singular vectors of the energy differences), those with the
+        most energy in one draw; `seed` is the draw's index from 0. Raises `InputError` for a number of components that
+        is not from 0 to the number k of all, `IndexError` for no such draw."""
         return motion.Y @ self.reductions[seed].parameters(components)
 
 

@@ -62,7 +62,8 @@ def table1(study: Study) -> Item:
 def table2(study: Study) -> Item:
     """Replication (an `Item`: verdict, checks and claims) of Table 2 of Sheu and Walker (1991), the PUMA 560's singular
     values of energy differences: each printed one checked against those of many random draws of states in `study`,
-    since the paper's one draw is not known. Raises `RankError` where the arm's rank cannot be certified."""
+    since the paper's one draw is not known. Raises `RankError` where the arm's number of identifiable parameters cannot
+    be certified."""
     table, draws = printed().tables["table2"], study.puma_draws
     k, values = draws.rank, draws.singular_values
     texts = [text for _, _, text in table.entries()]
@@ -100,9 +101,10 @@ def table2(study: Study) -> Item:
 
 def table3(study: Study) -> Item:
     """Replication (an `Item`: verdict, checks and claims) of Table 3 of Sheu and Walker (1991), the PUMA 560's energy
-    and torque errors by the number of components of the parameters that are kept: each printed one checked against
-    those of many random draws of states in `study`, torques along a sinusoid chosen here. Raises `RankError` where the
-    arm's rank cannot be certified."""
+    and torque errors by the number of essential components (the parameters' parts along the right singular vectors of
+    energy differences) that are kept: each printed one checked against those of many random draws of states in `study`,
+    torques along a sinusoid chosen here. Raises `RankError` where the arm's number of identifiable parameters cannot be
+    certified."""
     table, draws = printed().tables["table3"], study.puma_draws
     checks = checked_torque_errors(table, draws.percent_errors, study.puma_torque_errors)
     return Item(

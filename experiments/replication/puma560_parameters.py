@@ -50,7 +50,7 @@ def table4(study: Study) -> Item:
 def table5(study: Study) -> Item:
     """Replication (an `Item`: verdict, checks and claims) of Table 5 of Sheu and Walker (1991), the PUMA 560's set of
     independent parameters: each cross and blank checked against the set computed from `study`, and the set's rank.
-    Raises `RankError` where the arm's rank cannot be certified."""
+    Raises `RankError` where the arm's number of identifiable parameters cannot be certified."""
     table, space, basis = printed().tables["table5"], study.puma.space, study.puma_basis
     columns, priority = kept(table), study.priority("table4", study.puma.mechanism)
     states = random_states(study.puma.mechanism, 4 * len(space.parameter_names), np.random.default_rng(study.seed))
@@ -106,7 +106,7 @@ def table5(study: Study) -> Item:
 def table6(study: Study) -> Item:
     """Replication (an `Item`: verdict, checks and claims) of Table 6 of Sheu and Walker (1991), the PUMA 560's assigned
     inertial parameters: inputs, checked against those of the arm in `study`, and shown to be those of no rigid bodies.
-    Raises `RankError` where the arm's rank cannot be certified."""
+    Raises `RankError` where the arm's number of identifiable parameters cannot be certified."""
     table, D, space = printed().tables["table6"], study.puma.parameters, study.puma.space
     checks = tuple(given(row, link, text, sign(row) * D[index(row, link)]) for row, link, text in table.entries())
     lowest = [float(np.linalg.eigvalsh(pseudo_inertia(ten))[0]) for ten in D.reshape(-1, 10)]
@@ -175,8 +175,8 @@ def table7(study: Study) -> Item:
 def table8(study: Study) -> Item:
     """Replication (an `Item`: verdict, checks and claims) of Table 8 of Sheu and Walker (1991), the values of the PUMA
     560's independent parameters on the set of Table 5: each printed number checked against the one computed from
-    `study` with pi/2 rounded, as the paper seems to have done. Raises `RankError` where the arm's rank cannot be
-    certified."""
+    `study` with pi/2 rounded, as the paper seems to have done. Raises `RankError` where the arm's number of
+    identifiable parameters cannot be certified."""
     table, essential = printed().tables["table8"], parameters(printed().tables["table7"])
     mechanism, space, vector = study.puma.mechanism, study.puma.space, parameters(table)
     rounded = rounded_set(mechanism, QUARTERS[REPORTED], study.priority("table4", mechanism)).independent

@@ -73,5 +73,6 @@ def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) ->
 def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> RoundedSet:
     """Set of parameters that the rule of Sheu and Walker (1991, theorem 4.1) keeps on the PUMA 560, `mechanism`, with
     `quarter` (rad), such as 1.5708, in place of pi/2; `priority` is the order in which parameters are removed. Raises
-    `NotFoundError` for a priority with unknown names, `RankError` where the rank cannot be certified."""
+    `NotFoundError` for a priority with unknown names, `RankError` where the number of identifiable parameters cannot be
+    certified."""
     return papers_rule(essential_space(with_twists(mechanism, quarter)), mechanism.inertial_parameters, priority)

@@ -68,9 +68,10 @@ def table9(study: Study) -> Item:
 
 def table10(study: Study) -> Item:
     """Replication (an `Item`: verdict, checks and claims) of Table 10 of Sheu and Walker (1991), the semi-direct-drive
-    arm's energy and torque errors by the number of components of the parameters that are kept: each printed one checked
-    against those of many random draws of states in `study`, with lengths and a sinusoid chosen here. Raises `RankError`
-    where an arm's rank cannot be certified."""
+    arm's energy and torque errors by the number of essential components (the parameters' parts along the right singular
+    vectors of energy differences) that are kept: each printed one checked against those of many random draws of states
+    in `study`, with lengths and a sinusoid chosen here. Raises `RankError` where an arm's number of identifiable
+    parameters cannot be certified."""
     table = printed().tables["table10"]
     near, generic = study.nearly_parallel_draws, study.five_bar_draws
     checks = checked_torque_errors(table, near.percent_errors, study.nearly_parallel_torque_errors)
@@ -129,7 +130,7 @@ def table11(study: Study) -> Item:
 def table12(study: Study) -> Item:
     """Replication (an `Item`: verdict, checks and claims) of Table 12 of Sheu and Walker (1991), the semi-direct-drive
     arm's set of independent parameters: each cross and blank checked against the set computed from `study`. Raises
-    `RankError` where the arm's rank cannot be certified."""
+    `RankError` where the arm's number of identifiable parameters cannot be certified."""
     table, basis, draws = printed().tables["table12"], study.five_bar_basis, study.five_bar_draws
     checks = tuple(
         marked(row, link, text, index(row, link) in basis.columns, Outturn.NOT_REPRODUCED)

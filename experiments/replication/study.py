@@ -57,8 +57,8 @@ class Study:
 
     @cached_property
     def arm3_space(self) -> EssentialSpace:
-        """Essential space of the inertial parameters of the PUMA 560's first three joints. Raises `RankError` where its
-        rank cannot be certified."""
+        """Essential space of the inertial parameters of the PUMA 560's first three joints. Raises `RankError` where the
+        number of identifiable parameters cannot be certified."""
         return essential_space(self.arm3)
 
     @cached_property
@@ -76,19 +76,21 @@ class Study:
     @cached_property
     def puma_draws(self) -> Draws:
         """Random draws of the PUMA 560's states, for Tables 2 and 3 and Figures 3 and 4 of Sheu and Walker (1991).
-        Raises `RankError` where the arm's rank cannot be certified."""
+        Raises `RankError` where the arm's number of identifiable parameters cannot be certified."""
         return self._draws(self.puma)
 
     @cached_property
     def five_bar_draws(self) -> Draws:
         """Random draws of states of the semi-direct-drive arm with four different lengths, for Figure 3 and Table 10 of
-        Sheu and Walker (1991). Raises `RankError` where the arm's rank cannot be certified."""
+        Sheu and Walker (1991). Raises `RankError` where the arm's number of identifiable parameters cannot be
+        certified."""
         return self._draws(self.five_bar)
 
     @cached_property
     def nearly_parallel_draws(self) -> Draws:
         """Random draws of states of the semi-direct-drive arm with nearly equal opposite sides, for Figures 3 and 6 and
-        Table 10 of Sheu and Walker (1991). Raises `RankError` where the arm's rank cannot be certified."""
+        Table 10 of Sheu and Walker (1991). Raises `RankError` where the arm's number of identifiable parameters cannot
+        be certified."""
         return self._draws(self.nearly_parallel)
 
     @cached_property
@@ -112,22 +114,25 @@ class Study:
     @cached_property
     def puma_torque_errors(self) -> Array:
         """Mean square torque errors (seeds, 37, 6), (N m)^2, of the PUMA 560 along the sinusoid that was chosen: by
-        random draw of states, by number of components of the parameters kept, 0 to 36, and by joint. Raises `RankError`
-        where the arm's rank cannot be certified."""
+        random draw of states, by number kept of essential components (the parameters' parts along the right singular
+        vectors of energy differences), 0 to 36, and by joint. Raises `RankError` where the arm's number of identifiable
+        parameters cannot be certified."""
         return self.puma_draws.torque_errors(self.puma_motion)
 
     @cached_property
     def five_bar_torque_errors(self) -> Array:
         """Mean square torque errors (seeds, 27, 3), (N m)^2, of the semi-direct-drive arm with four different lengths
-        along the sinusoid that was chosen: by random draw of states, by number of components of the parameters kept, 0
-        to 26, and by joint. Raises `RankError` where the arm's rank cannot be certified."""
+        along the sinusoid that was chosen: by random draw of states, by number kept of essential components (the
+        parameters' parts along the right singular vectors of energy differences), 0 to 26, and by joint. Raises
+        `RankError` where the arm's number of identifiable parameters cannot be certified."""
         return self.five_bar_draws.torque_errors(self.five_bar_motion)
 
     @cached_property
     def nearly_parallel_torque_errors(self) -> Array:
         """Mean square torque errors (seeds, 27, 3), (N m)^2, of the semi-direct-drive arm with nearly equal opposite
-        sides along the sinusoid that was chosen: by random draw of states, by number of components of the parameters
-        kept, 0 to 26, and by joint. Raises `RankError` where the arm's rank cannot be certified."""
+        sides along the sinusoid that was chosen: by random draw of states, by number kept of essential components (the
+        parameters' parts along the right singular vectors of energy differences), 0 to 26, and by joint. Raises
+        `RankError` where the arm's number of identifiable parameters cannot be certified."""
         return self.nearly_parallel_draws.torque_errors(self.nearly_parallel_motion)
 
     @cached_property

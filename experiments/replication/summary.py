@@ -20,8 +20,11 @@ def write_summary(path: str | Path, replication: Replication) -> None:
 
 
 def summary(replication: Replication) -> dict[str, Any]:
-    """Summary of the replication in JSON's types: settings, counts by verdict, and every item (table, figure or
-    section) of Sheu and Walker (1991) with its checks and claims."""
+    """Summary of the replication of Sheu and Walker (1991) in JSON's types: "schema", "complete", "experiment", "seed",
+    "seeds" (how many), "seconds" taken and "settings"; counts by verdict of printed "numbers", of "marks" (crosses and
+    blanks) and of items, "items_by_verdict"; the names of items in "errata" and "not_reproduced"; and "items" (tables,
+    figures, sections) by name, each with "title", "verdict", "summary", "chosen", "claims", "evidence", "relations" and
+    "checks"."""
     items = replication.items
     return {
         "schema": SCHEMA,

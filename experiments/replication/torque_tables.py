@@ -21,8 +21,9 @@ CLOSE = (0.05, 0.01, 0.001)
 
 def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[Check, ...]:
     """Checks of every printed entry of Table 3 or 10 of Sheu and Walker (1991), in its order, against what was computed
-    when 0 to k components of the parameters are kept: energy errors `percent` (seeds, k + 1), %, and mean square torque
-    errors `errors` (seeds, k + 1, r), (N m)^2, of r joints, for each of several random draws (seeds)."""
+    when 0 to k essential components (the parameters' parts along the right singular vectors of energy differences) are
+    kept: energy errors `percent` (seeds, k + 1), %, and mean square torque errors `errors` (seeds, k + 1, r), (N m)^2,
+    of r joints, for each of several random draws (seeds)."""
     last = percent.shape[1] - 1
     checks = []
     for row, column, text in table.entries():
@@ -35,8 +36,9 @@ def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[
 
 def medians(percent: Array, errors: Array) -> Relations:
     """Table, as `Relations` (a heading and lines of text), of the medians over the random draws (seeds) for each number
-    of components of the parameters kept that Table 3 or 10 of Sheu and Walker (1991) has: energy errors `percent`
-    (seeds, k + 1), %, and mean square torque errors `errors` (seeds, k + 1, r), (N m)^2, of r joints."""
+    kept of essential components (the parameters' parts along the right singular vectors of energy differences) that
+    Table 3 or 10 of Sheu and Walker (1991) has: energy errors `percent` (seeds, k + 1), %, and mean square torque
+    errors `errors` (seeds, k + 1, r), (N m)^2, of r joints."""
     lines = [f"{'components':>10}  {'energy [%]':>10}" + "".join(f"  joint{j + 1:<2}" for j in range(errors.shape[-1]))]
     for s in (count for count in COUNTS if count < percent.shape[1]):
         torque = "".join(f"  {value:.1E}" for value in np.median(errors[:, s], axis=0))
@@ -45,11 +47,12 @@ def medians(percent: Array, errors: Array) -> Relations:
 
 
 def fewest_components(claim: str, printed_count: int, draws: Draws, errors: Array, motion: StatedMotion) -> Claim:
-    """Claim of Sheu and Walker (1991) on the number of components of the parameters that an accurate torque needs,
-    judged: it holds where at least half of the random draws need `printed_count` or more for an RMS torque error within
-    5 % of the RMS torque at every joint. `claim` is the name of its quotation, such as "puma_torque"; `errors` (seeds,
-    k + 1, r), (N m)^2, are the mean square torque errors of `draws` along `motion` with 0 to k components at r joints.
-    Raises `KeyError` for an unknown quotation."""
+    """Claim of Sheu and Walker (1991) on the number of essential components (the parameters' parts along the right
+    singular vectors of energy differences) that an accurate torque needs, judged: it holds where at least half of the
+    random draws need `printed_count` or more for an RMS torque error within 5 % of the RMS torque at every joint.
+    `claim` is the name of its quotation, such as "puma_torque"; `errors` (seeds, k + 1, r), (N m)^2, are the mean
+    square torque errors of `draws` along `motion` with 0 to k components at r joints. Raises `KeyError` for an unknown
+    quotation."""
     needed = {share: _needed(draws, errors, motion, share) for share in CLOSE}
     judged = float(np.mean(needed[CLOSE[0]] >= printed_count))
     middle = ", ".join(f"{np.median(count):.0f} within {percent(share)}" for share, count in needed.items())

@@ -13,8 +13,8 @@ from adaptctl.recording.wording import headline
 
 
 def shown(result: SideBySide) -> Result:
-    """Result of the experiment, as the command line shows it, from two arms side by side: outcome in words, facts,
-    verdict on both controllers, and a function that writes the folder of results."""
+    """Result of the experiment, as the command line shows it, from two arms side by side: outcome in words, facts
+    (questions with answers), verdict on both controllers, and a function that writes the folder of results."""
     return Result(
         complete=result.complete,
         headline=headline(outcome_words(result), result.complete),

@@ -39,10 +39,10 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
 
     Both tips follow one path, turned into joint positions by inverse kinematics, and start equally far off it. Both
     arms are driven by Slotine and Li's law from zero, on the k fundamental (base) parameters and on all, and with
-    adaptation off, with gains by one rule. In the settings Λ is the bandwidth (1/s) and I a joint's typical inertia.
-    Raises `InputError` at construction for a `center`, `amplitude`, `frequency`, `phase` or `start_off` that has not
-    three entries (x, y, z), and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or
-    infinity.
+    adaptation off, with gains by one rule. In the settings Λ is the bandwidth (1/s) and I a joint's typical inertia
+    (the median of its entry of the mass matrix's diagonal over random configurations). Raises `InputError` at
+    construction for a `center`, `amplitude`, `frequency`, `phase` or `start_off` that has not three entries (x, y, z),
+    and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "serial-versus-graph"
@@ -85,10 +85,10 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison of both arms: outcome in words, facts, verdict, and a function that writes the
-        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C keeps the runs begun.
-        Raises `InputError` for a path that is out of reach, `GainError` for gains too large for the control period,
-        `RankError` where an arm's number of fundamental (base) parameters cannot be certified."""
+        """Result of the comparison of both arms: outcome in words, facts (questions with answers), verdict, and a
+        function that writes the folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C
+        keeps the runs begun. Raises `InputError` for a path that is out of reach, `GainError` for gains too large for
+        the control period, `RankError` where an arm's number of fundamental (base) parameters cannot be certified."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> SideBySide:

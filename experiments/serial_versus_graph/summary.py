@@ -21,8 +21,11 @@ def write_summary(path: str | Path, result: SideBySide) -> None:
 
 
 def summary(result: SideBySide) -> dict[str, Any]:
-    """Summary of arms side by side in JSON's types: the experiment, its settings and verdict, and, under "arms", of
-    each arm its comparison of runs, its numbers of parameters and operations, and its tip's RMS errors, m."""
+    """Summary of arms side by side in JSON's types: "schema", "complete", "verdict", "experiment", "seed", "duration"
+    (s), "settings", and "arms" by name. Of each arm it has the summary of its comparison of runs, its numbers ("links",
+    "joints", "actuators", "inertial_parameters", "rank_printed", and operations as "regressor_flops"), and its tip's
+    RMS distances from the path, m ("first_tip_rms_error" and "final_tip_rms_error" of the adaptive run's first second
+    and last two, "final_tip_rms_errors" of every run)."""
     return {
         "schema": SCHEMA,
         "complete": result.complete,
