@@ -36,6 +36,6 @@ def test_arithmetic_forgets_the_configuration(arm: Mechanism) -> None:
 
 
 def test_a_tree_needs_no_configuration() -> None:
-    equations = load("puma560").equations
+    equations = load("puma560_measured").equations
     p = ClosedPositions(Column.zeros(6), Column.zeros(6))
     assert equations.closed(p, Column.zeros(6)) is p

@@ -33,8 +33,8 @@ class Instructions:
         return name
 
     def broadcast(self, name: str, pointer: str, k: int) -> str:
-        """The `name` of an LLVM register, as given, into every lane of which the instructions appended here load the
-        one number in the place of index `k`, in single numbers, after a `pointer`, another register's name."""
+        """Append the instructions that load the one number in the place of index `k`, in single numbers, after a
+        `pointer`, a register's name, into every lane of the LLVM register of the given `name`. Returns that name."""
         value, scalar, n = self.lanes.value, self.lanes.scalar, self.lanes.count
         self.add(f"{name}.at = getelementptr {scalar}, ptr {pointer}, i64 {k}")
         self.add(f"{name}.one = load {scalar}, ptr {name}.at, align {self.lanes.size}")
