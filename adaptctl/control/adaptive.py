@@ -116,15 +116,15 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the r primary joints, in rad (m for a prismatic joint), where the mechanism's kinematic
-        loops are known to close; zeros without loops."""
+        """Positions (r,) of the r primary (independent) joints, in rad (m for a prismatic joint), where the mechanism's
+        kinematic loops are known to close; zeros without loops."""
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
         """The memory before the first control period, of arms at positions p in rad (m for a prismatic joint) and
-        velocities v in rad/s (m/s), (..., r) for r primary joints: the first estimate, zero torque, and a period of no
-        length to learn from. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it,
-        `SingularityError` where kinematic loops are near a configuration that locks them."""
+        velocities v in rad/s (m/s), (..., r) for r primary (independent) joints: the first estimate, zero torque, and a
+        period of no length to learn from. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or
+        infinity in it, `SingularityError` where kinematic loops are near a configuration that locks them."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law

@@ -50,8 +50,8 @@ class TaskSpaceSlotineLi(SlotineLi):
         torque = Y_r(p, v, v_r, a_r) estimate - K s
 
     J (m, r) is x's Jacobian, x_d the desired x, p and v (r,) the measured positions and velocities of the r primary
-    joints, Y_r (r, k) the torque regressor of k estimated parameters, K the damping, s the sliding variable. A prime is
-    a derivative in time, but the transpose of J and, in V below, of s and error.
+    (independent) joints, Y_r (r, k) the torque regressor of k estimated parameters, K the damping, s the sliding
+    variable. A prime is a derivative in time, but the transpose of J and, in V below, of s and error.
 
     x (m,) are m of the three world coordinates of the point, in metres: `axes`, rising, 0 to 2 for x to z, by default
     all. `tool` (3,) is the point in the frame of `link`, in metres, None for its origin; `link` is a name, None for the
@@ -105,15 +105,15 @@ class TaskSpaceSlotineLi(SlotineLi):
     @property
     def reference_size(self) -> int:
         """Length of each part of a reference point, position, velocity or acceleration: m, the number of `axes`, or the
-        number r of primary joints where `reference_in_joints` is true."""
+        number r of primary (independent) joints where `reference_in_joints` is true."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r (r,) of the r primary joints in rad/s (m/s), at which the tool is led to its path,
-        its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the law's memory for the next
-        control period.
+        """The reference velocity v_r (r,) of the r primary (independent) joints in rad/s (m/s), at which the tool is
+        led to its path, its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the law's
+        memory for the next control period.
 
         With a reference in joints, that memory is the reference's configuration (n,) of the tree's n joints, from which
         loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in rad (m)
@@ -128,8 +128,8 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
         """The tool's coordinates x (m,), in metres, along the m world `axes`, and the m rows (r,) of their Jacobian J
-        (m, r) by the r primary joints, in m/rad (no unit for a prismatic joint), at the configuration q (n,) of the
-        tree's n joints in rad (m)."""
+        (m, r) by the r primary (independent) joints, in m/rad (no unit for a prismatic joint), at the configuration q
+        (n,) of the tree's n joints in rad (m)."""
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]

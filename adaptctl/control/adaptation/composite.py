@@ -54,8 +54,9 @@ class Composite(Descent[Filtered]):
         positive_per_joint(self.weight, np.size(self.weight), "composite: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, and the torque filter's cutoff (rad/s) times the period (s) is at most 1.
+        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
+        errors is one positive number or one for each of its r joints, and the torque filter's cutoff (rad/s) times the
+        period (s) is at most 1.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -65,13 +66,13 @@ class Composite(Descent[Filtered]):
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
-        """The memory before the first tick: the torque filters at rest, their outputs, the filtered regressor and the
-        filtered torques, zero.
+        """The memory before the first control period: the torque filters at rest, their outputs, the filtered regressor
+        and the filtered torques, zero.
 
         `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
-        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
-        values other than zero; nothing else is checked.
+        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in
+        rad/s (m/s), `period` the control period in s. Raises `InputError` for a model whose linear constraints fix
+        parameters at values other than zero; nothing else is checked.
         """
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 

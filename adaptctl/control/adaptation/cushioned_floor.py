@@ -25,9 +25,9 @@ from adaptctl.scalars import Column, each
 
 class InformationMemory(NamedTuple):
     """The memory of adaptation by least squares on k parameters that hold their information P^-1 (k, k), P the
-    covariance, between ticks: `information` (k (k + 1)/2,) is the upper triangle, row by row, of S P^-1 S, S =
-    Gamma^1/2 with the first gain Gamma, the identity at the start; `filtered` is the torque filters' memory. Nothing is
-    checked."""
+    covariance, between control periods: `information` (k (k + 1)/2,) is the upper triangle, row by row, of S P^-1 S, S
+    = Gamma^1/2 with the first gain Gamma, the identity at the start; `filtered` is the torque filters' memory. Nothing
+    is checked."""
 
     information: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of S P^-1 S, S = Gamma^1/2: the identity at the start"""
@@ -66,14 +66,14 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     called: ClassVar[str] = "cushioned floor"
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> InformationMemory:
-        """The memory before the first tick: the upper triangle (k (k + 1)/2,) of the information matrix P^-1 = Gamma^-1
-        of k parameters, in units of Gamma^-1 (Gamma the first gain), and the torque filters at rest, their outputs
-        zero.
+        """The memory before the first control period: the upper triangle (k (k + 1)/2,) of the information matrix P^-1
+        = Gamma^-1 of k parameters, in units of Gamma^-1 (Gamma the first gain), and the torque filters at rest, their
+        outputs zero.
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
-        in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
-        than zero; nothing else is checked.
+        in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in rad/s (m/s),
+        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
+        values other than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)

@@ -26,13 +26,13 @@ class Gradient(Descent[NoMemory]):
         estimate -= T_c n Gamma x,  x = Y_j' s,  s = s_j + theta (s_(j+1) - s_j) from tick j to j + 1
         n = s'Ks/(s'Ks + cap T_c x'Gamma x)
 
-    `theta`, without a unit, is 1 for the backward rule, which is the default, 1/2 for the trapezium and 0 for Euler's.
-    With the share n, of `cap` without a unit, the step's power T_c n x'Gamma x is at most s'Ks/cap, s'Ks being what the
-    damping takes out; a cap of 0 leaves n out. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic
-    joint), Y (r, k) the torque regressor, K (r,) the control law's damping in N m s/rad (N s/m), T_c the period in s;
-    `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J. Raises `InputError` for a
-    gain that is not finite, symmetric and positive definite, a theta outside [0, 1] and a cap that is negative or not
-    finite.
+    j counts the control periods (ticks). `theta`, without a unit, is 1 for the backward rule, which is the default, 1/2
+    for the trapezium and 0 for Euler's. With the share n, of `cap` without a unit, the step's power T_c n x'Gamma x is
+    at most s'Ks/cap, s'Ks being what the damping takes out; a cap of 0 leaves n out. s (r,) is the sliding variable of
+    r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor, K (r,) the control law's damping in N
+    m s/rad (N s/m), T_c the period in s; `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters
+    squared per J. Raises `InputError` for a gain that is not finite, symmetric and positive definite, a theta outside
+    [0, 1] and a cap that is negative or not finite.
 
     Guarantees, in continuous time and without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2, M the mass matrix and
     error the estimate less the truth, falls as -s'Ks, so the tracking error goes to zero and the estimate stays
@@ -61,7 +61,7 @@ class Gradient(Descent[NoMemory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (k,) of k
         parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
-        the velocities v (r,) of the r primary joints in rad/s (m/s) and the control `period` in s."""
+        the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:

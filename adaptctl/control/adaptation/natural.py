@@ -84,7 +84,8 @@ class Natural(AdaptationLaw[NoMemory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (P,) of
         all P parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic
-        joint), the velocities v (r,) of the r primary joints in rad/s (m/s) and the control `period` in s."""
+        joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in
+        s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:

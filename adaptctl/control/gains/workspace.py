@@ -49,8 +49,8 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
 
 def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
     """Mask (samples,) of bools, True where the mechanism's kinematic loops can be closed, within their stated
-    conditions, at positions p (samples, r) of its r primary joints, rad (m if prismatic); True everywhere without
-    loops. Shapes and numbers of p are not checked."""
+    conditions, at positions p (samples, r) of its r primary (independent) joints, rad (m if prismatic); True everywhere
+    without loops. Shapes and numbers of p are not checked."""
     if mechanism.continuation is None:
         return np.ones(len(p), dtype=np.bool_)
     allowed = np.asarray(mechanism.description.within_conditions(p))
