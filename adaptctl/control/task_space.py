@@ -70,9 +70,16 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     The reference point is x_d, x_d', x_d'' (m,) in m and s; with `reference_in_joints` it is joint positions,
     velocities and accelerations (r,), as an environment gives them, and x_d is where they put the point. `bandwidth` is
-    Lambda (1/s), a number or (m,); other arguments are those of `SlotineLi`. Raises what `SlotineLi` does, and
-    `InputError` for axes, link, tool, posture, posture rate or mu that do not fit, and where, with mu zero, the joints
-    cannot move the point along all axes.
+    Lambda (1/s), a number or (m,); other arguments and defaults are those of `SlotineLi`: `model`, with its k
+    parameters; `damping` K in N m s/rad (N s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or
+    Gamma (k,) or (k, k) in units of the parameters squared per J, or None for none; `initial` (k,), SI units, None for
+    zero; `period` T_c, 1e-3 s; `workspace`, the positions at which the period must carry the gains, None for all that
+    the joints' limits allow; `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for
+    the mechanism's; `prior` (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates
+    could ring, None for none. Raises `GainError` where T_c (lambda_max(M^-1 K) + the greatest of Lambda and
+    `posture_rate`), lambda_max the largest eigenvalue, is above 1.5 or M not positive definite, and `InputError` for
+    arguments that `SlotineLi` refuses, for axes, link, tool, posture, posture rate or mu that do not fit, and where,
+    with mu zero, the joints cannot move the point along all axes.
     """
 
     tunable = (*SlotineLi.tunable, "posture_rate")
@@ -116,10 +123,10 @@ class TaskSpaceSlotineLi(SlotineLi):
         memory for the next control period.
 
         With a reference in joints, that memory is the reference's configuration (n,) of the tree's n joints, from which
-        loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in rad (m)
-        and v (r,) in rad/s (m/s) the measured primary joints, `memory` the controller's in the last control period.
-        `reference` is the tool's position, velocity and acceleration (m,), in m, m/s and m/s^2 along the m axes, or
-        those of the joints (r,).
+        kinematic loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in
+        rad (m) and v (r,) in rad/s (m/s) the primary joints' measured positions and velocities, `memory` the
+        controller's in the last control period. `reference` is the tool's position, velocity and acceleration (m,), in
+        m, m/s and m/s^2 along the m axes, or those of the joints (r,).
         """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)

@@ -31,7 +31,8 @@ def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
     A link's are made from the typical inertia I of the joint that moves it: a body at a third of the arm's reach beyond
     that joint (the lever, of a reach of at least 0.05 m) has the mass m = I/lever^2, at most `heaviest` (kg; 5 unless
     given), which is the range of the mass; sqrt(m I) is that of first moments and I that of inertias. Friction has the
-    ranges of `PriorRanges`, 5 N m s/rad and 10 N m. Raises `InputError` where a typical inertia is not positive.
+    ranges of `PriorRanges`, 5 N m s/rad (N s/m if prismatic) for viscous and 10 N m (N) for Coulomb friction. Raises
+    `InputError` where a typical inertia is not positive.
     """
     inertia = _behind(mechanism)
     levers = np.maximum(reach_behind(mechanism.links), SHORTEST_LEVER) / 3.0

@@ -26,8 +26,8 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 def typical_inertia(mechanism: Mechanism) -> Array:
     """The typical inertia (r,) of each of the r joints, in kg m^2 or kg: the median of its entry of the mass matrix's
-    diagonal over 200 random configurations within the joints' limits. Raises `InputError` where loops reach none of
-    these."""
+    diagonal over 200 random configurations within the joints' limits. Raises `InputError` where kinematic loops reach
+    none of these."""
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 

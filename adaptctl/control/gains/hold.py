@@ -30,8 +30,9 @@ class HoldNumber(NamedTuple):
     positions `p` (r,), rad or m, of the r joints where it is reached, and the name of the `joint` that moves most
     there.
 
-    A held torque is stable while the number is below 2. T_c is the control period, lambda_max the largest eigenvalue, M
-    the mass matrix, M^ the estimated one, K the damping and Lambda the bandwidth. Nothing is checked.
+    A held torque is stable while the number is below 2. T_c is the control period in s, lambda_max the largest
+    eigenvalue, M the mass matrix, M^ the estimated one, K the damping in N m s/rad (N s/m if prismatic) and Lambda the
+    bandwidth in 1/s. Nothing is checked.
     """
 
     value: float
@@ -154,10 +155,10 @@ def hold_numbers(
     M is the mass matrix, lambda_max the largest eigenvalue, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
     1/s, 0 by default, each one number or (r,); `period` is T_c in s. M^ is the mass matrix of the `estimate`, (P,) or
     (..., P), of all P inertial and friction parameters, SI units, None for the mechanism's own. The number is infinite
-    where M is not positive definite, and where K + M^ Lambda drives instead of damps. Viscous friction is taken in as
-    in `hold_number`, which searches for the worst positions. Raises `InputError` on a wrong shape of `p`, damping or
-    bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a configuration that locks
-    kinematic loops; signs are not checked.
+    where M is not positive definite, and where K + M^ Lambda drives instead of damps. Where there is viscous friction
+    B, M (X/2) coth(X/2) stands in place of the inverted M, X = T_c M^-1 B. Raises `InputError` on a wrong shape of `p`,
+    damping or bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a configuration
+    that locks kinematic loops; signs are not checked.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)

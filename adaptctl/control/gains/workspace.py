@@ -80,9 +80,9 @@ class Workspace:
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
         """The workspace of all that the joints' limits allow, with a number of random `samples`, drawn by `seed`, equal
-        for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero. Samples that loops cannot
-        reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one
-        from 0 to 2^32 - 1, and where loops reach none of the samples."""
+        for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero. Samples that kinematic
+        loops cannot reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and
+        `seed` one from 0 to 2^32 - 1, and where loops reach none of the samples."""
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
@@ -95,7 +95,7 @@ class Workspace:
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
         """The workspace about a reference: its S positions `p` (S, r), rad or m, and `margin` rad (m), 0.2 by default,
-        to each side of every joint. Positions that loops cannot reach are left out.
+        to each side of every joint. Positions that kinematic loops cannot reach are left out.
 
         Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
         Raises `InputError` for a negative margin or a wrong shape, and where the mechanism reaches none of the
@@ -111,8 +111,8 @@ class Workspace:
 
     @cached_property
     def mass_matrices(self) -> Array:
-        """Mass matrices M (S, r, r) at the workspace's S samples of r joints, in kg m^2 or kg; computed once, since
-        with loops they take seconds."""
+        """Mass matrices M (S, r, r) at the workspace's S samples of r joints, in kg m^2 (kg between prismatic joints);
+        computed once, since with kinematic loops they take seconds."""
         return frozen(self.mechanism.mass_matrix(self.samples))
 
     def highest(self, value: Callable[[Array], Array]) -> Worst:
