@@ -64,11 +64,11 @@ class PassivityIntegral(SlotineLi):
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
         """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) in rad/s (m/s), its derivative
-        a_r (r,) in rad/s^2 (m/s^2), and the memory: the integral (r,) in rad s (m s) and the last e (r,).
+        a_r (r,) in rad/s^2 (m/s^2), for r joints, and the memory: the integral (r,) in rad s (m s) and the last e (r,).
 
         e = p - p_d is the tracking error and Lambda the bandwidth (1/s); `reference` has the desired p_d, v_d and a_d
         (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is that of the last control period. The
-        positions q (n,) of all n joints of the tree are not used.
+        positions q (n,) of all n joints of the spanning tree are not used.
         """
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth

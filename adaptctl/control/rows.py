@@ -29,7 +29,7 @@ def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tu
 
 
 def row_each(array: Array, arms: tuple[int, ...], name: str) -> Array:
-    """The numbers (..., n) of each of the arms, whose leading axes have the shape `arms`: `array` itself where it has
+    """The n numbers (..., n) of each of the arms, whose leading axes have the shape `arms`: `array` itself where it has
     that shape, and a read-only view, repeated for all arms, of an `array` (n,). Raises `InputError` for another shape;
     `name` is the numbers' name in its message."""
     size = array.shape[-1]

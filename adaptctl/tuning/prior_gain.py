@@ -63,11 +63,11 @@ def carried_gain(
     """The diagonal (P,) of an adaptation gain Gamma on all P parameters of a mechanism, in their units squared per J,
     scaled so that the adaptation number T lambda_max(K^-1 Y Gamma Y'), no unit, over S samples is `number`.
 
-    Y is the torque `regressor` (S, r, P) and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if prismatic), T
-    the control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in proportion to:
-    "ranges", the squares of the parameters' prior `ranges` (P,), SI units; "links", these, but scaled so that each link
-    and each drive has the same number by itself; "parameters", the inverse of each parameter's greatest effect on the
-    torques; "mixed", half "ranges" and half "links". Nothing is checked.
+    Y is the torque `regressor` (S, r, P) of r joints and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if
+    prismatic), T the control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in
+    proportion to: "ranges", the squares of the parameters' prior `ranges` (P,), SI units; "links", these, but scaled so
+    that each link and each drive has the same number by itself; "parameters", the inverse of each parameter's greatest
+    effect on the torques; "mixed", half "ranges" and half "links". Nothing is checked.
     """
     gain = ranges**2
     if shares == "links":

@@ -81,8 +81,8 @@ class DeadZone(Descent[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
-        (r,) the sliding variable, or unchanged where the mean of s over the period is within the dead zone; and the
-        empty memory.
+        (r,) the sliding variable of r joints, or unchanged where the mean of s over the period is within the dead zone;
+        and the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

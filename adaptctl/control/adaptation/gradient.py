@@ -66,8 +66,8 @@ class Gradient(Descent[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of k parameters after a step down the gradient Y's, and the empty memory. Y (r, k) is the
-        torque regressor at the period's start and s (r,) the sliding variable at its end, or, with a `theta` below 1,
-        between its start (theta 0) and its end; a `cap` above 0 limits the step's power.
+        torque regressor at the period's start and s (r,) the sliding variable of r joints at its end, or, with a
+        `theta` below 1, between its start (theta 0) and its end; a `cap` above 0 limits the step's power.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

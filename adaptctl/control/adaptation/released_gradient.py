@@ -99,8 +99,8 @@ class ReleasedGradient(Descent[Normaliser]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
         """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
-        (r,) the sliding variable at the period's end, divided by a normaliser of at least 1; and the memory of that
-        normaliser (1,), without a unit.
+        (r,) the sliding variable of r joints at the period's end, divided by a normaliser of at least 1; and the memory
+        of that normaliser (1,), without a unit.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

@@ -67,7 +67,8 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of k parameters after a step, along each adapted direction (k,), down the gradient Y's by
-        the trapezium rule; and the empty memory. Y (r, k) is the torque regressor, s (r,) the sliding variable.
+        the trapezium rule; and the empty memory. Y (r, k) is the torque regressor, s (r,) the sliding variable of r
+        joints.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.
