@@ -66,7 +66,8 @@ def tune(
 
     Raises `InputError` for settings that are out of range (above 0 and at most: `period` 0.1, `bandwidth` 1000, `hold`
     1.5, `adaptation` 1; `search` and `seed` whole numbers of at least 0; `initial_error` finite and of r joints), and
-    for joints that no gains can hold.
+    for joints that no gains can hold; for a given `reference`, `NonFiniteError` where its points are not finite and
+    `SingularityError` where kinematic loops cannot reach its first one.
     """
     for name, value, most in (("period", period, 0.1), ("bandwidth", bandwidth, 1e3), ("hold", hold, 1.5)):
         _require(name, value, most)

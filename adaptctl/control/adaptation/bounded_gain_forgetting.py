@@ -46,10 +46,10 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the
     filter F = cutoff/(d/dt + cutoff). `weight` is R in 1/(N m s) (m/(N s)), one number or (r,), `cutoff` in rad/s, both
     positive; `forgetting` of at least 0 is in 1/s; `bound` of at least 1, unitless, is the most that tr(Gamma^-1 P)/k,
-    the mean gain over Gamma, may become; `called` is the law's name in messages. Raises `InputError` for other numbers
-    and shapes at construction, and, with a controller, for sizes that do not fit the model, constraints that fix
-    parameters at values other than zero, a cutoff above 1/T_c and a forgetting above 0.1/T_c, T_c the control period; a
-    weight of NaN is a `NonFiniteError`.
+    the mean gain over Gamma, may become; `called` is the law's name in messages. A prime is the transpose, but on
+    estimate and P a derivative in time. Raises `InputError` for other numbers and shapes at construction, and, with a
+    controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, a cutoff
+    above 1/T_c and a forgetting above 0.1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 -

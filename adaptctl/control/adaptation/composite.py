@@ -27,10 +27,11 @@ class Composite(Descent[Filtered]):
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
     (r, k) the torque regressor, W (r, k) that behind the filter F = lambda/(d/dt + lambda), from positions and
     velocities alone. `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight`
-    is R's diagonal, one number or (r,), in 1/(N m s) (m/(N s)); `cutoff` is lambda in rad/s. Raises `InputError` at
-    construction for a gain that is not finite, symmetric and positive definite, and a weight or cutoff that is not
-    positive and finite (a weight of NaN is a `NonFiniteError`), and, with a controller, for sizes that do not fit the
-    model, constraints that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control period.
+    is R's diagonal, one number or (r,), in 1/(N m s) (m/(N s)); `cutoff` is lambda in rad/s. A prime is the transpose,
+    but on estimate a derivative in time. Raises `InputError` at construction for a gain that is not finite, symmetric
+    and positive definite, and a weight or cutoff that is not positive and finite (a weight of NaN is a
+    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, constraints that fix parameters at
+    values other than zero, and a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with the prediction error eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R eps:

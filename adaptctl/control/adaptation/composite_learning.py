@@ -69,10 +69,11 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     `gain` is Gamma's diagonal (k,), in units of the parameters squared per J, `weight` R, one number or (r,), in 1/(N m
     s) (m/(N s) for a prismatic joint), `cutoff` in rad/s that of the filter F = cutoff/(d/dt + cutoff), `called` the
     law's name in messages; s (r,) is the sliding variable of r joints in rad/s (m/s), tau (r,) the torque in N m (N), Y
-    (r, k) the torque regressor, W (r, k) that behind F. Raises `InputError` for a gain, a weight, a cutoff or an alarm
-    that is not positive, a forgetting, recall or threshold below 0, all finite but the alarm (a weight of NaN is a
-    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, constraints that fix parameters at
-    values other than zero, a cutoff above 1/T_c and a recall above 0.5/T_c, T_c the control period.
+    (r, k) the torque regressor, W (r, k) that behind F. A prime is the transpose, but on estimate, Q, z and V a
+    derivative in time. Raises `InputError` for a gain, a weight, a cutoff or an alarm that is not positive, a
+    forgetting, recall or threshold below 0, all finite but the alarm (a weight of NaN is a `NonFiniteError`), and, with
+    a controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, a
+    cutoff above 1/T_c and a recall above 0.5/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q

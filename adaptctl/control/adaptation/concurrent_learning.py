@@ -63,11 +63,12 @@ class ConcurrentLearning(Descent[Stack]):
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
     (r, k) the torque regressor, W_j (r, k) that of a sample, behind the filter F = cutoff/(d/dt + cutoff). `gain` is
     Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight` is R in 1/(N m s) (m/(N s)),
-    one number or (r,), `cutoff` in rad/s; `samples`, from 1 to 64, is how many the stack holds. Raises `InputError` for
-    a gain that is not finite, symmetric and positive definite, a weight, cutoff or threshold that is not positive and
-    finite (a weight of NaN is a `NonFiniteError`), samples that are no whole number or out of range, and, with a
-    controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, and a
-    cutoff above 1/T_c, T_c the control period.
+    one number or (r,), `cutoff` in rad/s; `samples`, from 1 to 64, is how many the stack holds. A prime is the
+    transpose, but on estimate a derivative in time. Raises `InputError` for a gain that is not finite, symmetric and
+    positive definite, a weight, cutoff or threshold that is not positive and finite (a weight of NaN is a
+    `NonFiniteError`), samples that are no whole number or out of range, and, with a controller, for sizes that do not
+    fit the model, constraints that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control
+    period.
 
     A sample is put on the stack where it tells something new: where its rows differ from those of the sample put there
     last by sum_i R_i d_i'Gamma d_i above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest

@@ -56,7 +56,8 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     estimate = K D, where D moves by natural adaptation, the gradient in the affine-invariant metric of pseudo-inertias,
     along the slope K'(Y's + W'R (W estimate - F[tau])). K (k, P) is the model's `regrouping`, Y (r, k) the torque
     regressor on the k fundamental parameters alone, W (r, k) that behind the filter F = cutoff/(d/dt + cutoff), s (r,)
-    the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N).
+    the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N). A prime is
+    the transpose.
 
     `lift` (P,) is the first D, physically consistent, in SI units (kg, kg m, kg m^2); the first estimate is K lift.
     `rate` is the speed of adaptation, one number in 1/J or one for each link with a body and then for each drive's

@@ -45,10 +45,10 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic
     joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the filter F =
     cutoff/(d/dt + cutoff). `forgetting` is lambda of at least 0 in 1/s; `weight` is R in 1/(N m s) (m/(N s)), one
-    number or (r,), `cutoff` in rad/s, both positive; `called` is the law's name in messages. Raises `InputError` for
-    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model, constraints
-    that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control period; a weight of NaN is
-    a `NonFiniteError`.
+    number or (r,), `cutoff` in rad/s, both positive; `called` is the law's name in messages. A prime is the transpose,
+    but on estimate and P^-1 a derivative in time. Raises `InputError` for other numbers and shapes at construction,
+    and, with a controller, for sizes that do not fit the model, constraints that fix parameters at values other than
+    zero, and a cutoff above 1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 - lambda error' (P^-1 -

@@ -25,8 +25,9 @@ class DeadZone(Descent[NoMemory]):
 
     s (r,), of r joints, is in rad/s (m/s for a prismatic joint), Y (r, k) is the torque regressor; `gain` is Gamma,
     (k,) its diagonal or (k, k), in units of the parameters squared per J. `width` is the zone's half-width in rad/s
-    (m/s), one number for all joints, as the default is, or (r,). Raises `InputError` for a gain that is not finite,
-    symmetric and positive definite and a width that is not positive and finite.
+    (m/s), one number for all joints, as the default is, or (r,). A prime is the transpose, but on estimate and V a
+    derivative in time. Raises `InputError` for a gain that is not finite, symmetric and positive definite and a width
+    that is not positive and finite.
 
     Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside, V =
     s'Ms/2 + error' Gamma^-1 error/2 has V' = -s'Ks + s'd, error the estimate less the truth, M the mass matrix, K the

@@ -34,8 +34,9 @@ class Natural(AdaptationLaw[NoMemory]):
     a link are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), (Y's)_i (10,) their share of
     Y's. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor
     on all parameters. `rate` is in 1/J, one number, or a vector of one for each link with a body and then for each
-    drive's parameter. Raises `InputError` unless it is positive and finite, and, with a controller, for another number
-    of rates, a model of fewer than all parameters and a first estimate that is not physically consistent.
+    drive's parameter. A prime is the transpose, but on P_i a derivative in time. Raises `InputError` unless `rate` is
+    positive and finite, and, with a controller, for another number of rates, a model of fewer than all parameters and a
+    first estimate that is not physically consistent.
 
     It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units or on
     frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster than light

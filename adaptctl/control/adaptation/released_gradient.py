@@ -38,13 +38,14 @@ class ReleasedGradient(Descent[Normaliser]):
     r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor, K (r,) the control law's damping in N
     m s/rad (N s/m), T_c the control period in s; `gain` is Gamma, (k,) its diagonal or (k, k), in units of the
     parameters squared per J. The theorem below does not cover every `release` and `share`, nor the defaults:
-    `ReleasedGradient.certified` makes those that it covers. Raises `InputError` for a gain that is not finite,
-    symmetric and positive definite and a release or share that is not positive and finite.
+    `ReleasedGradient.certified` makes those that it covers. A prime is the transpose. Raises `InputError` for a gain
+    that is not finite, symmetric and positive definite and a release or share that is not positive and finite.
 
     Guarantees, sampled, with the mass matrix M constant over the ticks considered, for any Gamma and any Y from tick to
     tick: V = s'Ms/(2n) + error' Gamma^-1 error/2, error the estimate less the truth, never rises where share > 1/(2 -
-    h), h = T_c lambda_max(M^-1 K) < 2, and release <= 2 (1 - h/2 - 1/(2 share)) lambda_min(M^-1 K). As T_c goes to zero
-    n goes to 1, and this to `Gradient`. The derivation: docs/discrete_adaptation.md.
+    h), h = T_c lambda_max(M^-1 K) < 2, and release <= 2 (1 - h/2 - 1/(2 share)) lambda_min(M^-1 K), with the largest
+    and the least eigenvalue lambda_max and lambda_min. As T_c goes to zero n goes to 1, and this to `Gradient`. The
+    derivation: docs/discrete_adaptation.md.
 
     Gives up: an M that changes, as every such theorem here does; speed, while n is large; and the operations of r
     gradients, for the trace. Under disturbance and without excitation the estimate drifts, it need not become the true
@@ -68,14 +69,14 @@ class ReleasedGradient(Descent[Normaliser]):
     ) -> ReleasedGradient:
         """The normalised gradient law whose Lyapunov function never rises, for a control law's damping K in N m s/rad
         (N s/m), one number or (r,) for r joints, and a control `period` T_c in s: its `share` is 2/(2 - h), without a
-        unit, and its `release` (1 - h/2) min lambda(M^-1 K) in 1/s.
+        unit, and its `release` (1 - h/2) lambda_min(M^-1 K) in 1/s.
 
-        h = T_c max lambda(M^-1 K), the hold number without a unit, and M the mass matrix of the model, taken as
-        constant from one control period to the next; both extremes are searched over `workspace`, all that the joints'
-        limits allow where None. `gain` is Gamma, (k,) its diagonal or (k, k) for k parameters, in units of the
-        parameters squared per J. Raises `GainError` where h is 2 or more, and `InputError` for a gain that is not
-        finite, symmetric and positive definite or of another size, a damping that is not positive and finite or of
-        another size and a period that is not positive and finite.
+        h = T_c lambda_max(M^-1 K) is the hold number, without a unit, lambda_min and lambda_max the least and the
+        largest eigenvalue and M the mass matrix of the model, taken as constant from one control period to the next;
+        both extremes are searched over `workspace`, all that the joints' limits allow where None. `gain` is Gamma, (k,)
+        its diagonal or (k, k) for k parameters, in units of the parameters squared per J. Raises `GainError` where h is
+        2 or more, and `InputError` for a gain that is not finite, symmetric and positive definite or of another size, a
+        damping that is not positive and finite or of another size and a period that is not positive and finite.
         """
         gamma = checked_gain(gain)
         require_size(gamma, model, "adaptation gain")
