@@ -307,7 +307,7 @@ def flush(path: Path) -> None:
 
 
 def reason(error: Exception) -> str:
-    """The text of an `error`, for an `OSError` without number and file name, its first letter small, so that it can
-    stand within a sentence."""
+    """The text of an `error` as a part of a sentence: its first letter small, and that of an `OSError` without its
+    number and file name."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

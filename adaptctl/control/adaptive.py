@@ -26,11 +26,11 @@ class AdaptiveState(NamedTuple):
 
     Columns, each with leading axes where there are many arms: `estimate` (k,) of the k parameters, SI units; `q` (n,),
     positions of the spanning tree's n joints in the last control period, rad (m for a prismatic joint), from which
-    loops, if any, are followed; `motion` (w,), w numbers in SI units of the motion then, as many as the control law
-    needs to make the gradient Y_r' s with the torque regressor Y_r (r, k) then; `s` (r,), the sliding variable of r
-    joints there, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held since; `elapsed` (1,), the
-    time since in s, 0 before the first control period. `learning` is the adaptation law's memory, `more` the control
-    law's own besides, named tuples of columns. Nothing is checked.
+    kinematic loops, if any, are followed; `motion` (w,), w numbers in SI units of the motion then, as many as the
+    control law needs to make the gradient Y_r' s with the torque regressor Y_r (r, k) then; `s` (r,), the sliding
+    variable of r joints there, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held since;
+    `elapsed` (1,), the time since in s, 0 before the first control period. `learning` is the adaptation law's memory,
+    `more` the control law's own besides, named tuples of columns. Nothing is checked.
 
     If the torque is limited after the controller, put the one that was applied into `torque`, and zero into `elapsed`
     for a period that is not to be learned from.
@@ -104,9 +104,9 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The parts of the controller that have tunable numbers (arguments of its native code, so that others need no
-        new code), by attribute: the adaptation law as "adaptation", also where only a gain was given; empty with
-        adaptation off."""
+        """The parts of the controller that have tunable numbers (arguments of its native code, so that other values
+        need no new code), by attribute name: the adaptation law as "adaptation", also where only a gain was given;
+        empty with adaptation off."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
@@ -116,15 +116,15 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the r primary joints, in rad (m for a prismatic joint), where the mechanism's kinematic
-        loops are known to close; zeros without loops."""
+        """Positions (r,) of the r primary (independent) joints, in rad (m for a prismatic joint), where the mechanism's
+        kinematic loops are known to close; zeros without loops."""
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
         """The memory before the first control period, of arms at positions p in rad (m for a prismatic joint) and
-        velocities v in rad/s (m/s), (..., r) for r primary joints: the first estimate, zero torque, and a period of no
-        length to learn from. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it,
-        `SingularityError` where kinematic loops are near a configuration that locks them."""
+        velocities v in rad/s (m/s), (..., r) for r primary (independent) joints: the first estimate, zero torque, and a
+        period of no length to learn from. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or
+        infinity in it, `SingularityError` where kinematic loops are near a configuration that locks them."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law

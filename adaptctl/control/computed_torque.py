@@ -50,17 +50,17 @@ class ComputedTorque(ModelBased):
         cls, model: ReducedModel, bandwidth: ArrayLike, damping_ratio: float = 1.0, parameters: ArrayLike | None = None
     ) -> ComputedTorque:
         """The computed-torque law on a model of k fundamental (base) parameters. `bandwidth` is the error loop's
-        natural frequency in rad/s, one number or one a joint (r,); `damping_ratio` has no unit, 1 is critical;
-        `parameters` (k,) are in SI units, None for the model's own, the true ones. Raises `InputError` for numbers of
-        the wrong shape or not finite, and for a bandwidth or damping ratio that is not positive."""
+        natural frequency in rad/s, one number or one for each of r joints (r,); `damping_ratio` has no unit, 1 is
+        critical; `parameters` (k,) are in SI units, None for the model's own, the true ones. Raises `InputError` for
+        numbers of the wrong shape or not finite, and for a bandwidth or damping ratio that is not positive."""
         return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,), N m (N for a prismatic joint), for one control period, by inverse dynamics from the
-        acceleration that brings the tracking error back to zero, and the memory after it: the positions (n,) of all n
-        joints of the spanning tree. Measured positions p are in rad (m), velocities v in rad/s (m/s), (r,); `reference`
-        has positions, velocities and accelerations (r,); `memory` is that of the last control period. Nothing is
-        checked here: `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, by inverse dynamics from
+        the acceleration that brings the tracking error back to zero, and the memory after it: the positions (n,) of all
+        n joints of the spanning tree. Measured positions p are in rad (m), velocities v in rad/s (m/s), (r,);
+        `reference` has positions, velocities and accelerations (r,); `memory` is that of the last control period.
+        Nothing is checked here: `step` checks shapes."""
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)

@@ -100,9 +100,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
         """The torque (r,) of the r joints, N m (N if prismatic), for one control period, and the control law's memory
         after it. Measured positions p are in rad (m) and velocities v in rad/s (m/s), columns (r,); `reference` has the
-        desired positions, velocities and accelerations; `memory` is that of the last period, at first that of `start`.
-        An implementation computes on scalars of any kind and checks nothing: `step` does, and raises `InputError` where
-        what `law` returns is not a `Column` of r scalars and a memory of the same sizes."""
+        desired positions, velocities and accelerations, columns (r,) or, in a task space of m coordinates, (m,);
+        `memory` is that of the last period, at first that of `start`. An implementation computes on scalars of any kind
+        and checks nothing: `step` does, and raises `InputError` where what `law` returns is not a `Column` of r scalars
+        and a memory of the same sizes."""
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The controller's state (memory) before the first control period, from measured positions p in rad (m if
@@ -242,10 +243,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
         the law runs in Python.
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
-        reference's positions, velocities and accelerations, the memory as one array and, where there are any, the g
-        tunable numbers (g,) as in the property `packed`; it returns the torque (r,), N m (N), and the memory after the
-        control period as one array. Raises `InputError` where `law` returns anything else, `TraceError` where it cannot
-        be traced.
+        reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), the
+        memory as one array and, where there are any, the g tunable numbers (g,) as in the property `packed`; it returns
+        the torque (r,), N m (N), and the memory after the control period as one array. Raises `InputError` where `law`
+        returns anything else, `TraceError` where it cannot be traced.
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
@@ -254,9 +255,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """The control law as a Python function on arrays, run without native code and with the controller's own gains.
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
-        reference's positions, velocities and accelerations, and each array of the memory; it returns the torque (r,), N
-        m (N), and the memory's arrays after the control period, as a tuple. The function raises `InputError` on a wrong
-        shape and `NonFiniteError` where the attribute `finite` asks for finite numbers.
+        reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), and
+        each array of the memory; it returns the torque (r,), N m (N), and the memory's arrays after the control period,
+        as a tuple. The function raises `InputError` on a wrong shape and `NonFiniteError` where the attribute `finite`
+        asks for finite numbers.
         """
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)

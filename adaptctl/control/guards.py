@@ -95,7 +95,7 @@ class Guarded(Controller[GuardedState]):
     joint is outside `position_limits`, lower and upper (r,) in rad (m), none where None, or faster than
     `velocity_limits` (rad/s or m/s); or a joint rings, which is a correlation of its sliding variable (its velocity
     error where the law has none) with itself one control period ago below -0.9 for 25 control periods in a row. Gravity
-    is not held then: a mechanical brake must hold the arm. Numbers are scalars or (r,), one a joint.
+    is not held then: a mechanical brake must hold the arm. Numbers are scalars or (r,), one for each of r joints.
 
     What the guards do in a control period is in the state's `marks`. Raises `InputError` for limits that are not
     positive, limits and bounds of another shape, ranges that are no pair or whose lower end is not below the upper, a
@@ -168,10 +168,11 @@ class Guarded(Controller[GuardedState]):
         return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), Ringing.silent(self.dof), marks)
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
-        """The torque (r,), N m (N for a prismatic joint), for one control period, within the limits of torque and rate,
-        and the memory after it; at measured positions `p` (r,), rad or m, and velocities `v` (r,), rad/s or m/s,
-        towards `reference`, with the last control period's `memory`. Numbers that are not finite raise nothing: the
-        wrapped law is given 0 for them, and the arm is braked. Shapes are not checked here: `step` checks them."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, within the limits of
+        torque and rate, and the memory after it; at measured positions `p` (r,), rad or m, and velocities `v` (r,),
+        rad/s or m/s, towards `reference`, with the last control period's `memory`. Numbers that are not finite raise
+        nothing: the wrapped law is given 0 for them, and the arm is braked. Shapes are not checked here: `step` checks
+        them."""
         given = (p, v, *reference)
         clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)

@@ -111,14 +111,14 @@ class LinearController(Controller[LinearState]):
 
     def start(self, p: Array, v: Array) -> LinearState:
         """The memory before the first control period: the n numbers of the controller's state x (n,), zero whatever the
-        positions p and velocities v (..., r) are."""
+        positions p and velocities v (..., r) of the r joints are."""
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
-        """The torque (r,), N m (N for a prismatic joint), for one control period, and the memory after it, the n
-        numbers of the controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s (m/s),
-        (r,), towards `reference`, positions, velocities and accelerations (r,), from the state in `memory`. Nothing is
-        checked here: `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after it,
+        the n numbers of the controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s
+        (m/s), (r,), towards `reference`, positions, velocities and accelerations (r,), from the state in `memory`.
+        Nothing is checked here: `step` checks shapes."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward

@@ -20,8 +20,9 @@ Parts = tuple[tuple[str, Any], ...]
 
 
 def leaves(memory: tuple[Any, ...]) -> list[Any]:
-    """The columns of a control law's `memory` as a flat list: `memory` is a (named) tuple of columns, arrays (..., n)
-    or `Column`s, and of further such tuples, whose columns stand in their place. Nothing is checked."""
+    """The columns of a control law's `memory` as a flat list: `memory` is a (named) tuple of columns, arrays (..., n),
+    n the length of each, or `Column`s, and of further such tuples, whose columns stand in their place. Nothing is
+    checked."""
     flat: list[Any] = []
     for part in memory:
         if isinstance(part, tuple):
@@ -63,8 +64,8 @@ def _names(memory: Any) -> tuple[str, ...]:
 
 class InOneArray(tuple[Any, ...]):
     """Memory of a control law, a named tuple of columns and of further such tuples, whose columns are views of one
-    array (..., n): native code reads and makes that one array. `in_one_array` makes the type for the memories of one
-    law.
+    array (..., n), n their lengths together: native code reads and makes that one array. `in_one_array` makes the type
+    for the memories of one law.
 
     It is an instance of the law's own kind of memory, with the same fields; views are made when they are asked for.
     What is made of it with other parts, as by `_replace` or by calling its type with `parts`, is an ordinary memory. It
@@ -119,8 +120,8 @@ class InOneArray(tuple[Any, ...]):
 
 def in_one_array(memory: tuple[Any, ...]) -> type[InOneArray]:
     """The subclass of `InOneArray`, and of the type of `memory`, for memories with the fields and column lengths of
-    `memory`: a (named) tuple of columns (..., n) and of further such tuples. Its instances keep all columns in one
-    array. Raises `IndexError` for a column that is one number, without an axis."""
+    `memory`: a (named) tuple of columns (..., n), n the length of each, and of further such tuples. Its instances keep
+    all columns in one array. Raises `IndexError` for a column that is one number, without an axis."""
     parts = zip(_names(memory), memory, strict=True)
     described = ((name, in_one_array(x) if isinstance(x, tuple) else np.shape(x)[-1]) for name, x in parts)
     return _type(getattr(memory, "_kind", type(memory)), tuple(described))

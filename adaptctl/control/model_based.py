@@ -45,14 +45,14 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the r primary joints, rad (m if prismatic), at which the mechanism's kinematic loops are
-        known to close; zeros without loops."""
+        """Positions (r,) of the r primary (independent) joints, rad (m if prismatic), at which the mechanism's
+        kinematic loops are known to close; zeros without loops."""
         return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> BranchState:
         """The memory before the first control period: the configuration (..., n), rad (m if prismatic), of all n joints
-        of the mechanism's spanning tree at positions p (..., r) of its r primary joints; v is not used. Raises
-        `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a
+        of the mechanism's spanning tree at positions p (..., r) of its r primary (independent) joints; v is not used.
+        Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a
         configuration that locks kinematic loops."""
         return BranchState(self.mechanism.configuration(p))
 

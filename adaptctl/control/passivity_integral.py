@@ -33,29 +33,29 @@ class PassivityIntegral(SlotineLi):
         e = p - p_d,  v_r = v_d - 2 Lambda e - Lambda^2 (integral of e),  s = v - v_r
         torque = Y_r(p, v, v_r, a_r) estimate - K s
 
-    p_d and v_d are the reference's, e is the tracking error and s, in rad/s (m/s), the sliding variable; a_r = v_r',
-    and Y_r (r, k) is the torque regressor. A prime is a derivative in time, but in V below the transpose. The integral
-    is taken by the trapezium, exact to T_c^2.
+    p and v (r,) are measured positions and velocities of r joints, p_d and v_d the reference's, e is the tracking error
+    and s, in rad/s (m/s), the sliding variable; a_r = v_r', and Y_r (r, k) is the torque regressor. A prime is a
+    derivative in time, but in V below the transpose. The integral is taken by the trapezium, exact to T_c^2.
 
     Guarantees: what `SlotineLi` does, V = s'Ms/2 + error' Gamma^-1 error/2 falling as -s'Ks, with this s, M the mass
     matrix and error the estimate less the true parameters; on s = 0 the tracking error has both poles at -Lambda. A
     constant disturbance leaves a constant s and, at rest and without adaptation, no position error: friction and an
     unknown payload at rest are such.
 
-    Gives up: more than that under disturbance. In motion, and while adapting, a constant load leaves an error: s that
-    is not zero is integrated by the estimate, which drifts (a leak or `Projection` bounds it). The integral overshoots,
-    and winds up while torques are limited. It stands still in a period whose `elapsed`, the time in its memory, is set
-    to zero, as adaptation does.
+    Gives up: convergence under other disturbances. In motion, and while adapting, a constant load leaves an error: s
+    that is not zero is integrated by the estimate, which drifts (a leak or `Projection` bounds it). The integral
+    overshoots, and winds up where torques are limited after the controller. Like adaptation, it stands still in a
+    period whose torque is beyond `torque_limits` or whose `elapsed`, the time in the memory, is set to zero.
 
     Arguments and defaults are those of `SlotineLi`: `model`, with its k parameters, `bandwidth` Lambda in 1/s and
     `damping` K in N m s/rad (N s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or Gamma (k,) or
     (k, k) in units of the parameters squared per J, or None for none; `initial` (k,), SI units, None for zero; `period`
-    T_c, 1e-3 s; `workspace` where the period must carry the gains, None for all that the joints' limits allow;
-    `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for the mechanism's; `prior`
-    (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates could ring, None for
-    none. Raises `GainError` where T_c lambda_max(M^-1 (K + 2 M Lambda)), lambda_max the largest eigenvalue, is above
-    1.5, and `InputError` on wrong shapes, for gains, limits or a period that are not positive, and for a law that does
-    not fit the model.
+    T_c, 1e-3 s; `workspace`, the positions at which the period must carry the gains, None for all that the joints'
+    limits allow; `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for the
+    mechanism's; `prior` (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates
+    could ring, None for none. Raises `GainError` where T_c lambda_max(M^-1 (K + 2 M Lambda)), lambda_max the largest
+    eigenvalue, is above 1.5, and `InputError` on wrong shapes, for gains, limits or a period that are not positive, and
+    for a law that does not fit the model.
     """
 
     tunable = SlotineLi.tunable
@@ -64,11 +64,11 @@ class PassivityIntegral(SlotineLi):
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
         """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) in rad/s (m/s), its derivative
-        a_r (r,) in rad/s^2 (m/s^2), and the memory: the integral (r,) in rad s (m s) and the last e (r,).
+        a_r (r,) in rad/s^2 (m/s^2), for r joints, and the memory: the integral (r,) in rad s (m s) and the last e (r,).
 
         e = p - p_d is the tracking error and Lambda the bandwidth (1/s); `reference` has the desired p_d, v_d and a_d
         (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is that of the last control period. The
-        positions q (n,) of all n joints of the tree are not used.
+        positions q (n,) of all n joints of the spanning tree are not used.
         """
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth

@@ -58,15 +58,16 @@ class PDGravity(ModelBased):
     ) -> PDGravity:
         """PD control with gravity compensation on a model, with `parameters` (k,), the model's k fundamental (base)
         parameters in SI units, None for the true ones. `stiffness` is in N m/rad (N/m for a prismatic joint) and
-        `damping` in N m s/rad (N s/m), one number or one a joint (r,). Raises `InputError` for numbers of the wrong
-        shape or not finite, and for gains that are not positive."""
+        `damping` in N m s/rad (N s/m), one number or one for each of r joints (r,). Raises `InputError` for numbers of
+        the wrong shape or not finite, and for gains that are not positive."""
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,), N m (N for a prismatic joint), for one control period: gravity's, a spring's and a damper's;
-        and the memory after it, the positions (n,) of all n joints of the spanning tree. Measured positions p are in
-        rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and velocities (r,), its accelerations
-        are not used; `memory` is that of the last control period. Nothing is checked here: `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period: gravity's, a spring's and
+        a damper's; and the memory after it, the positions (n,) of all n joints of the spanning tree. Measured positions
+        p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and velocities (r,), its
+        accelerations are not used; `memory` is that of the last control period. Nothing is checked here: `step` checks
+        shapes."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

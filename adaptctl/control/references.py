@@ -25,8 +25,8 @@ DEGREE = 5
 
 
 def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1 and its two derivatives by u, without a unit; outside
-    [0, 1] it rests at 0 or 1.
+    """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1, at the share `u` of its time, and its first and second
+    derivative by u: three scalars without a unit; outside [0, 1] it rests at 0 or 1.
 
     Flash and Hogan (1985). Over scalars of any kind: floats, arrays (element by element), symbols.
     """

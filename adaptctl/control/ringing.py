@@ -56,14 +56,16 @@ class Ringing(NamedTuple):
 
     @property
     def alarm(self) -> Any:
-        """Alarm of ringing: 1 where for 25 control periods in a row some joint's sliding variable had a correlation
-        with itself one control period ago below -0.5 (it mostly changed its sign), else 0."""
+        """Alarm of ringing, one scalar for all joints: 1 where for 25 control periods in a row some joint's sliding
+        variable had a correlation with itself one control period ago below -0.5 (it mostly changed its sign), else
+        0."""
         return where(self.lasting[0] >= LASTING, 1.0, 0.0)
 
     @property
     def brake(self) -> Any:
-        """Signal to brake the arm: 1 where for 25 control periods in a row some joint's sliding variable had a
-        correlation with itself one control period ago below -0.9 (hardly anything but ringing was left), else 0."""
+        """Signal to brake the arm, one scalar for all joints: 1 where for 25 control periods in a row some joint's
+        sliding variable had a correlation with itself one control period ago below -0.9 (hardly anything but ringing
+        was left), else 0."""
         return where(self.lasting[1] >= LASTING, 1.0, 0.0)
 
 

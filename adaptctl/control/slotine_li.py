@@ -91,10 +91,10 @@ class SlotineLi(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,), N m (N for a prismatic joint), for one control period, and the memory after learning from
-        the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s), (r,), towards
-        the `reference`, positions, velocities and accelerations (r,) in rad (m) and per s and s^2, with the last
-        control period's `memory`, at first that of `start`. Nothing is checked here: `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after
+        learning from the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s),
+        (r,), towards the `reference`, positions, velocities and accelerations (r,) in rad (m) and per s and s^2, with
+        the last control period's `memory`, at first that of `start`. Nothing is checked here: `step` checks shapes."""
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)

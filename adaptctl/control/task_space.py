@@ -50,8 +50,8 @@ class TaskSpaceSlotineLi(SlotineLi):
         torque = Y_r(p, v, v_r, a_r) estimate - K s
 
     J (m, r) is x's Jacobian, x_d the desired x, p and v (r,) the measured positions and velocities of the r primary
-    joints, Y_r (r, k) the torque regressor of k estimated parameters, K the damping, s the sliding variable. A prime is
-    a derivative in time, but the transpose of J and, in V below, of s and error.
+    (independent) joints, Y_r (r, k) the torque regressor of k estimated parameters, K the damping, s the sliding
+    variable. A prime is a derivative in time, but the transpose of J and, in V below, of s and error.
 
     x (m,) are m of the three world coordinates of the point, in metres: `axes`, rising, 0 to 2 for x to z, by default
     all. `tool` (3,) is the point in the frame of `link`, in metres, None for its origin; `link` is a name, None for the
@@ -70,9 +70,16 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     The reference point is x_d, x_d', x_d'' (m,) in m and s; with `reference_in_joints` it is joint positions,
     velocities and accelerations (r,), as an environment gives them, and x_d is where they put the point. `bandwidth` is
-    Lambda (1/s), a number or (m,); other arguments are those of `SlotineLi`. Raises what `SlotineLi` does, and
-    `InputError` for axes, link, tool, posture, posture rate or mu that do not fit, and where, with mu zero, the joints
-    cannot move the point along all axes.
+    Lambda (1/s), a number or (m,); other arguments and defaults are those of `SlotineLi`: `model`, with its k
+    parameters; `damping` K in N m s/rad (N s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or
+    Gamma (k,) or (k, k) in units of the parameters squared per J, or None for none; `initial` (k,), SI units, None for
+    zero; `period` T_c, 1e-3 s; `workspace`, the positions at which the period must carry the gains, None for all that
+    the joints' limits allow; `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for
+    the mechanism's; `prior` (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates
+    could ring, None for none. Raises `GainError` where T_c (lambda_max(M^-1 K) + the greatest of Lambda and
+    `posture_rate`), lambda_max the largest eigenvalue, is above 1.5 or M not positive definite, and `InputError` for
+    arguments that `SlotineLi` refuses, for axes, link, tool, posture, posture rate or mu that do not fit, and where,
+    with mu zero, the joints cannot move the point along all axes.
     """
 
     tunable = (*SlotineLi.tunable, "posture_rate")
@@ -105,21 +112,21 @@ class TaskSpaceSlotineLi(SlotineLi):
     @property
     def reference_size(self) -> int:
         """Length of each part of a reference point, position, velocity or acceleration: m, the number of `axes`, or the
-        number r of primary joints where `reference_in_joints` is true."""
+        number r of primary (independent) joints where `reference_in_joints` is true."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r (r,) of the r primary joints in rad/s (m/s), at which the tool is led to its path,
-        its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the law's memory for the next
-        control period.
+        """The reference velocity v_r (r,) of the r primary (independent) joints in rad/s (m/s), at which the tool is
+        led to its path, its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the law's
+        memory for the next control period.
 
         With a reference in joints, that memory is the reference's configuration (n,) of the tree's n joints, from which
-        loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in rad (m)
-        and v (r,) in rad/s (m/s) the measured primary joints, `memory` the controller's in the last control period.
-        `reference` is the tool's position, velocity and acceleration (m,), in m, m/s and m/s^2 along the m axes, or
-        those of the joints (r,).
+        kinematic loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in
+        rad (m) and v (r,) in rad/s (m/s) the primary joints' measured positions and velocities, `memory` the
+        controller's in the last control period. `reference` is the tool's position, velocity and acceleration (m,), in
+        m, m/s and m/s^2 along the m axes, or those of the joints (r,).
         """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
@@ -128,8 +135,8 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
         """The tool's coordinates x (m,), in metres, along the m world `axes`, and the m rows (r,) of their Jacobian J
-        (m, r) by the r primary joints, in m/rad (no unit for a prismatic joint), at the configuration q (n,) of the
-        tree's n joints in rad (m)."""
+        (m, r) by the r primary (independent) joints, in m/rad (no unit for a prismatic joint), at the configuration q
+        (n,) of the tree's n joints in rad (m)."""
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]

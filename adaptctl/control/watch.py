@@ -26,10 +26,10 @@ class Watch(NamedTuple):
     Lambda e with itself one control period ago, averaged over about 100 control periods: -0.5 is an alarm, -0.9 a loop
     about to be lost.
 
-    T_c is the control period (s), r the number of primary joints, lambda_max the largest eigenvalue, K the damping,
-    Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor and Y' its transpose, M the true mass
-    matrix, M^ the estimate's, e = p - p_d the tracking error of the joints' positions and e' its derivative in time.
-    Nothing is checked.
+    T_c is the control period (s), r the number of primary (independent) joints, lambda_max the largest eigenvalue, K
+    the damping, Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor and Y' its transpose, M the
+    true mass matrix, M^ the estimate's, e = p - p_d the tracking error of the joints' positions and e' its derivative
+    in time. Nothing is checked.
     """
 
     adaptation: Array
@@ -48,12 +48,15 @@ def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1
     """The stability numbers, a `Watch` without units, of a run of Slotine and Li's law at T of its samples, every
     `every`-th, by default all.
 
-    The record's fields are `adaptation` (T,), of the adaptation gain over the control period, `hold` (T,), of the
-    torque held over it, with the true `mechanism`, and `ringing` (T, r), the correlation of the sliding variable of
-    each of the r primary joints with itself one control period ago. The `run` must have every control period as a
-    sample: positions, velocities, the reference's, and the estimates. The first two numbers cost a regressor and a mass
-    matrix a sample. Raises `InputError` for relatives of Slotine and Li's law with another sliding variable, such as
-    `TaskSpaceSlotineLi`, and for an adaptation law without a constant gain.
+    The record's fields are `adaptation` (T,), T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off, and `hold` (T,),
+    T_c lambda_max(M^-1 (K + M^ Lambda)) of the held torque, both stable below 2; and `ringing` (T, r), the correlation
+    of the sliding variable of each of the r primary (independent) joints with itself one control period ago. T_c is the
+    control period, lambda_max the largest eigenvalue, K the damping, Lambda the bandwidth, Gamma the adaptation gain, Y
+    the torque regressor and Y' its transpose, M the mass matrix of the true `mechanism` and M^ the estimated one. The
+    `run` must have every control period as a sample: positions, velocities, the reference's and its accelerations, and
+    the estimates. The first two numbers cost a regressor and a mass matrix a sample. Raises `InputError` for relatives
+    of Slotine and Li's law with another sliding variable, such as `TaskSpaceSlotineLi`, and for an adaptation law
+    without a constant gain; `SingularityError` near a configuration that locks kinematic loops.
     """
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]

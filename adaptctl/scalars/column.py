@@ -62,9 +62,9 @@ class Column:
 
 
 def combined(columns: Sequence[Column], weights: Column) -> Column:
-    """The linear combination of m `columns` (n,): the column (n,) that is their sum, each times its entry of `weights`,
-    a column (m,). Raises `IndexError` for no columns or no weights, and `ValueError` for different numbers of them or
-    columns of different lengths."""
+    """The linear combination of m `columns` (n,) of n scalars: the column (n,) that is their sum, each times its entry
+    of `weights`, a column (m,). Raises `IndexError` for no columns or no weights, and `ValueError` for different
+    numbers of them or columns of different lengths."""
     total = weights[0] * columns[0]
     for weight, one in zip(weights.of[1:], columns[1:], strict=True):
         total = total + weight * one
@@ -72,7 +72,7 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 
 def column(array: Any) -> Column:
-    """A column of the entries (n,) along the last axis of an array (..., n), or of nested lists or tuples of numbers:
+    """A column of the n entries (n,) along the last axis of an array (..., n), or of nested lists or tuples of numbers:
     floats for one sample (n,), arrays of samples (...) otherwise. A column is returned as it is. Raises `InputError`
     for one number, which has no axis, and for what holds no numbers."""
     if isinstance(array, Column):

@@ -23,8 +23,8 @@ LESS, ROUNDS = 0.8, 20
 
 
 def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
-    """Initial tracking errors (r,), rad (m if prismatic), with which an arm of torque limits `limits` (r,), N m (N),
-    can start on a `reference`: each joint's position less the reference's at time 0.
+    """Initial tracking errors (r,) of r joints, rad (m if prismatic), with which an arm of torque limits `limits` (r,),
+    N m (N), can start on a `reference`: each joint's position less the reference's at time 0.
 
     They are a tenth of each joint's range, at most 0.1 rad (m) and what 0.3 of its torque limit brings back with a
     bandwidth of 1 1/s. The errors of all joints are made smaller together, down to 0, where gravity would ask for more

@@ -26,8 +26,9 @@ def motion_range(joint: Joint) -> tuple[float, float]:
 
 
 def motion_ranges(mechanism: Mechanism) -> tuple[Array, Array]:
-    """The least and the greatest positions between which the mechanism's r primary joints are moved, two arrays (r,),
-    rad (m if prismatic): their limits, and 1 rad (m) to each side of zero where a joint has none. Nothing is
-    checked."""
+    """The least and the greatest positions between which the mechanism's r primary (independent) joints are moved, two
+    arrays (r,), rad (m if prismatic): their limits, 1 rad (m) to each side of zero where a joint has none, and as far
+    as 2 rad (m) from its limit where it has only one. Where limits are more than two turns (4 pi rad, or m) apart,
+    those that are as far from zero count as none. Nothing is checked."""
     lower, upper = np.array([motion_range(joint) for joint in mechanism.primary_joints]).T
     return lower, upper

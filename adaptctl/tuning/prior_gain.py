@@ -31,7 +31,8 @@ def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
     A link's are made from the typical inertia I of the joint that moves it: a body at a third of the arm's reach beyond
     that joint (the lever, of a reach of at least 0.05 m) has the mass m = I/lever^2, at most `heaviest` (kg; 5 unless
     given), which is the range of the mass; sqrt(m I) is that of first moments and I that of inertias. Friction has the
-    ranges of `PriorRanges`, 5 N m s/rad and 10 N m. Raises `InputError` where a typical inertia is not positive.
+    ranges of `PriorRanges`, 5 N m s/rad (N s/m if prismatic) for viscous and 10 N m (N) for Coulomb friction. Raises
+    `InputError` where a typical inertia is not positive.
     """
     inertia = _behind(mechanism)
     levers = np.maximum(reach_behind(mechanism.links), SHORTEST_LEVER) / 3.0
@@ -62,11 +63,11 @@ def carried_gain(
     """The diagonal (P,) of an adaptation gain Gamma on all P parameters of a mechanism, in their units squared per J,
     scaled so that the adaptation number T lambda_max(K^-1 Y Gamma Y'), no unit, over S samples is `number`.
 
-    Y is the torque `regressor` (S, r, P) and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if prismatic), T
-    the control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in proportion to:
-    "ranges", the squares of the parameters' prior `ranges` (P,), SI units; "links", these, but scaled so that each link
-    and each drive has the same number by itself; "parameters", the inverse of each parameter's greatest effect on the
-    torques; "mixed", half "ranges" and half "links". Nothing is checked.
+    Y is the torque `regressor` (S, r, P) of r joints and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if
+    prismatic), T the control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in
+    proportion to: "ranges", the squares of the parameters' prior `ranges` (P,), SI units; "links", these, but scaled so
+    that each link and each drive has the same number by itself; "parameters", the inverse of each parameter's greatest
+    effect on the torques; "mixed", half "ranges" and half "links". Nothing is checked.
     """
     gain = ranges**2
     if shares == "links":

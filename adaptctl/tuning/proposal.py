@@ -112,10 +112,10 @@ class Proposals:
 
         T is the control period, M the mass matrix, B viscous friction, K the damping, Y the torque regressor and Y' its
         transpose, lambda_max the largest eigenvalue. `shares` says what the adaptation gain Gamma is in proportion to:
-        "ranges", the squares of the parameters' prior ranges (greatest plausible errors), "links", these with an equal
-        number for each link, "parameters", the inverse of each parameter's effect on torques, or "mixed", half of each
-        of the first two. Raises `InputError` for joints that move nothing that has inertia, and where M is not positive
-        definite.
+        "ranges", the squares of the parameters' prior ranges (greatest plausible errors), "links", these but scaled so
+        that each link by itself has the same adaptation number, "parameters", the inverse of each parameter's effect on
+        torques, or "mixed", half of each of the first two. Raises `InputError` for joints that move nothing that has
+        inertia, and where M is not positive definite.
         """
         mechanism, points = self.mechanism, self.points
         carried = self.carried(bandwidth, hold)

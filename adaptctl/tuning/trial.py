@@ -103,9 +103,9 @@ class Trials:
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
         """Simulated runs (`Rollouts`) of `duration` seconds, one for each of the M `settings`, computed side by side in
-        native code; every 50th control period is a sample. Raises `InputError` for a mechanism of more than 100 links
-        and a duration below a control period, `SingularityError` where kinematic loops cannot be followed to the
-        start."""
+        native code; every 50th control period is a sample of positions, velocities, torques and estimates. Raises
+        `InputError` for a mechanism of more than 100 links and a duration below a control period, `SingularityError`
+        where kinematic loops cannot be followed to the start."""
         p = self.reference(np.zeros(1)).p[0]
         law, parameters = _law(self.plant, tuple(p.tolist())), np.array([one.parameters for one in settings])
         laws = [law.having(_numbers(law, one)) for one in settings]

@@ -99,10 +99,10 @@ def _verified(runs: Rollouts, names: list[str], trials: Trials) -> Iterator[Veri
 
 
 def measures(runs: Rollouts, limits: Array) -> tuple[Array, Array, Array, Array]:
-    """Four arrays (M,) that judge M simulated runs: the RMS tracking error of the first second, that of the last 2 s,
-    and the largest error of any joint at any time, all in rad (m if prismatic) and infinite where a run was not finite;
-    and the share, 0 to 1, of samples in the second half in which a torque was at its limit. `limits` (r,) are the
-    torque limits of the r joints, N m (N). Nothing is checked."""
+    """Four arrays (M,) that judge M simulated runs: the tracking error (RMS over all joints) of the first second, that
+    of the last 2 s, and the largest error of any joint at any time, all in rad (m if prismatic) and infinite where a
+    run was not finite; and the share, 0 to 1, of samples in the second half in which a torque was at its limit.
+    `limits` (r,) are the torque limits of the r joints, N m (N). Nothing is checked."""
     finite = runs.finite
     squares = np.where(finite, np.mean(np.where(finite[:, None], runs.error, 0.0) ** 2, axis=-1), np.inf)
     time = runs.time

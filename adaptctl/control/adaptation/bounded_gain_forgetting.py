@@ -24,9 +24,10 @@ from adaptctl.scalars import Column, Scalar, each
 
 
 class CovarianceMemory(NamedTuple):
-    """The memory of adaptation by least squares on k parameters that hold their covariance P (k, k), between ticks:
-    `covariance` (k (k + 1)/2,) is the upper triangle of P, row by row, in units of the first gain Gamma (of S^-1 P S^-1
-    with S = Gamma^1/2), the identity at the start; `filtered` is the torque filters' memory. Nothing is checked."""
+    """The memory of adaptation by least squares on k parameters that hold their covariance P (k, k), between control
+    periods: `covariance` (k (k + 1)/2,) is the upper triangle of P, row by row, in units of the first gain Gamma (of
+    S^-1 P S^-1 with S = Gamma^1/2), the identity at the start; `filtered` is the torque filters' memory. Nothing is
+    checked."""
 
     covariance: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the first gain: the identity at the start"""
@@ -45,10 +46,10 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the
     filter F = cutoff/(d/dt + cutoff). `weight` is R in 1/(N m s) (m/(N s)), one number or (r,), `cutoff` in rad/s, both
     positive; `forgetting` of at least 0 is in 1/s; `bound` of at least 1, unitless, is the most that tr(Gamma^-1 P)/k,
-    the mean gain over Gamma, may become; `called` is the law's name in messages. Raises `InputError` for other numbers
-    and shapes at construction, and, with a controller, for sizes that do not fit the model, constraints that fix
-    parameters at values other than zero, a cutoff above 1/T_c and a forgetting above 0.1/T_c, T_c the control period; a
-    weight of NaN is a `NonFiniteError`.
+    the mean gain over Gamma, may become; `called` is the law's name in messages. A prime is the transpose, but on
+    estimate and P a derivative in time. Raises `InputError` for other numbers and shapes at construction, and, with a
+    controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, a cutoff
+    above 1/T_c and a forgetting above 0.1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 -
@@ -78,9 +79,9 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
             raise InputError(f"{self.called}: bound: expected at least 1, got {self.bound}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, the torque filter's cutoff (rad/s) times the period (s) is at most 1, and forgetting
-        times the period at most 0.1, both unitless.
+        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
+        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
+        period (s) is at most 1, and the rate of forgetting (1/s) times the period at most 0.1.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -93,13 +94,13 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> CovarianceMemory:
-        """The memory before the first tick: the upper triangle (k (k + 1)/2,) of the covariance P = Gamma of k
-        parameters, in units of Gamma (the first gain), and the torque filters at rest, their outputs zero.
+        """The memory before the first control period: the upper triangle (k (k + 1)/2,) of the covariance P = Gamma of
+        k parameters, in units of Gamma (the first gain), and the torque filters at rest, their outputs zero.
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
-        in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
-        than zero; nothing else is checked.
+        in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in rad/s (m/s),
+        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
+        values other than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)

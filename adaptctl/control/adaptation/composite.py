@@ -27,10 +27,11 @@ class Composite(Descent[Filtered]):
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
     (r, k) the torque regressor, W (r, k) that behind the filter F = lambda/(d/dt + lambda), from positions and
     velocities alone. `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight`
-    is R's diagonal, one number or (r,), in 1/(N m s) (m/(N s)); `cutoff` is lambda in rad/s. Raises `InputError` at
-    construction for a gain that is not finite, symmetric and positive definite, and a weight or cutoff that is not
-    positive and finite (a weight of NaN is a `NonFiniteError`), and, with a controller, for sizes that do not fit the
-    model, constraints that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control period.
+    is R's diagonal, one number or (r,), in 1/(N m s) (m/(N s)); `cutoff` is lambda in rad/s. A prime is the transpose,
+    but on estimate a derivative in time. Raises `InputError` at construction for a gain that is not finite, symmetric
+    and positive definite, and a weight or cutoff that is not positive and finite (a weight of NaN is a
+    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, constraints that fix parameters at
+    values other than zero, and a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with the prediction error eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R eps:
@@ -54,8 +55,9 @@ class Composite(Descent[Filtered]):
         positive_per_joint(self.weight, np.size(self.weight), "composite: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, and the torque filter's cutoff (rad/s) times the period (s) is at most 1.
+        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
+        errors is one positive number or one for each of its r joints, and the torque filter's cutoff (rad/s) times the
+        period (s) is at most 1.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -65,13 +67,13 @@ class Composite(Descent[Filtered]):
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
-        """The memory before the first tick: the torque filters at rest, their outputs, the filtered regressor and the
-        filtered torques, zero.
+        """The memory before the first control period: the torque filters at rest, their outputs, the filtered regressor
+        and the filtered torques, zero.
 
         `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
-        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
-        values other than zero; nothing else is checked.
+        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in
+        rad/s (m/s), `period` the control period in s. Raises `InputError` for a model whose linear constraints fix
+        parameters at values other than zero; nothing else is checked.
         """
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 

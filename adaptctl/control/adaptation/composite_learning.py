@@ -27,8 +27,8 @@ from adaptctl.scalars import Column, Scalar, each, maximum, sqrt, where
 
 
 class LearningMemory(NamedTuple):
-    """The memory of composite learning on k parameters between ticks, in units of the first gain Gamma, S being
-    Gamma^1/2.
+    """The memory of composite learning on k parameters between control periods, in units of the first gain Gamma, S
+    being Gamma^1/2.
 
     `information` (k (k + 1)/2,) is the upper triangle of S Q S, row by row, Q (k, k) the information matrix, zero at
     the start; `known` (k,) is S z, where z (k,) is Q times the true parameters as far as nothing disturbs; `learned`
@@ -69,10 +69,11 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     `gain` is Gamma's diagonal (k,), in units of the parameters squared per J, `weight` R, one number or (r,), in 1/(N m
     s) (m/(N s) for a prismatic joint), `cutoff` in rad/s that of the filter F = cutoff/(d/dt + cutoff), `called` the
     law's name in messages; s (r,) is the sliding variable of r joints in rad/s (m/s), tau (r,) the torque in N m (N), Y
-    (r, k) the torque regressor, W (r, k) that behind F. Raises `InputError` for a gain, a weight, a cutoff or an alarm
-    that is not positive, a forgetting, recall or threshold below 0, all finite but the alarm (a weight of NaN is a
-    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, constraints that fix parameters at
-    values other than zero, a cutoff above 1/T_c and a recall above 0.5/T_c, T_c the control period.
+    (r, k) the torque regressor, W (r, k) that behind F. A prime is the transpose, but on estimate, Q, z and V a
+    derivative in time. Raises `InputError` for a gain, a weight, a cutoff or an alarm that is not positive, a
+    forgetting, recall or threshold below 0, all finite but the alarm (a weight of NaN is a `NonFiniteError`), and, with
+    a controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, a
+    cutoff above 1/T_c and a recall above 0.5/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
@@ -106,9 +107,10 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
             raise InputError(f"{self.called}: alarm: expected a positive number of W, or infinity, got {self.alarm}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, the torque filter's cutoff (rad/s) times the period is at most 1, and recall times the
-        period at most 0.5, both unitless.
+        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
+        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
+        period (s) is at most 1, and `recall` (1/s), the rate at which the estimate returns to what the memory says,
+        times the period at most 0.5.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -121,13 +123,14 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LearningMemory:
-        """The memory before the first tick: the information matrix Q (k, k) of k parameters, as its upper triangle (k
-        (k + 1)/2,), and the vector z (k,) zero, nothing learned, and the torque filters at rest, their outputs zero.
+        """The memory before the first control period: the information matrix Q (k, k) of k parameters, as its upper
+        triangle (k (k + 1)/2,), the vector z (k,), Q times the true parameters as far as they are learned, and the
+        number (1,) of equations learned from, all zero; and the torque filters at rest, their outputs zero.
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
-        in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
-        than zero; nothing else is checked.
+        in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in rad/s (m/s),
+        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
+        values other than zero; nothing else is checked.
         """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)

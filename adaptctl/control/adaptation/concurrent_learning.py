@@ -29,13 +29,13 @@ LONGEST = 64
 
 
 class Stack(NamedTuple):
-    """The memory of concurrent learning between ticks: the stack of samples, the newest first, zero where none is kept
-    yet, and the torque filters' memory `filtered`.
+    """The memory of concurrent learning between control periods: the stack of N samples, the newest first, zero where
+    none is kept yet, and the torque filters' memory `filtered`.
 
-    `rows` has the entries of the samples' filtered torque regressors that are not always zero, in N m (N for a
-    prismatic joint) per SI unit of each parameter, one sample after the other; `torques` (samples r,) their filtered
-    torques of r joints in N m (N); `learned` (1,) is 1 where the last period's sample was put on the stack, else 0.
-    Nothing is checked.
+    `rows` (N e,) has those e entries of each sample's filtered torque regressor (r, k), k parameters, that are not
+    always zero, in N m (N for a prismatic joint) per SI unit of each parameter, one sample after the other; `torques`
+    (N r,) their filtered torques of r joints in N m (N); `learned` (1,) is 1 where the last period's sample was put on
+    the stack, else 0. Nothing is checked.
     """
 
     rows: Any
@@ -63,11 +63,12 @@ class ConcurrentLearning(Descent[Stack]):
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
     (r, k) the torque regressor, W_j (r, k) that of a sample, behind the filter F = cutoff/(d/dt + cutoff). `gain` is
     Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight` is R in 1/(N m s) (m/(N s)),
-    one number or (r,), `cutoff` in rad/s; `samples`, from 1 to 64, is how many the stack holds. Raises `InputError` for
-    a gain that is not finite, symmetric and positive definite, a weight, cutoff or threshold that is not positive and
-    finite (a weight of NaN is a `NonFiniteError`), samples that are no whole number or out of range, and, with a
-    controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, and a
-    cutoff above 1/T_c, T_c the control period.
+    one number or (r,), `cutoff` in rad/s; `samples`, from 1 to 64, is how many the stack holds. A prime is the
+    transpose, but on estimate a derivative in time. Raises `InputError` for a gain that is not finite, symmetric and
+    positive definite, a weight, cutoff or threshold that is not positive and finite (a weight of NaN is a
+    `NonFiniteError`), samples that are no whole number or out of range, and, with a controller, for sizes that do not
+    fit the model, constraints that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control
+    period.
 
     A sample is put on the stack where it tells something new: where its rows differ from those of the sample put there
     last by sum_i R_i d_i'Gamma d_i above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest
@@ -108,8 +109,9 @@ class ConcurrentLearning(Descent[Stack]):
             )
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, and the torque filter's cutoff (rad/s) times the period (s) is at most 1.
+        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
+        errors is one positive number or one for each of its r joints, and the torque filter's cutoff (rad/s) times the
+        period (s) is at most 1.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -119,13 +121,13 @@ class ConcurrentLearning(Descent[Stack]):
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
-        """The memory before the first tick: an empty stack of samples, all zero, and the torque filters at rest, their
-        outputs, the filtered regressor and the filtered torques, zero.
+        """The memory before the first control period: an empty stack of samples, all zero, and the torque filters at
+        rest, their outputs, the filtered regressor and the filtered torques, zero.
 
         `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
-        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
-        values other than zero; nothing else is checked.
+        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in
+        rad/s (m/s), `period` the control period in s. Raises `InputError` for a model whose linear constraints fix
+        parameters at values other than zero; nothing else is checked.
         """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
@@ -136,10 +138,10 @@ class ConcurrentLearning(Descent[Stack]):
         period's sample is put on the stack of samples if it tells something new; then the estimate takes a trapezium
         step for the tracking error and an implicit one for each equation of the stack.
 
-        `estimate` (k,) and `memory` are those before the control period that `period` describes. The memory is the
-        samples' regressor rows without the entries that are always zero, their filtered torques (samples r,) of r
-        joints in N m (N for a prismatic joint), the mark (1,), 1 where the last sample was put on the stack, else 0,
-        and the torque filters. Nothing is checked here.
+        `estimate` (k,) and `memory` are those before the control period that `period` describes. The memory is, for N
+        samples, those e entries of each one's regressor (r, k) that are not always zero (N e,), their filtered torques
+        (N r,) of r joints in N m (N for a prismatic joint), the mark (1,), 1 where the last sample was put on the
+        stack, else 0, and the torque filters. Nothing is checked here.
         """
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)

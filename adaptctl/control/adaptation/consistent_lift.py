@@ -32,9 +32,9 @@ NEAR = 1e-9
 
 
 class LiftMemory(NamedTuple):
-    """The memory of an adaptation law that moves a lift between ticks: `lift` (P,) are all P parameters of rigid bodies
-    and drives, in SI units, whose fundamental (base) parameters are the estimate; `filtered` is the torque filters'
-    memory, empty where no torques are predicted. Nothing is checked."""
+    """The memory of an adaptation law that moves a lift between control periods: `lift` (P,) are all P parameters of
+    rigid bodies and drives, in SI units, whose fundamental (base) parameters are the estimate; `filtered` is the torque
+    filters' memory, empty where no torques are predicted. Nothing is checked."""
 
     lift: Any
     """(P,) parameters of rigid bodies whose fundamental ones are the estimate"""
@@ -56,7 +56,8 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     estimate = K D, where D moves by natural adaptation, the gradient in the affine-invariant metric of pseudo-inertias,
     along the slope K'(Y's + W'R (W estimate - F[tau])). K (k, P) is the model's `regrouping`, Y (r, k) the torque
     regressor on the k fundamental parameters alone, W (r, k) that behind the filter F = cutoff/(d/dt + cutoff), s (r,)
-    the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N).
+    the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N). A prime is
+    the transpose.
 
     `lift` (P,) is the first D, physically consistent, in SI units (kg, kg m, kg m^2); the first estimate is K lift.
     `rate` is the speed of adaptation, one number in 1/J or one for each link with a body and then for each drive's
@@ -70,10 +71,10 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     Guarantees, without disturbance: V = s'Ms/2 + sum_i d(P_i true, P_i)/rate_i falls as -s'K_d s - eps'R eps, M the
     mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's parameter, d(A, B)
     = log(det B/det A) + tr(B^-1 A) - 4 (- 1 for a drive's parameter), eps = W error, error the estimate less the truth.
-    Without a weight it is, tick for tick, the controller of `Natural` on all P parameters, with only k columns of the
-    regressor computed. And whatever disturbs: the estimate is K D of bodies with positive definite pseudo-inertias, so
-    that the estimate's mass matrix is positive definite everywhere. Sampled, the step for the prediction error is
-    solved implicitly in the metric of the moment.
+    Without a weight it is, in every control period, the controller of `Natural` on all P parameters, with only k
+    columns of the regressor computed. And whatever disturbs: the estimate is K D of bodies with positive definite
+    pseudo-inertias, so that the estimate's mass matrix is positive definite everywhere. Sampled, the step for the
+    prediction error is solved implicitly in the metric of the moment.
 
     Gives up: convergence of D itself, of which only K D is seen: of all bodies that have the estimate it finds those
     nearest to the first ones, by the divergence d. It starts from consistent parameters, and a link that starts almost
@@ -98,8 +99,9 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the first lift (P,), all P parameters of bodies and drives, is physically
         consistent and its k fundamental (base) parameters are the first estimate, to 1e-9 of their largest, and there
-        is one rate or one for each link with a body and each drive's parameter; with a weight, also unless the weight
-        is one number or one a joint, and the torque filter's cutoff (rad/s) times the period (s) is at most 1.
+        is one rate or one for each link with a body and each drive's parameter; with a weight of prediction errors,
+        also unless that is one number or one a joint, and the torque filter's cutoff (rad/s) times the period (s) is at
+        most 1.
 
         `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s, which the controller
         checks to be positive.
@@ -115,13 +117,14 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LiftMemory:
-        """The memory before the first tick: the first lift (P,), all P parameters of bodies and drives in SI units,
-        and, where torques are predicted (with a weight), the torque filters at rest, their outputs zero.
+        """The memory before the first control period: the first lift (P,), all P parameters of bodies and drives in SI
+        units, and, where torques are predicted (with a weight of prediction errors), the torque filters at rest, their
+        outputs zero.
 
         `initial`, the first estimate (k,) of k fundamental parameters, is not looked at; q (n,) are the positions of
-        the spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in
-        rad/s (m/s), `period` the control period in s. With a weight, raises `InputError` for a model whose linear
-        constraints fix parameters at values other than zero; nothing else is checked.
+        the spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary
+        (independent) joints in rad/s (m/s), `period` the control period in s. With a weight, raises `InputError` for a
+        model whose linear constraints fix parameters at values other than zero; nothing else is checked.
         """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)

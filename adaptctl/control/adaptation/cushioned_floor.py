@@ -25,9 +25,9 @@ from adaptctl.scalars import Column, each
 
 class InformationMemory(NamedTuple):
     """The memory of adaptation by least squares on k parameters that hold their information P^-1 (k, k), P the
-    covariance, between ticks: `information` (k (k + 1)/2,) is the upper triangle, row by row, of S P^-1 S, S =
-    Gamma^1/2 with the first gain Gamma, the identity at the start; `filtered` is the torque filters' memory. Nothing is
-    checked."""
+    covariance, between control periods: `information` (k (k + 1)/2,) is the upper triangle, row by row, of S P^-1 S, S
+    = Gamma^1/2 with the first gain Gamma, the identity at the start; `filtered` is the torque filters' memory. Nothing
+    is checked."""
 
     information: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of S P^-1 S, S = Gamma^1/2: the identity at the start"""
@@ -45,10 +45,10 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic
     joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the filter F =
     cutoff/(d/dt + cutoff). `forgetting` is lambda of at least 0 in 1/s; `weight` is R in 1/(N m s) (m/(N s)), one
-    number or (r,), `cutoff` in rad/s, both positive; `called` is the law's name in messages. Raises `InputError` for
-    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model, constraints
-    that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control period; a weight of NaN is
-    a `NonFiniteError`.
+    number or (r,), `cutoff` in rad/s, both positive; `called` is the law's name in messages. A prime is the transpose,
+    but on estimate and P^-1 a derivative in time. Raises `InputError` for other numbers and shapes at construction,
+    and, with a controller, for sizes that do not fit the model, constraints that fix parameters at values other than
+    zero, and a cutoff above 1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 - lambda error' (P^-1 -
@@ -66,14 +66,14 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     called: ClassVar[str] = "cushioned floor"
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> InformationMemory:
-        """The memory before the first tick: the upper triangle (k (k + 1)/2,) of the information matrix P^-1 = Gamma^-1
-        of k parameters, in units of Gamma^-1 (Gamma the first gain), and the torque filters at rest, their outputs
-        zero.
+        """The memory before the first control period: the upper triangle (k (k + 1)/2,) of the information matrix P^-1
+        = Gamma^-1 of k parameters, in units of Gamma^-1 (Gamma the first gain), and the torque filters at rest, their
+        outputs zero.
 
         `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
-        in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s), `period` the
-        control period in s. Raises `InputError` for a model whose linear constraints fix parameters at values other
-        than zero; nothing else is checked.
+        in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in rad/s (m/s),
+        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
+        values other than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)

@@ -25,8 +25,9 @@ class DeadZone(Descent[NoMemory]):
 
     s (r,), of r joints, is in rad/s (m/s for a prismatic joint), Y (r, k) is the torque regressor; `gain` is Gamma,
     (k,) its diagonal or (k, k), in units of the parameters squared per J. `width` is the zone's half-width in rad/s
-    (m/s), one number for all joints, as the default is, or (r,). Raises `InputError` for a gain that is not finite,
-    symmetric and positive definite and a width that is not positive and finite.
+    (m/s), one number for all joints, as the default is, or (r,). A prime is the transpose, but on estimate and V a
+    derivative in time. Raises `InputError` for a gain that is not finite, symmetric and positive definite and a width
+    that is not positive and finite.
 
     Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside, V =
     s'Ms/2 + error' Gamma^-1 error/2 has V' = -s'Ks + s'd, error the estimate less the truth, M the mass matrix, K the
@@ -76,13 +77,13 @@ class DeadZone(Descent[NoMemory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (k,) of k
         parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
-        the velocities v (r,) of the r primary joints in rad/s (m/s) and the control `period` in s."""
+        the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
-        (r,) the sliding variable, or unchanged where the mean of s over the period is within the dead zone; and the
-        empty memory.
+        (r,) the sliding variable of r joints, or unchanged where the mean of s over the period is within the dead zone;
+        and the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

@@ -53,8 +53,8 @@ class Descent(AdaptationLaw[Memory]):
         return 0.5 * (error @ Column(e / g for e, g in zip(error, gain, strict=True)))
 
     def applied(self, gradient: Column) -> Column:
-        """The product Gamma x (k,) of the adaptation gain Gamma and a `gradient` x (k,), in the unit of each parameter
-        where x is in J per unit of it. Raises `ValueError` for a gradient of another length."""
+        """The product Gamma x (k,) of the adaptation gain Gamma of k parameters and a `gradient` x (k,), in the unit of
+        each parameter where x is in J per unit of it. Raises `ValueError` for a gradient of another length."""
         gain = self._columns
         return Column(row @ gradient for row in gain) if isinstance(gain, list) else gain * gradient
 

@@ -28,9 +28,9 @@ class Period(NamedTuple):
     regressor at the start of the period; `before` and `after` are s (r,) at its start and its end, in rad/s (m/s for a
     prismatic joint); `torque` (r,) was held over it, in N m (N); `q` (n,) are the positions of the spanning tree's n
     joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its length T_c in s,
-    `elapsed` the same, or 0 where nothing is to be learned: before the first tick, and while adaptation is frozen.
-    `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls as -s'Ks. Nothing is
-    checked.
+    `elapsed` the same, or 0 where nothing is to be learned: before the first control period, and while adaptation is
+    frozen. `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls as -s'Ks.
+    Nothing is checked.
     """
 
     gradient: Callable[[Column], Column]
@@ -55,7 +55,7 @@ class Period(NamedTuple):
     @property
     def share(self) -> Any:
         """Share of the control period to learn from, without a unit: 1, or 0 where nothing is to be learned, before the
-        first tick and while adaptation is frozen."""
+        first control period and while adaptation is frozen."""
         return self.elapsed * (1.0 / self.length)
 
     @property
@@ -67,8 +67,8 @@ class Period(NamedTuple):
     @property
     def integral(self) -> Column:
         """The integral (r,) of the sliding variable of r joints over the control period by the trapezium rule, in rad
-        (m for a prismatic joint); 0 where nothing is to be learned, before the first tick and while adaptation is
-        frozen."""
+        (m for a prismatic joint); 0 where nothing is to be learned, before the first control period and while
+        adaptation is frozen."""
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
@@ -100,10 +100,10 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The adaptation law's memory before the first tick, for a first estimate `initial` (k,) of the model's k
-        parameters, in SI units, positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
-        velocities v (r,) of the r primary joints in rad/s (m/s), and a control `period` in s. A law raises `InputError`
-        for a model that it cannot start on, and checks nothing else here."""
+        """The adaptation law's memory before the first control period, for a first estimate `initial` (k,) of the
+        model's k parameters, in SI units, positions q (n,) of the spanning tree's n joints in rad (m for a prismatic
+        joint), velocities v (r,) of the r primary (independent) joints in rad/s (m/s), and a control `period` in s. A
+        law raises `InputError` for a model that it cannot start on, and checks nothing else here."""
 
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:

@@ -50,14 +50,15 @@ class SigmaModification(_Leaking):
 
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor;
     `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `prior` (k,) is in the
-    parameters' SI units, zero when None. Raises `InputError` for a gain that is not finite, symmetric and positive
-    definite, a rate that is not positive and finite, and a prior of another size or not finite. The leak is Gamma times
-    sigma Gamma^-1 (estimate - prior), so that parameters of different units leak alike.
+    parameters' SI units, zero when None. A prime is the transpose, but on estimate and V a derivative in time. Raises
+    `InputError` for a gain that is not finite, symmetric and positive definite, a rate that is not positive and finite,
+    and a prior of another size or not finite. The leak is Gamma times sigma Gamma^-1 (estimate - prior), so that
+    parameters of different units leak alike.
 
     Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation: with the mass matrix
     M, the control law's damping K, V = s'Ms/2 + (estimate - true)' Gamma^-1 (estimate - true)/2 and c = min(sigma, 2
-    min lambda(M^-1 K)), V' <= -c V + sigma V_prior, V_prior = (prior - true)' Gamma^-1 (prior - true)/2; with a
-    disturbance torque d (r,), c is half as large and d'K^-1d/2 is added.
+    lambda_min(M^-1 K)), lambda_min the least eigenvalue, V' <= -c V + sigma V_prior, V_prior = (prior - true)' Gamma^-1
+    (prior - true)/2; with a disturbance torque d (r,), c is half as large and d'K^-1d/2 is added.
 
     Gives up: convergence of the tracking error, even without disturbance, unless the prior is true: the leak goes on
     when s is zero, and bursts may follow (Hsu and Costa 1987).
@@ -67,7 +68,8 @@ class SigmaModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
-        (r,) the sliding variable, that leaks to the prior estimate at the `rate` sigma (1/s); and the empty memory.
+        (r,) the sliding variable of r joints, that leaks to the prior estimate at the `rate` sigma (1/s); and the empty
+        memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.
@@ -84,8 +86,9 @@ class EModification(_Leaking):
 
     s (r,), of r joints, is in rad/s (m/s for a prismatic joint), |s| its Euclidean norm, Y (r, k) the torque regressor;
     `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `prior` (k,) is in the
-    parameters' SI units, zero when None. Raises `InputError` for a gain that is not finite, symmetric and positive
-    definite, a rate that is not positive and finite, and a prior of another size or not finite.
+    parameters' SI units, zero when None. A prime is the transpose, but on estimate a derivative in time. Raises
+    `InputError` for a gain that is not finite, symmetric and positive definite, a rate that is not positive and finite,
+    and a prior of another size or not finite.
 
     Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation. The leak stops with
     s, so true estimates on the trajectory stay where they are.
@@ -98,8 +101,8 @@ class EModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor, that
-        leaks to the prior estimate at `rate` |s| (1/s), s (r,) the mean of the sliding variable over the period; and
-        the empty memory.
+        leaks to the prior estimate at `rate` |s| (1/s), s (r,) the mean of the sliding variable of r joints over the
+        period; and the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

@@ -34,8 +34,9 @@ class Natural(AdaptationLaw[NoMemory]):
     a link are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), (Y's)_i (10,) their share of
     Y's. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor
     on all parameters. `rate` is in 1/J, one number, or a vector of one for each link with a body and then for each
-    drive's parameter. Raises `InputError` unless it is positive and finite, and, with a controller, for another number
-    of rates, a model of fewer than all parameters and a first estimate that is not physically consistent.
+    drive's parameter. A prime is the transpose, but on P_i a derivative in time. Raises `InputError` unless `rate` is
+    positive and finite, and, with a controller, for another number of rates, a model of fewer than all parameters and a
+    first estimate that is not physically consistent.
 
     It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units or on
     frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster than light
@@ -84,13 +85,14 @@ class Natural(AdaptationLaw[NoMemory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (P,) of
         all P parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic
-        joint), the velocities v (r,) of the r primary joints in rad/s (m/s) and the control `period` in s."""
+        joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in
+        s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (P,) of all P parameters of bodies and drives after a step down the gradient Y's, along the
         geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y (r, P) is
-        the torque regressor, s (r,) the sliding variable.
+        the torque regressor, s (r,) the sliding variable of r joints.
 
         `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.
@@ -126,8 +128,8 @@ class Natural(AdaptationLaw[NoMemory]):
 
 
 def checked_rate(rate: ArrayLike) -> Array:
-    """A read-only float64 copy of the `rate` of natural adaptation, one number or (m,), in 1/J. Raises `InputError` for
-    other shapes and what is not positive and finite."""
+    """A read-only float64 copy of the `rate` of natural adaptation, one number or m of them (m,), in 1/J. Raises
+    `InputError` for other shapes and what is not positive and finite."""
     array = numbers(rate, "natural adaptation: rate").copy()
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")
@@ -179,9 +181,9 @@ def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
 
 
 def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
-    """The parameters (P,), in SI units, after one step of natural adaptation from `parameters` (P,): the ten inertial
-    parameters of each of `bodies` links along the geodesic of their pseudo-inertia, each drive's, which come after
-    them, along that of a positive number.
+    """All P parameters (P,) of bodies and drives, in SI units, after one step of natural adaptation from `parameters`
+    (P,): the ten inertial parameters of each of `bodies` links along the geodesic of their pseudo-inertia, each
+    drive's, which come after them, along that of a positive number.
 
     `slope` (P,), in the parameters' inverse units, is each one's rate in 1/J times the integral over the period of the
     gradient Y's, in J per unit, with the torque regressor Y and the sliding variable s. Nothing is checked: parameters
@@ -200,10 +202,11 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
-    """The natural gradient (P,), in the parameters' SI units, of a `slope` (P,) in the inverse units, at `parameters`
-    (P,): for each of `bodies` links the ten inertial parameters of P_i L_i P_i, with its pseudo-inertia P_i (4, 4) and
-    the slope's symmetric matrix L_i (4, 4), and for each drive's parameter x, which come after them, x^2 times its
-    slope. A step of natural adaptation begins along it, its sign turned. Nothing is checked."""
+    """The natural gradient (P,) of all P parameters of bodies and drives, in their SI units, of a `slope` (P,) in the
+    inverse units, at `parameters` (P,): for each of `bodies` links the ten inertial parameters of P_i L_i P_i, with its
+    pseudo-inertia P_i (4, 4) and the slope's symmetric matrix L_i (4, 4), and for each drive's parameter x, which come
+    after them, x^2 times its slope. A step of natural adaptation begins along it, its sign turned. Nothing is
+    checked."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -272,8 +275,8 @@ def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
 
 def cholesky(P: Matrix) -> Matrix:
     """The lower triangular Cholesky factor G (n, n), as rows of scalars of any kind, of a symmetric positive definite
-    matrix `P` (n, n), given by rows: G G' = P. A matrix that is not positive definite raises `ValueError` or
-    `ZeroDivisionError` in floats, and gives NaN or infinity in arrays."""
+    matrix `P` (n, n) of any size n, given by rows: G G' = P. A matrix that is not positive definite raises `ValueError`
+    or `ZeroDivisionError` in floats, and gives NaN or infinity in arrays."""
     G: Matrix = [[0.0] * len(P) for _ in P]
     for j in range(len(P)):
         for i in range(j, len(P)):
@@ -283,16 +286,16 @@ def cholesky(P: Matrix) -> Matrix:
 
 
 def matrix_product(A: Matrix, B: Matrix) -> Matrix:
-    """The product A B (l, n) of matrices A (l, m) and B (m, n), as rows of scalars of any kind. Raises `ValueError`
-    where their shapes do not fit."""
+    """The product A B (l, n) of matrices A (l, m) and B (m, n), of any sizes, as rows of scalars of any kind. Raises
+    `ValueError` where their shapes do not fit."""
     return [
         [sum((a * b for a, b in zip(row, column, strict=True)), 0.0) for column in zip(*B, strict=True)] for row in A
     ]
 
 
 def transposed(A: Matrix) -> Matrix:
-    """The transpose (n, m) of a matrix A (m, n), as rows of scalars of any kind. Raises `ValueError` for rows of
-    different lengths."""
+    """The transpose (n, m) of a matrix A (m, n) of any size, as rows of scalars of any kind. Raises `ValueError` for
+    rows of different lengths."""
     return [list(column) for column in zip(*A, strict=True)]
 
 

@@ -18,9 +18,10 @@ from adaptctl.scalars import Column, column, spread
 
 
 class Filtered(NamedTuple):
-    """The memory of the torque filters between ticks: `regressor` has what the filters hold of the entries of the
-    torque regressor that are not always zero, joint by joint, in N m (N for a prismatic joint) per SI unit of each
-    parameter, `torque` (r,) the filtered torques of r joints in N m (N). Nothing is checked."""
+    """The memory of the torque filters between control periods: `regressor` (e,) has the filters' states for those e
+    entries of the torque regressor (r, k), k parameters, that are not always zero, joint by joint, in N m (N for a
+    prismatic joint) per SI unit of each parameter, `torque` (r,) the filtered torques of r joints in N m (N). Nothing
+    is checked."""
 
     regressor: Any
     """rows of F[lambda H + N], as far as it is known before the next sample, without what is always zero"""
@@ -51,7 +52,7 @@ class TorqueFilter:
     control period T_c in s. Nothing is checked at construction.
 
     tau (r,) is the torque of r joints, Y (r, k) the torque regressor at positions p and velocities v, beta (k,) are the
-    parameters. With tau = d/dt (H beta) - N beta, H (r, k) the momenta's regressor and N (r, k) that of the other
+    k parameters. With tau = d/dt (H beta) - N beta, H (r, k) the momenta's regressor and N (r, k) that of the other
     forces, W = lambda H - F[lambda H + N] when F[H] starts at H: positions and velocities are enough. The torque is
     held over each period, for which its filter is exact; lambda H + N goes in by the trapezium between samples, exact
     to T_c^2.
@@ -61,12 +62,13 @@ class TorqueFilter:
     period: float
 
     def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
-        """The torque filters' memory before the first tick, for a model of k parameters: the filtered regressor W (r,
-        k) and the filtered torques (r,) of r joints are zero there.
+        """The torque filters' memory before the first control period, for a model of k parameters: the filtered
+        regressor W (r, k) and the filtered torques (r,) of r joints are zero there.
 
         q (..., n) are positions of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the
-        velocities of the r primary ones in rad/s (m/s), arrays or columns. Raises `InputError` for a mechanism whose
-        linear constraints fix parameters at values other than zero, which have no column in the regressor.
+        velocities of the r primary (independent) ones in rad/s (m/s), arrays or columns. Raises `InputError` for a
+        mechanism whose linear constraints fix parameters at values other than zero, which have no column in the
+        regressor.
         """
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         kept: list[Any] = []

@@ -91,11 +91,11 @@ def adaptation_gain(
 
     With the `gains` of a control law, its bandwidth Lambda (1/s) and damping K (N m s/rad, N s/m for a prismatic
     joint), no range is taken greater than 0.2 (2 - h)/u: a light wrist whose inertia is learned a hundred times too
-    large would ring, and its prior range allows that. The hold number h = T_c max lambda(M^-1 (K + M Lambda)) of these
-    gains has no unit and is stable below 2, with the mass matrix M and the control `period` T_c in s; u is what an
-    error of 1 SI unit in the parameter adds to it (`parameter_holds`). Both are the greatest over the positions in
-    `workspace`, all that the joints' limits allow where None. `period` and `workspace` have no part where `gains` is
-    None, the default.
+    large would ring, and its prior range allows that. The hold number h = T_c lambda_max(M^-1 (K + M Lambda)) of these
+    gains has no unit and is stable below 2, with the largest eigenvalue lambda_max, the mass matrix M and the control
+    `period` T_c in s; u is what an error of 1 SI unit in the parameter adds to it (`parameter_holds`). Both are the
+    greatest over the positions in `workspace`, all that the joints' limits allow where None. `period` and `workspace`
+    have no part where `gains` is None, the default.
 
     Raises `GainError` where h is 2 or more, and `InputError` for a rate that is not positive and finite and, with
     gains, for a period or damping that is not positive and for gains of another number of joints.

@@ -80,11 +80,11 @@ class Projection(AdaptationLaw[Memory]):
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The wrapped adaptation law's memory before the first tick.
+        """The wrapped adaptation law's memory, a named tuple of arrays, before the first control period.
 
         `initial` is the first estimate (k,) of k parameters, in SI units, q (n,) are the positions of the spanning
-        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary joints in rad/s (m/s),
-        `period` is the control period in s. Raises what the wrapped law's `start` does.
+        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in
+        rad/s (m/s), `period` is the control period in s. Raises what the wrapped law's `start` does.
         """
         return self.of.start(model, initial, q, v, period)
 

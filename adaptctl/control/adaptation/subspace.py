@@ -24,10 +24,11 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     `directions` is W (k, d), independent columns, d of at most k; `gain` (d,) is positive, in 1/J where W carries the
     parameters' SI units. Y (r, k) is the torque regressor and s (r,) the sliding variable of r joints in rad/s (m/s for
-    a prismatic joint). Raises `InputError` for directions and gains of other shapes or not finite, dependent directions
-    (a singular value of at most 1e-10 of the greatest) and gains that are not positive. With W = K V_d, K (k, P) the
-    model's regrouping of all P parameters and V_d (P, d) some right singular vectors of the matrix of total energies, a
-    column a parameter, it adapts essential parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
+    a prismatic joint). A prime is the transpose, but on estimate a derivative in time. Raises `InputError` for
+    directions and gains of other shapes or not finite, dependent directions (a singular value of at most 1e-10 of the
+    greatest) and gains that are not positive. With W = K V_d, K (k, P) the model's regrouping of all P parameters and
+    V_d (P, d) some right singular vectors of the matrix of total energies, a column a parameter, it adapts essential
+    parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
 
     Guarantees, without disturbance, where the truth is within the first estimate plus the span of W: as with
     `Gradient`, the tracking error goes to zero and the estimate stays bounded.
@@ -62,12 +63,13 @@ class Subspace(AdaptationLaw[NoMemory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (k,) of k
         parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
-        the velocities v (r,) of the r primary joints in rad/s (m/s) and the control `period` in s."""
+        the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of k parameters after a step, along each adapted direction (k,), down the gradient Y's by
-        the trapezium rule; and the empty memory. Y (r, k) is the torque regressor, s (r,) the sliding variable.
+        the trapezium rule; and the empty memory. Y (r, k) is the torque regressor, s (r,) the sliding variable of r
+        joints.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

@@ -40,7 +40,7 @@ class ExcitingReference:
     `reference` is the optimised one, in rad (m for a prismatic joint). `condition` is that of the regressor stacked
     over a period, its columns scaled by the parameters' prior ranges (greatest plausible errors); `random_conditions`
     (10,) are the same of references drawn at random within the same limits. `torque_share` is the largest torque over
-    its limit, with the model's parameters. None of these numbers has a unit. `iterations` are those of the search;
+    its limit, with the model's parameters. None of these numbers has a unit. `iterations` is how many the search made;
     `complete` is False where it was interrupted, and then `reference` is the best until there. Nothing is checked.
     """
 
@@ -95,10 +95,11 @@ class FourierSearch:
     """Search for an exciting reference: a periodic motion of the model's r joints, a Fourier series of `harmonics`
     harmonics of `frequency` (Hz) within `limits`, that tells as much as possible of the model's k parameters.
 
-    It is over vectors x (size,) without bounds or units: coefficients of the sines and cosines, then, through logistic
-    functions, the share of each joint's limits that is used and where between them the swing lies. The condition number
-    of the torque regressor, its columns scaled by `scale` (k,), the parameters' prior ranges (greatest plausible
-    errors) in SI units, is what is to be small. Nothing is checked here: `exciting_reference` checks, and searches.
+    It is over vectors x (`size`,) without bounds or units, r (2 h + 2) numbers for h harmonics: h coefficients of sines
+    and h of cosines for each joint, then, through logistic functions, the share of each joint's limits that is used and
+    where between them the swing lies. The condition number of the torque regressor, its columns scaled by `scale` (k,),
+    the parameters' prior ranges (greatest plausible errors) in SI units, is what is to be small. Nothing is checked
+    here: `exciting_reference` checks, and searches.
     """
 
     model: ReducedModel
@@ -109,7 +110,7 @@ class FourierSearch:
 
     @property
     def dof(self) -> int:
-        """Number r of the mechanism's primary joints, which the reference moves."""
+        """Number r of the mechanism's primary (independent) joints, which the reference moves."""
         return self.model.mechanism.dof
 
     @property
@@ -118,25 +119,25 @@ class FourierSearch:
         return self.dof * (2 * self.harmonics + 2)
 
     def random(self, rng: np.random.Generator) -> Array:
-        """A random vector (size,) of the search, without units, drawn from the generator `rng`, whose reference uses 95
-        % of what the limits of each joint allow."""
+        """A random vector of the search, r (2 h + 2) numbers without units for r joints and h harmonics, drawn from the
+        generator `rng`, whose reference uses 95 % of what the limits of each joint allow."""
         coefficients = rng.normal(size=2 * self.harmonics * self.dof)
         return np.concatenate((coefficients, np.full(self.dof, FULL), rng.normal(size=self.dof)))
 
     def motion(self, x: Array, factor: float = 1.0) -> tuple[Array, Array, Array]:
         """Positions in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2), (n, r)
-        each, of r joints over one period of the reference that a vector `x` (size,) stands for, at n = 40 samples for
-        each of the harmonics. The swing about the centre is multiplied by `factor`, 1 unless given. Nothing is
+        each, of r joints over one period of the reference that a vector `x` of r (2 h + 2) numbers stands for, h the
+        harmonics, at n = 40 h samples. The swing about the centre is multiplied by `factor`, 1 unless given. Nothing is
         checked."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
         return center + used * y, used * rate, used * bend
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
-        """The periodic reference of r joints that a vector `x` (size,) of the search stands for, as `Sinusoids` without
-        fade-in; its swing about the centre is multiplied by `factor`, 1 unless given. For factors up to 1 its positions
-        and speeds are within their limits by construction, at 40 samples a period of the highest harmonic; torques may
-        be beyond theirs. Nothing is checked."""
+        """The periodic reference of r joints that a vector `x` of r (2 h + 2) numbers of the search stands for, h the
+        harmonics, as `Sinusoids` without fade-in; its swing about the centre is multiplied by `factor`, 1 unless given.
+        For factors up to 1 its positions and speeds are within their limits by construction, at 40 samples a period of
+        the highest harmonic; torques may be beyond theirs. Nothing is checked."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
         used, center = self._fitted(x, y, rate, factor)
@@ -145,33 +146,36 @@ class FourierSearch:
         return Sinusoids(center, amplitude, frequency, phase, start_time=0.0)
 
     def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
-        """Two numbers without units for the reference that a vector `x` (size,) stands for: the condition number of the
-        torque regressor stacked over a period, its columns scaled by the parameters' prior ranges, and the largest
-        torque of any joint over its limit, with the model's own parameters. The swing about the centre is multiplied by
-        `factor`, 1 unless given. Nothing is checked."""
+        """Two numbers without units for the reference that a vector `x` of r (2 h + 2) numbers stands for, with r
+        joints and h harmonics: the condition number of the torque regressor stacked over a period, its columns scaled
+        by the parameters' prior ranges (greatest plausible errors), and the largest torque of any joint over its limit,
+        with the model's own parameters. The swing about the centre is multiplied by `factor`, 1 unless given. Nothing
+        is checked."""
         Y = self._along(x, factor)
         eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
         smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))
         return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
 
     def torque_share(self, x: Array, factor: float) -> float:
-        """The largest torque of any joint over its limit, without a unit, along the reference that a vector `x` (size,)
-        stands for, with the model's own parameters; the swing about the centre is multiplied by `factor`. Nothing is
-        checked."""
+        """The largest torque of any joint over its limit, without a unit, along the reference that a vector `x` of r (2
+        h + 2) numbers stands for, r the joints and h the harmonics, with the model's own parameters; the swing about
+        the centre is multiplied by `factor`. Nothing is checked."""
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
-        """The cost, without a unit, that the search minimises, at a vector `x` (size,): the natural logarithm of the
-        scaled torque regressor's condition number on its reference, and 30 times the square of the largest torque's
-        excess over its limit, as a share of that limit. Nothing is checked."""
+        """The cost, without a unit, that the search minimises, at a vector `x` of r (2 h + 2) numbers for r joints and
+        h harmonics: the natural logarithm of the condition number of the torque regressor on its reference, columns
+        scaled by the parameters' prior ranges (greatest plausible errors), and 30 times the square of the largest
+        torque's excess over its limit, as a share of that limit. Nothing is checked."""
         condition, share = self.judged(x)
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
-        """The reference that a vector `x` (size,) stands for, as `Sinusoids`, its swing about the centre made smaller
-        where torques would pass their limits; then the condition number of the scaled torque regressor on it and its
-        largest torque over the limit, both without a unit. Raises `InputError` where torques pass their limits even at
-        rest."""
+        """The reference that a vector `x` of r (2 h + 2) numbers stands for, r the joints and h the harmonics, as
+        `Sinusoids`, its swing about the centre made smaller where torques would pass their limits; then the condition
+        number of the torque regressor on it, columns scaled by the parameters' prior ranges (greatest plausible
+        errors), and its largest torque over the limit, both without a unit. Raises `InputError` where torques pass
+        their limits even at rest."""
         factor = 1.0
         if self.torque_share(x, 1.0) > 1.0:
             if self.torque_share(x, 0.0) > 1.0:
@@ -243,7 +247,7 @@ def exciting_reference(
     progress: Callable[[float], object] | None = None,
 ) -> ExcitingReference:
     """The periodic reference, of harmonics 1 to `harmonics` of `frequency` (Hz), with the least condition number of the
-    torque regressor that a search finds.
+    torque regressor that a search finds: an `ExcitingReference`, which has that number too.
 
     Fourier series within positions, speeds and torques (Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997):
     within `limits`, or where these are None a `share` (0 to 1) of the joints' own. Torques are those of the model's own

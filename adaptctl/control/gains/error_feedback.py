@@ -140,19 +140,20 @@ class ErrorFeedback:
     @property
     def bandwidth(self) -> float:
         """Undamped natural frequency (rad/s), the square root of the stiffness, of the continuous-time loop e'' =
-        -stiffness e - rate e', e being the joint's error."""
+        -stiffness e - rate e' of the joint's error e, with the stiffness in 1/s^2 and the rate in 1/s."""
         return math.sqrt(self.stiffness)
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio, without a unit, of the continuous-time loop e'' = -stiffness e - rate e', e being the joint's
-        error: 1 for two equal real poles."""
+        """Damping ratio, without a unit, of the continuous-time loop e'' = -stiffness e - rate e' of the joint's error
+        e, with the stiffness in 1/s^2 and the rate in 1/s: 1 for two equal real poles."""
         return self.rate / (2.0 * self.bandwidth)
 
     @property
     def is_cascade(self) -> bool:
-        """True if the continuous-time loop e'' = -stiffness e - rate e', e being the joint's error, has two real poles,
-        to within round-off and what sampling changes: it is then a cascade of two first-order loops."""
+        """True if the continuous-time loop e'' = -stiffness e - rate e' of the joint's error e, with the stiffness in
+        1/s^2 and the rate in 1/s, has two real poles, to within round-off and what sampling changes: it is then a
+        cascade of two first-order loops."""
         return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.period
 
     @property

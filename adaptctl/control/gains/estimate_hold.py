@@ -20,10 +20,10 @@ def parameter_holds(
 
     The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
     the estimated one and K the damping of Slotine and Li's law: a torque held over the control period T_c is stable
-    while it is below 2. `bandwidth` is Lambda in 1/s, one number or one a joint (r,), and `period` T_c in s. The
-    positions q are the samples of `workspace`, by default of all that the joints' limits allow. The norm is Frobenius',
-    which is never below the spectral one. A friction parameter has no part in M: its number is 0. Raises `InputError`
-    for a bandwidth of another shape, below 0 or not finite and a period that is not positive.
+    while it is below 2. `bandwidth` is Lambda in 1/s, one number or one for each of r joints (r,), and `period` T_c in
+    s. The positions q are the samples of `workspace`, by default of all that the joints' limits allow. The norm is
+    Frobenius', which is never below the spectral one. A friction parameter has no part in M: its number is 0. Raises
+    `InputError` for a bandwidth of another shape, below 0 or not finite and a period that is not positive.
     """
     mechanism = model.mechanism
     place = workspace or everywhere(mechanism)
@@ -63,7 +63,8 @@ def estimate_hold(
 
     The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
     the estimated one and K the damping of Slotine and Li's law: a torque held over the control period T_c is stable
-    while it is below 2. Lambda is the `bandwidth` in 1/s, one number or one a joint (r,), and T_c the `period` in s.
+    while it is below 2. Lambda is the `bandwidth` in 1/s, one number or one for each of r joints (r,), and T_c the
+    `period` in s.
 
     u (k,) are the hold numbers per unit of error in each of the model's k parameters, from `parameter_holds`, in the
     `workspace`, None for all that the joints' limits allow. Gamma is the adaptation `gain`, its diagonal (k,) or whole

@@ -63,8 +63,8 @@ class GainDesign:
         delay: int = 0,
     ) -> GainDesign:
         """Gain design that gives every joint's error loop an undamped natural frequency, `bandwidth` (rad/s), and a
-        `damping_ratio` (no unit; 1 is critical), each one number or one a joint (r,). `period` is the control period in
-        s, `delay` that of the torque in whole periods.
+        `damping_ratio` (no unit; 1 is critical), each one number or one for each of r joints (r,). `period` is the
+        control period in s, `delay` that of the torque in whole periods.
 
         Raises `InputError` for numbers that are not positive or of another shape, for a delay other than 0 to 1000, and
         where a joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.

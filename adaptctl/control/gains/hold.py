@@ -30,8 +30,9 @@ class HoldNumber(NamedTuple):
     positions `p` (r,), rad or m, of the r joints where it is reached, and the name of the `joint` that moves most
     there.
 
-    A held torque is stable while the number is below 2. T_c is the control period, lambda_max the largest eigenvalue, M
-    the mass matrix, M^ the estimated one, K the damping and Lambda the bandwidth. Nothing is checked.
+    A held torque is stable while the number is below 2. T_c is the control period in s, lambda_max the largest
+    eigenvalue, M the mass matrix, M^ the estimated one, K the damping in N m s/rad (N s/m if prismatic) and Lambda the
+    bandwidth in 1/s. Nothing is checked.
     """
 
     value: float
@@ -55,11 +56,12 @@ def hold_number(
     2.
 
     lambda_max is the largest eigenvalue, M the mass matrix, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
-    1/s, 0 by default, each one number or one a joint (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v,
-    v the joints' velocities, and within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the
-    `estimate` (P,) of all P inertial and friction parameters, SI units, None for the mechanism's own. From one period
-    to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with alternating signs, where the number is
-    above 2. The number is infinite where M is not positive definite, and where K + M^ Lambda drives instead of damps.
+    1/s, 0 by default, each one number or one for each of r joints (r,); `period` is T_c in s. Slotine and Li's law
+    feeds back -K v, v the joints' velocities, and within its reference acceleration -M^ Lambda v, where M^ is the mass
+    matrix of the `estimate` (P,) of all P inertial and friction parameters, SI units, None for the mechanism's own.
+    From one period to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with alternating signs, where
+    the number is above 2. The number is infinite where M is not positive definite, and where K + M^ Lambda drives
+    instead of damps.
 
     Viscous friction with coefficients B acts within the period: M is then replaced by M (X/2) coth(X/2), X = T_c M^-1
     B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
@@ -154,10 +156,10 @@ def hold_numbers(
     M is the mass matrix, lambda_max the largest eigenvalue, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
     1/s, 0 by default, each one number or (r,); `period` is T_c in s. M^ is the mass matrix of the `estimate`, (P,) or
     (..., P), of all P inertial and friction parameters, SI units, None for the mechanism's own. The number is infinite
-    where M is not positive definite, and where K + M^ Lambda drives instead of damps. Viscous friction is taken in as
-    in `hold_number`, which searches for the worst positions. Raises `InputError` on a wrong shape of `p`, damping or
-    bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a configuration that locks
-    kinematic loops; signs are not checked.
+    where M is not positive definite, and where K + M^ Lambda drives instead of damps. Where there is viscous friction
+    B, M (X/2) coth(X/2) stands in place of the inverted M, X = T_c M^-1 B. Raises `InputError` on a wrong shape of `p`,
+    damping or bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a configuration
+    that locks kinematic loops; signs are not checked.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
@@ -221,9 +223,9 @@ def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
 
 
 def scaled_eigenvalues(M: Array) -> Array:
-    """Eigenvalues (..., r), rising, without a unit, of symmetric matrices `M` (..., r, r), such as mass matrices, whose
-    rows and columns are scaled so that the diagonal has magnitude 1. All are above 0 where M is positive definite. NaN
-    and infinity are not looked for; matrices that are not square raise `ValueError`."""
+    """Eigenvalues (..., r), rising, without a unit, of symmetric matrices `M` (..., r, r), such as mass matrices of r
+    joints, whose rows and columns are scaled so that the diagonal has magnitude 1. All are above 0 where M is positive
+    definite. NaN and infinity are not looked for; matrices that are not square raise `ValueError`."""
     diagonal = np.sqrt(np.abs(np.diagonal(M, axis1=-2, axis2=-1)))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
     return np.asarray(np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :])))
@@ -231,7 +233,7 @@ def scaled_eigenvalues(M: Array) -> Array:
 
 def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None) -> Worst:
     """The least eigenvalue of a mass matrix over a workspace, its diagonal scaled to 1: a record of this `value`,
-    without a unit, and the positions `p` (r,), rad or m, where it is found.
+    without a unit, and the positions `p` (r,) of the r joints, rad or m, where it is found.
 
     The mass matrix is that of `parameters` (P,), all P inertial and friction parameters of the mechanism in SI units;
     it is positive definite in the workspace if the value is above 0, as far as a local search from the worst samples

@@ -13,8 +13,8 @@ SPEED, ACCELERATION, MARGIN = 2.0, 10.0, 4.0
 
 
 def finite_torque_limits(mechanism: Mechanism) -> Array:
-    """Finite torque limits (r,) of the mechanism's r primary joints, N m (N if prismatic), as a learner's actions need
-    them: each joint's own effort limit, or a generous bound where it has none.
+    """Finite torque limits (r,) of the mechanism's r primary (independent) joints, N m (N if prismatic), as a learner's
+    actions need them: each joint's own effort limit, or a generous bound where it has none.
 
     The bound is 4 times the largest torque that inverse dynamics asks of the joint in 200 random states within its
     limits, at speeds up to 2 rad/s (m/s) and accelerations up to 10 rad/s^2 (m/s^2), and at least 1 N m (N); it is the

@@ -27,8 +27,8 @@ APART = 0.2
 
 def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Array:
     """Random positions (S, r) of the mechanism's r joints within their limits, rad (m if prismatic): `samples` of them,
-    drawn uniformly by `seed`, without those that kinematic loops cannot reach. A joint without limits is drawn from -pi
-    to pi rad (-1 to 1 m). Equal seeds draw equal positions. Nothing is checked."""
+    drawn uniformly by `seed`, without those that kinematic loops cannot reach, so that S are left. A joint without
+    limits is drawn from -pi to pi rad (-1 to 1 m). Equal seeds draw equal positions. Nothing is checked."""
     p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
     return p[reachable(mechanism, p)]
 
@@ -49,8 +49,8 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
 
 def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
     """Mask (samples,) of bools, True where the mechanism's kinematic loops can be closed, within their stated
-    conditions, at positions p (samples, r) of its r primary joints, rad (m if prismatic); True everywhere without
-    loops. Shapes and numbers of p are not checked."""
+    conditions, at positions p (samples, r) of its r primary (independent) joints, rad (m if prismatic); True everywhere
+    without loops. Shapes and numbers of p are not checked."""
     if mechanism.continuation is None:
         return np.ones(len(p), dtype=np.bool_)
     allowed = np.asarray(mechanism.description.within_conditions(p))
@@ -80,9 +80,9 @@ class Workspace:
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
         """The workspace of all that the joints' limits allow, with a number of random `samples`, drawn by `seed`, equal
-        for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero. Samples that loops cannot
-        reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one
-        from 0 to 2^32 - 1, and where loops reach none of the samples."""
+        for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero. Samples that kinematic
+        loops cannot reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and
+        `seed` one from 0 to 2^32 - 1, and where loops reach none of the samples."""
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
@@ -94,8 +94,8 @@ class Workspace:
 
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
-        """The workspace about a reference: its S positions `p` (S, r), rad or m, and `margin` rad (m), 0.2 by default,
-        to each side of every joint. Positions that loops cannot reach are left out.
+        """The workspace about a reference: its S positions `p` (S, r) of the r joints, rad or m, and `margin` rad (m),
+        0.2 by default, to each side of every joint. Positions that kinematic loops cannot reach are left out.
 
         Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
         Raises `InputError` for a negative margin or a wrong shape, and where the mechanism reaches none of the
@@ -111,14 +111,15 @@ class Workspace:
 
     @cached_property
     def mass_matrices(self) -> Array:
-        """Mass matrices M (S, r, r) at the workspace's S samples of r joints, in kg m^2 or kg; computed once, since
-        with loops they take seconds."""
+        """Mass matrices M (S, r, r) at the workspace's S samples of r joints, in kg m^2 (kg between prismatic joints);
+        computed once, since with kinematic loops they take seconds."""
         return frozen(self.mechanism.mass_matrix(self.samples))
 
     def highest(self, value: Callable[[Array], Array]) -> Worst:
         """The greatest value of a function within the workspace's bounds: a record of this `value` and the positions
-        `p` (r,), rad or m, where it is found. The argument `value` is the function, from m positions (m, r), rad or m,
-        to m numbers (m,), finite or infinite; a pattern search starts at the samples where it is greatest.
+        `p` (r,) of the r joints, rad or m, where it is found. The argument `value` is the function, from m positions
+        (m, r), rad or m, to m numbers (m,), finite or infinite; a pattern search starts at the samples where it is
+        greatest.
 
         The samples alone do not tell: of the greatest eigenvalue of M^-1 K, M the mass matrix and K the damping, the
         largest of some hundred samples is nine tenths of the maximum at the median, and less than half for an arm whose
@@ -171,7 +172,7 @@ class Workspace:
 
 @lru_cache(maxsize=8)
 def everywhere(mechanism: Mechanism) -> Workspace:
-    """The workspace of all positions that the joints' limits of a mechanism allow, in 200 random samples (S, r) of its
-    r joints, less those that kinematic loops cannot reach. Workspaces of the last 8 mechanisms are kept, so that the
-    next call returns the same one at once. Raises `InputError` where loops reach none of the samples."""
+    """The workspace of all positions that the joints' limits of a mechanism allow, in 200 random samples of its r
+    joints, less those that kinematic loops cannot reach. Workspaces of the last 8 mechanisms are kept, so that the next
+    call returns the same one at once. Raises `InputError` where loops reach none of the samples."""
     return Workspace.within_limits(mechanism)
