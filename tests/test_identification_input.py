@@ -234,6 +234,9 @@ def test_what_is_not_stated_is_asked_for_by_name() -> None:
     units = {"time": "s", "position": "rad"}
     with pytest.raises(InputError, match="torques in A need torque constants: give a drives file"):
         joint_columns(mechanism, log, named, units | {"torque": "A"})
+    told = LogTable(log.source, log.columns, {"cur1": "%", "cur2": "%"})
+    with pytest.raises(InputError, match="torques in % need torque constants: give a drives file"):
+        joint_columns(mechanism, told, named, units)
     with pytest.raises(InputError, match="columns: expected time, position, torque, velocity, got 'angle'"):
         joint_columns(mechanism, log, {"angle": "q{}"})
     assert joint_columns(mechanism, log, named, units | {"torque": "Nm"}).motors[1].torque == "cur2"
