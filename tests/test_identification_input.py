@@ -243,6 +243,13 @@ def test_what_is_not_stated_is_asked_for_by_name() -> None:
     assert joint_columns(mechanism, log, named, units | {"torque": "Nm"}).motors[1].torque == "cur2"
 
 
+def test_columns_of_a_table_are_equally_long() -> None:
+    with pytest.raises(FileError, match=r"mine\.csv: column 'q' has 3 rows, 'time' has 2: all need the same number"):
+        table("mine.csv", [("time", np.arange(2.0)), ("q", np.arange(3.0))])
+    with pytest.raises(FileError, match=r"mine\.csv: column 'q' has 0 rows"):
+        table("mine.csv", [("time", np.arange(2.0)), ("q", np.empty(0))])
+
+
 def test_text_logs_are_read_whatever_separates_them(tmp_path: Path) -> None:
     for mark in (",", ";", "\t"):
         (tmp_path / "log.csv").write_text(
