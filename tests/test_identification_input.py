@@ -195,7 +195,7 @@ def test_velocities_that_disagree_tell_wrong_units(files: Path) -> None:
 
     def prepared(log: LogTable, **other: str) -> None:
         drives = joint_columns(mechanism, log, units=units | other)
-        prepare(joint_log(log, drives, mechanism), mechanism)
+        prepare(joint_log(log, drives), mechanism)
 
     prepared(log(1.0))
     prepared(log(180.0 / np.pi), velocity="deg/s")
