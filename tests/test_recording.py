@@ -14,10 +14,12 @@ import pyarrow.parquet as pq
 import pytest
 import rerun as rr
 from comparisons import PERIOD, comparison, rollout
+from random_trees import random_chain
 from rerun.chunk import RrdReader
 from robot_files import urdf
 
 from adaptctl.arrays import Array
+from adaptctl.description import Joint, JointKind
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
@@ -27,9 +29,11 @@ from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.blueprint import _room
 from adaptctl.recording.fact import answers
+from adaptctl.recording.report import report
 from adaptctl.recording.rerun_recording import _contents
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
+from adaptctl.recording.trace import parameter_unit, quantities
 from adaptctl.recording.viewpoint import SEEN, Viewpoint
 from adaptctl.recording.views import LONG, SHORT
 from adaptctl.recording.wording import (
@@ -238,6 +242,25 @@ def test_every_true_value_is_named_after_its_parameter(folder: Path) -> None:
         assert len(set(names)) == len(names) > 1
         return
     pytest.fail("the true values have no names")
+
+
+def test_drives_of_joints_that_slide_have_units_of_their_own(tmp_path: Path) -> None:
+    kinds = (JointKind.PRISMATIC, JointKind.REVOLUTE)
+    joints = [Joint(f"j{i}", kind, np.eye(3)[i], drive=Drive(*[0.5] * 6)) for i, kind in enumerate(kinds)]
+    tree = random_chain(1, 2).description
+    links = tuple(replace(link, joint=joint) for link, joint in zip(tree.links, joints, strict=True))
+    shown = comparison(Mechanism(replace(tree, links=links)))
+    columns = quantities(shown.subject, shown.mechanism, shown.model.names)
+    units = {column.name.removeprefix("estimate."): column.unit for column in columns}
+    slides = {"viscous": "N s/m", "coulomb": "N", "square_root": "N s^1/2 m^-1/2", "stribeck": "N", "offset": "N"}
+    turns = {"viscous": "N m s", "coulomb": "N m", "square_root": "N m s^1/2", "stribeck": "N m", "offset": "N m"}
+    for joint, expected in (("j0", slides), ("j1", turns)):
+        assert {kind: units[f"{joint}.{kind}"] for kind in expected} == expected
+    assert parameter_unit("j0.rotor_inertia", shown.mechanism) == "kg"
+    assert parameter_unit("j1.rotor_inertia", shown.mechanism) == "kg m^2"
+    (tmp_path / "parameters.png").write_bytes(b"not looked at")
+    page = report(shown, {"parameters": tmp_path / "parameters.png"})
+    assert '<code>j0.viscous</code></td><td class="note">N·s/m</td>' in page
 
 
 def test_units_and_kinds_of_parameters_are_not_mixed() -> None:

@@ -138,7 +138,8 @@ def _parameter_rows(comparison: Comparison) -> list[tuple[str, str, str, str, st
         return []
     rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
     return [
-        (name, typeset(parameter_unit(name)), _fixed(true), _fixed(est), _fixed(est - true)) for name, true, est in rows
+        (name, typeset(parameter_unit(name, comparison.mechanism)), _fixed(true), _fixed(est), _fixed(est - true))
+        for name, true, est in rows
     ]
 
 
