@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,11 +96,11 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 def positive_number(value: object, what: str) -> float:
     """The float of a positive finite number, given as a Python or NumPy number or an array of shape (). Raises
-    `InputError` for all else, such as zero, NaN, texts, longer arrays and whole numbers beyond the largest double.
-    `what` begins its message, as in "gap: expected a positive finite number"."""
+    `InputError` for all else, such as zero, NaN, texts, booleans, longer arrays and whole numbers beyond the largest
+    double. `what` begins its message, as in "gap: expected a positive finite number"."""
     value = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
     try:
-        number = float(value) if isinstance(value, int | float | np.number) else math.nan
+        number = float(value) if _is_number(value) else math.nan
     except OverflowError:
         number = math.inf
     if not (math.isfinite(number) and number > 0.0):
@@ -110,18 +110,17 @@ def positive_number(value: object, what: str) -> float:
 
 def real_number(value: object, what: str) -> float:
     """The float of a number, given as a Python or NumPy real number or an array of shape (); NaN and infinity are
-    allowed. Raises `InputError` for all else, such as texts, longer arrays, complex numbers and whole numbers beyond
-    the largest double; `what` is the name of the number in its message."""
-    if isinstance(value, int | float | np.number) or (isinstance(value, np.ndarray) and value.ndim == 0):
+    allowed. Raises `InputError` for all else, such as texts, booleans, longer arrays, complex numbers and whole numbers
+    beyond the largest double; `what` is the name of the number in its message."""
+    if _is_number(value) or (isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype != np.bool_):
         return float(numbers(value, what))
     raise InputError(f"{what}: expected a number, got {printable(repr(value))}")
 
 
 def whole_number(value: object, what: str, least: int, most: int) -> int:
-    """The int of a whole number from `least` to `most`, both included, given as a Python or NumPy integer; booleans
-    count as 0 and 1. Raises `InputError` for all else, such as 2.0, NaN and texts; `what` is the name of the number in
-    its message."""
-    if isinstance(value, int | np.integer) and least <= value <= most:
+    """The int of a whole number from `least` to `most`, both included, given as a Python or NumPy integer. Raises
+    `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its message."""
+    if _is_whole(value) and least <= value <= most:
         return int(value)
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
@@ -129,9 +128,17 @@ def whole_number(value: object, what: str, least: int, most: int) -> int:
 def whole_count(value: object, what: str, least: int = 0) -> int:
     """The int of a whole number of at least `least`, 0 unless given, passed as a Python or NumPy integer. Raises
     `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its message."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
-    return int(value)
+    if _is_whole(value) and value >= least:
+        return int(value)
+    raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
+
+
+def _is_whole(value: object) -> TypeGuard[int | np.integer[Any]]:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _is_number(value: object) -> TypeGuard[int | float | np.number[Any]]:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
 
 
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
@@ -179,6 +186,10 @@ def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
 def stacked_rows(rows: Sequence[Iterable[Any]], samples: tuple[int, ...]) -> Array:
     """The float64 array (*samples, m, n) of m rows of n scalars each. `samples` is the shape of the sample axes; each
     scalar is a float, repeated over the samples, or an array that broadcasts to that shape. Raises `ValueError` where
-    one does not broadcast, and where the rows' lengths do not add up to a multiple of m."""
-    flat = [entry for row in rows for entry in row]
-    return stacked(flat, samples).reshape(*samples, len(rows), len(flat) // max(len(rows), 1))
+    one does not broadcast, `InputError` for rows of different lengths."""
+    given = [list(row) for row in rows]
+    widths = [len(row) for row in given]
+    if len(set(widths)) > 1:
+        raise InputError(f"rows: expected rows of one length, got {', '.join(map(str, widths))}")
+    flat = [entry for row in given for entry in row]
+    return stacked(flat, samples).reshape(*samples, len(given), max(widths, default=0))

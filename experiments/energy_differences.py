@@ -101,7 +101,7 @@ def _evidence(name: str) -> tuple[LogEvidence, Any]:
     with example(name) as files:
         mechanism = load(files.robot, snap=True)
         drives = read_drives(files.drives).of(mechanism)
-        log = joint_log(read_log(files.log), drives, mechanism)
+        log = joint_log(read_log(files.log), drives)
     return gathered(mechanism, drives, [log])[0], log
 
 

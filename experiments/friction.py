@@ -133,8 +133,10 @@ class FrictionInJoints(OnRealPlant):
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers: the RMS error of the last two seconds with friction parameters over that without (no
-        unit), and each friction parameter as learned at the end, N m s or N m, its meaning telling the true one.
+        unit), and each friction parameter as learned at the end, in its SI unit, its meaning telling the true one.
         `outcome` has the runs, `basis` the mechanism's fundamental (base) parameters."""
+        from adaptctl.recording.trace import parameter_unit
+
         runs = {run.name: run for run in outcome.runs}
         if {ADAPTIVE, NO_COLUMNS} <= set(runs):
             with_columns, without = (runs[name].final_rms_error for name in (ADAPTIVE, NO_COLUMNS))
@@ -144,8 +146,7 @@ class FrictionInJoints(OnRealPlant):
         model = ReducedModel(outcome.mechanism, basis)
         final, true = runs[ADAPTIVE].rollout.estimate[-1], model.fundamental_parameters
         for k, _ in _friction_columns(model):
-            kind = model.names[k].rsplit(".", 1)[-1]
-            unit = "N m s" if kind == KINDS[0] else "N m"
+            unit = parameter_unit(model.names[k], outcome.mechanism)
             meaning = f"{model.names[k]}, learned at the end; true {true[k]:.4g}"
             yield Finding(f"learned.{model.names[k]}", float(final[k]), unit, meaning)
 

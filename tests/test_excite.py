@@ -83,6 +83,14 @@ def test_what_is_forecast_is_found() -> None:
     assert len(told.combinations) == len(told.model.names)
 
 
+@pytest.mark.parametrize("noise", [0.0, -0.5, np.inf, [0.5, 0.0]])
+def test_residuals_to_expect_are_positive(noise: float | list[float]) -> None:
+    arm = random_chain(3, 2)
+    still = exciting_motion(arm, RobotLimits.of(arm, 0.8, 8.0, 200.0), iterations=1, duration=12.0)
+    with pytest.raises(InputError, match="noise: expected positive numbers, got"):
+        forecast(arm, still, noise)
+
+
 BOXES = """<robot name="boxes">
   <link name="ground">
     <collision><origin xyz="0 1.2 0"/><geometry><box size="0.4 0.4 2"/></geometry></collision>
@@ -162,6 +170,8 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
         (["--box", "5", "5", "5", "6", "6", "6"], "start: the pose collides, or leaves the workspace"),
         (["--duration", "3"], "fade: expected a time up to half of the duration of 3 s"),
         (["--jerk", "1", "2", "3"], "jerk: expected"),
+        (["--noise", "0"], "noise: expected positive numbers"),
+        (["--noise", "1", "2", "3"], "noise: expected"),
     ],
 )
 def test_what_cannot_be_is_refused(

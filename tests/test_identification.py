@@ -22,6 +22,7 @@ from adaptctl.identification.entropic import EntropicPrior, consistent_estimate
 from adaptctl.identification.examples import example
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fir_filter import AROUND, derivative, filtered, low_pass, padded
+from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.identify import gathered, identified
 from adaptctl.identification.least_squares import least_squares
@@ -207,6 +208,19 @@ def test_load_dependent_friction_is_found() -> None:
     assert (
         result.validation.relative_error < 0.6 * result.alternatives["without load-dependent friction"].relative_error
     )
+
+
+def test_a_part_of_a_part_is_the_part() -> None:
+    """Of blocks 2, 3 and 5 those at places 0 and 2 are blocks 2 and 5, load-dependent friction included."""
+    case = known(9, 2)
+    evidence, _, _ = gathered(case.guess, case.drives, [case.log])
+    once, twice = evidence.part([2, 5]), evidence.part([2, 3, 5]).part([0, 2])
+    x = evidence.mechanism.inertial_parameters
+    for cutoff in evidence.rows:
+        np.testing.assert_array_equal(twice.load(cutoff, x), once.load(cutoff, x))
+        np.testing.assert_array_equal(twice.rows[cutoff].time, once.rows[cutoff].time)
+    settings = FitSettings(FrictionModel(load=True), 1.0, 25.0)
+    np.testing.assert_array_equal(twice.fit(settings, [0, 1]).x, once.fit(settings, [0, 1]).x)
 
 
 def test_a_coupled_drive_is_found_and_is_part_of_the_robot() -> None:

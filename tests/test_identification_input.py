@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from random_trees import random_chain
 
 from adaptctl.cli.main import main
-from adaptctl.dynamics import load
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.identification import read_drives
 from adaptctl.identification.columns import joint_columns
@@ -194,7 +195,7 @@ def test_velocities_that_disagree_tell_wrong_units(files: Path) -> None:
 
     def prepared(log: LogTable, **other: str) -> None:
         drives = joint_columns(mechanism, log, units=units | other)
-        prepare(joint_log(log, drives, mechanism), mechanism)
+        prepare(joint_log(log, drives), mechanism)
 
     prepared(log(1.0))
     prepared(log(180.0 / np.pi), velocity="deg/s")
@@ -234,9 +235,19 @@ def test_what_is_not_stated_is_asked_for_by_name() -> None:
     units = {"time": "s", "position": "rad"}
     with pytest.raises(InputError, match="torques in A need torque constants: give a drives file"):
         joint_columns(mechanism, log, named, units | {"torque": "A"})
+    told = LogTable(log.source, log.columns, {"cur1": "%", "cur2": "%"})
+    with pytest.raises(InputError, match="torques in % need torque constants: give a drives file"):
+        joint_columns(mechanism, told, named, units)
     with pytest.raises(InputError, match="columns: expected time, position, torque, velocity, got 'angle'"):
         joint_columns(mechanism, log, {"angle": "q{}"})
     assert joint_columns(mechanism, log, named, units | {"torque": "Nm"}).motors[1].torque == "cur2"
+
+
+def test_columns_of_a_table_are_equally_long() -> None:
+    with pytest.raises(FileError, match=r"mine\.csv: column 'q' has 3 rows, 'time' has 2: all need the same number"):
+        table("mine.csv", [("time", np.arange(2.0)), ("q", np.arange(3.0))])
+    with pytest.raises(FileError, match=r"mine\.csv: column 'q' has 0 rows"):
+        table("mine.csv", [("time", np.arange(2.0)), ("q", np.empty(0))])
 
 
 def test_text_logs_are_read_whatever_separates_them(tmp_path: Path) -> None:
@@ -267,6 +278,23 @@ def test_text_logs_are_read_whatever_separates_them(tmp_path: Path) -> None:
     (tmp_path / "log.mat").write_bytes(b"")
     with pytest.raises(FileError, match=r"logs are read from .csv, .*not from .mat"):
         read_log(tmp_path / "log.mat")
+
+
+def test_columns_of_lists_keep_their_unit(tmp_path: Path) -> None:
+    numbers = np.arange(6.0)
+    pairs = pa.FixedSizeListArray.from_arrays(pa.array(np.arange(12.0)), 2)
+    fields = [pa.field("time", pa.float64(), metadata={"unit": "s"})]
+    fields += [pa.field(name, pairs.type, metadata={"unit": unit}) for name, unit in (("p", "deg"), ("tau", "mN m"))]
+    pq.write_table(pa.Table.from_arrays([numbers, pairs, pairs], schema=pa.schema(fields)), tmp_path / "log.parquet")
+    log = read_log(tmp_path / "log.parquet")
+    assert log.units == {"time": "s", "p[0]": "deg", "p[1]": "deg", "tau[0]": "mN m", "tau[1]": "mN m"}
+    np.testing.assert_array_equal(log.column("p[1]", "position"), [1, 3, 5, 7, 9, 11])
+    arm = random_chain(1, 2).description
+    links = tuple(replace(link, joint=replace(link.joint, name=str(i))) for i, link in enumerate(arm.links))
+    drives = joint_columns(
+        Mechanism(replace(arm, links=links)), log, {"position": "p[{joint}]", "torque": "tau[{joint}]"}
+    )
+    assert (drives.units.position, drives.units.torque) == (np.pi / 180.0, 1e-3)
 
 
 def test_priors_are_made_consistent_and_said() -> None:

@@ -10,6 +10,7 @@ from random_trees import random_tree
 
 from adaptctl.description import Pose
 from adaptctl.description.loops import Closure, ClosureKind, Loops
+from adaptctl.description.named_frame import FrameKind, NamedFrame
 from adaptctl.description.pose import rotation_about
 from adaptctl.description.transforms.joined import joined
 from adaptctl.dynamics import Mechanism, load
@@ -65,6 +66,22 @@ def test_without_a_loop_the_parts_do_not_feel_one_another() -> None:
     p, v, a = np.random.default_rng(0).normal(size=(3, 7))
     alone = [part.inverse_dynamics(p[k], v[k], a[k]) for part, k in ((first, slice(3)), (second, slice(3, 7)))]
     np.testing.assert_allclose(both.inverse_dynamics(p, v, a), np.concatenate(alone), rtol=1e-12, atol=1e-12)
+
+
+def test_named_frames_stay_where_they_are_on_their_parts() -> None:
+    stand, place = (
+        Pose(rotation_about((0, 0, 1), 0.3), (1.0, 0.0, 0.0)),
+        Pose(rotation_about((1, 0, 0), 0.2), (0, 0, 1)),
+    )
+    frames = (NamedFrame("tool", 1, place), NamedFrame("camera", -1, place, FrameKind.SENSOR))
+    arm = replace(random_tree(1, 2).description, frames=frames)
+    both = joined("both", {"a": (arm, Pose.identity()), "b": (arm, stand)})
+    assert both.frames == (
+        NamedFrame("a.tool", 1, place),
+        NamedFrame("a.camera", -1, place, FrameKind.SENSOR),
+        NamedFrame("b.tool", 3, place),
+        NamedFrame("b.camera", -1, stand @ place, FrameKind.SENSOR),
+    )
 
 
 def test_parts_that_do_not_go_together_are_refused(two_arms: Mechanism) -> None:

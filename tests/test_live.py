@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 import adaptctl
+from adaptctl.description import JointKind, Limits
 from adaptctl.envs import LearningEnv, LiveView, ResidualEnv, TrackingEnv
 from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
@@ -180,6 +182,17 @@ def test_places_that_no_view_can_be_written_to_are_refused(arm: adaptctl.Mechani
 def test_a_rate_is_a_positive_number(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="rate: expected a positive number"):
         adaptctl.Live(arm, str(tmp_path / "live.rrd"), rate=0.0)
+
+
+def test_a_mechanism_that_no_file_can_say_is_refused_before_a_process_is_started(
+    arm: adaptctl.Mechanism, tmp_path: Path
+) -> None:
+    first, *others = arm.description.links
+    turning = replace(first.joint, kind=JointKind.CONTINUOUS, limits=Limits(-1.0, 1.0))
+    links = (replace(first, joint=turning), *others)
+    with pytest.raises(InputError, match=r"is continuous, and position limits of -1\.0 to 1\.0 cannot"):
+        adaptctl.Live(adaptctl.Mechanism(replace(arm.description, links=links)), str(tmp_path / "live.rrd"))
+    assert list(tmp_path.iterdir()) == []
 
 
 INLINE = """

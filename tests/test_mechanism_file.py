@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from adaptctl.description import ClosureKind, Description, JointKind, Pose, read, read_mechanism_file
+from adaptctl.description import ClosureKind, Description, JointKind, Limits, Pose, read, read_mechanism_file
+from adaptctl.description.loops import Loops
+from adaptctl.description.named_frame import FrameKind, NamedFrame
 from adaptctl.description.pose import roll_pitch_yaw
+from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import load
-from adaptctl.errors import FileError, LoopError, NotFoundError
+from adaptctl.errors import FileError, InputError, LoopError, NotFoundError
 
 HEAD = 'schema = "adaptctl/mechanism/1"\n'
 TREE = HEAD + 'links = [{ name = "a", joint = "one" }, { name = "b", parent = "a", joint = "two" }]\n'
@@ -84,6 +88,16 @@ offset = 0.25
 name = "ahead"
 weights = { crank = 1, spare = -2 }
 lower = -1
+
+[[frames]]
+name = "tool"
+link = "piston"
+position = [0, 0, 0.1]
+rpy_deg = [0, 0, 90]
+
+[[frames]]
+name = "camera"
+kind = "sensor"
 """
 
 
@@ -127,6 +141,49 @@ def test_closures_couplings_and_conditions(tmp_path: Path) -> None:
     (condition,) = loops.conditions
     assert (condition.name, dict(condition.weights)) == ("ahead", {"crank": 1.0, "spare": -2.0})
     assert (condition.lower, condition.upper) == (-1.0, math.inf)
+
+
+def test_named_frames(tmp_path: Path) -> None:
+    tool, camera = reading(tmp_path, EVERYTHING).frames
+    assert tool == NamedFrame("tool", 2, Pose(roll_pitch_yaw([0, 0, math.pi / 2]), (0, 0, 0.1)))
+    assert camera == NamedFrame("camera", -1, Pose.identity(), FrameKind.SENSOR)
+
+
+def test_limits_of_one_side(tmp_path: Path) -> None:
+    limits = reading(tmp_path, TREE.replace('joint = "two"', "lower = -0.5, effort = 3")).links[1].joint.limits
+    assert limits == Limits(lower=-0.5, effort=3.0)
+    assert reading(tmp_path, TREE.replace('joint = "two"', "upper = 0")).links[1].joint.limits == Limits(upper=0.0)
+    both = reading(tmp_path, TREE.replace('joint = "two"', "lower = 1, upper = 2")).links[1].joint.limits
+    assert both == Limits(1.0, 2.0)
+
+
+def with_limits(description: Description, kind: JointKind, limits: Limits) -> Description:
+    first, *others = description.links
+    moved = replace(first, joint=replace(first.joint, kind=kind, limits=limits))
+    return replace(description, links=(moved, *others))
+
+
+def test_everything_is_written_and_read_back(tmp_path: Path) -> None:
+    crank = reading(tmp_path, EVERYTHING)
+    again = reading(tmp_path, mechanism_toml(crank))
+    assert again.geometry_sha256 == crank.geometry_sha256
+    assert [link.joint.limits for link in again.links] == [link.joint.limits for link in crank.links]
+    assert again.frames == crank.frames
+
+
+@pytest.mark.parametrize("limits", [Limits(lower=0.0), Limits(upper=-1.0, velocity=2.0), Limits(-1.0, 1.0), Limits()])
+def test_limits_are_written_and_read_back(tmp_path: Path, limits: Limits) -> None:
+    tree = with_limits(reading(tmp_path, TREE), JointKind.PRISMATIC, limits)
+    assert reading(tmp_path, mechanism_toml(tree)).links[0].joint.limits == limits
+
+
+def test_what_a_file_cannot_say_is_not_written(tmp_path: Path) -> None:
+    tree = reading(tmp_path, TREE)
+    for limits in (Limits(-1.0, 1.0), Limits(upper=1.0)):
+        with pytest.raises(InputError, match=r"m: joint 'one' is continuous, and position limits of .* to 1\.0 cannot"):
+            mechanism_toml(with_limits(tree, JointKind.CONTINUOUS, limits))
+    with pytest.raises(InputError, match="m: loops without closures and couplings cannot be written: leave them out"):
+        mechanism_toml(replace(tree, loops=Loops(tree.joint_names)))
 
 
 POINT = "mass = 1, center_of_mass = [0, 0, 0], inertia_at_center = {}"
@@ -199,6 +256,17 @@ def test_the_same_tree_from_both_formats(tmp_path: Path) -> None:
         (TREE.replace('joint = "two"', "position = [0, 0, inf]"), r"finite number, got inf - at `\$.links\[1\].pos"),
         (TREE.replace('joint = "two"', "mass = 1"), r"\$.links\[1\]: the inertia is incomplete"),
         (TREE.replace('joint = "two"', 'type = "ball"'), r"'ball' - at `\$.links\[1\].type`; expected one of 'cont"),
+        (
+            TREE.replace('joint = "two"', "lower = 1, upper = 0"),
+            r"\$.links\[1\]: position limits: expected lower < upper",
+        ),
+        (TREE.replace('joint = "two"', "lower = 1, range_deg = [0, 1]"), r"\$.links\[1\]: the range is given twice"),
+        (TREE.replace('joint = "two"', 'upper = 1, type = "continuous"'), "a continuous joint has no range"),
+        (TREE + 'frames = [{ name = "f", link = "z" }]', r"\$.frames\[0\]: there is no link 'z'; there are a, b"),
+        (
+            TREE + 'frames = [{ name = "f", kind = "x" }]',
+            r"`\$.frames\[0\].kind`; expected one of 'body', 'fixed joint'",
+        ),
         (TREE + 'primary = ["one"]', r"\$.primary: belongs to loops, and there are no closures and no couplings"),
         (TREE + "reference = { one = 1 }", r"\$.reference: belongs to loops"),
         (GEARED.replace('leader = "one"', 'leader = "on"'), "there is no joint 'on'; there are one, two"),

@@ -233,6 +233,25 @@ def test_true_parameters_and_payloads_reach_mujoco() -> None:
     assert np.abs(light[0] - heavy[0]).max() > 5e-3
 
 
+@pytest.mark.parametrize(
+    ("drive", "message"),
+    [
+        (Drive(stribeck=0.2), "joint 'joint1': MuJoCo's joints have viscous and Coulomb friction only"),
+        (Drive(square_root=0.2), "viscous and Coulomb friction only"),
+        (Drive(offset=0.2), "viscous and Coulomb friction only"),
+        (Drive(viscous=0.2, turns_with=(("joint2", 0.5),)), "only trees are"),
+    ],
+)
+def test_true_parameters_that_mujoco_has_no_place_for_are_refused(drive: Drive, message: str) -> None:
+    arm = adaptctl.load("puma560_measured")
+    rough = arm.with_drives([drive] + [Drive()] * 5)
+    plant = MuJoCoPlant(rough, 1e-3, model=arm.to_mujoco())
+    heavier = np.array(rough.inertial_parameters)
+    heavier[50] += 2.0
+    with pytest.raises(InputError, match=message):
+        plant.init(np.zeros(6), np.zeros(6), heavier)
+
+
 def test_contacts_are_mujocos() -> None:
     wall = '<geom type="box" size="1 1 .1" pos="0 0 -.3"/>'
     swing = (

@@ -10,7 +10,7 @@ import pytest
 
 from adaptctl.cli.main import main
 from adaptctl.errors import InputError
-from adaptctl.experiments import GROUP, own
+from adaptctl.experiments import EXPERIMENTS, GROUP, own
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 
 OWN = Path("docs/examples/my_experiment.py")
@@ -44,6 +44,22 @@ def test_files_that_are_refused(text: str, message: str, tmp_path: Path, capsys:
     assert not (tmp_path / "out").exists()
 
 
+def test_notes_of_an_experiment_that_fails_are_shown_before_its_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    failing = """
+    def run(self, progress):
+        warnings.warn("my_arm: a spring is left out", SimplificationWarning)
+        raise InputError("my_arm: it fell over")
+"""
+    imports = "import warnings\n\nfrom adaptctl.errors import InputError, SimplificationWarning\n"
+    (tmp_path / "mine.py").write_text(imports + OWN.read_text() + failing)
+    assert main(["experiment", "run", str(tmp_path / "mine.py"), "--out", str(tmp_path / "out")]) == 2
+    note, error = capsys.readouterr().err.strip().splitlines()
+    assert note == "adaptctl: note: my_arm: a spring is left out"
+    assert error == "adaptctl: my_arm: it fell over"
+
+
 def test_a_file_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["experiment", "run", "none.py"]) == 2
     assert "none.py: there is no such file" in capsys.readouterr().err
@@ -68,6 +84,10 @@ def test_installed_experiments_are_found_by_name(
     monkeypatch.syspath_prepend(str(tmp_path))
     assert main(["experiment", "list"]) == 0
     assert "of mine_module:MyExperiment" in capsys.readouterr().out
+    assert main(["experiment", "list", "--json"]) == 0
+    *built_in, mine = json.loads(capsys.readouterr().out)["experiments"]
+    assert [entry["name"] for entry in built_in] == [entry.name for entry in EXPERIMENTS]
+    assert mine == {"name": "mine", "summary": "of mine_module:MyExperiment"}
     out = tmp_path / "out"
     assert main(["experiment", "run", "mine", "--duration", "0.2", "--out", str(out)]) == 0
     assert (out / "summary.json").exists()

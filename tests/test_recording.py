@@ -14,10 +14,12 @@ import pyarrow.parquet as pq
 import pytest
 import rerun as rr
 from comparisons import PERIOD, comparison, rollout
+from random_trees import random_chain
 from rerun.chunk import RrdReader
 from robot_files import urdf
 
 from adaptctl.arrays import Array
+from adaptctl.description import Joint, JointKind
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
@@ -27,12 +29,23 @@ from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.blueprint import _room
 from adaptctl.recording.fact import answers
+from adaptctl.recording.report import report
 from adaptctl.recording.rerun_recording import _contents
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
+from adaptctl.recording.trace import parameter_unit, quantities
 from adaptctl.recording.viewpoint import SEEN, Viewpoint
 from adaptctl.recording.views import LONG, SHORT
-from adaptctl.recording.wording import INCOMPLETE, facts, final_error, number, outcome, outcome_words
+from adaptctl.recording.wording import (
+    INCOMPLETE,
+    error,
+    facts,
+    final_error,
+    number,
+    outcome,
+    outcome_words,
+    scientific,
+)
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
 TWO_LINK = "docs/examples/two_link.toml"
@@ -231,6 +244,25 @@ def test_every_true_value_is_named_after_its_parameter(folder: Path) -> None:
     pytest.fail("the true values have no names")
 
 
+def test_drives_of_joints_that_slide_have_units_of_their_own(tmp_path: Path) -> None:
+    kinds = (JointKind.PRISMATIC, JointKind.REVOLUTE)
+    joints = [Joint(f"j{i}", kind, np.eye(3)[i], drive=Drive(*[0.5] * 6)) for i, kind in enumerate(kinds)]
+    tree = random_chain(1, 2).description
+    links = tuple(replace(link, joint=joint) for link, joint in zip(tree.links, joints, strict=True))
+    shown = comparison(Mechanism(replace(tree, links=links)))
+    columns = quantities(shown.subject, shown.mechanism, shown.model.names)
+    units = {column.name.removeprefix("estimate."): column.unit for column in columns}
+    slides = {"viscous": "N s/m", "coulomb": "N", "square_root": "N s^1/2 m^-1/2", "stribeck": "N", "offset": "N"}
+    turns = {"viscous": "N m s", "coulomb": "N m", "square_root": "N m s^1/2", "stribeck": "N m", "offset": "N m"}
+    for joint, expected in (("j0", slides), ("j1", turns)):
+        assert {kind: units[f"{joint}.{kind}"] for kind in expected} == expected
+    assert parameter_unit("j0.rotor_inertia", shown.mechanism) == "kg"
+    assert parameter_unit("j1.rotor_inertia", shown.mechanism) == "kg m^2"
+    (tmp_path / "parameters.png").write_bytes(b"not looked at")
+    page = report(shown, {"parameters": tmp_path / "parameters.png"})
+    assert '<code>j0.viscous</code></td><td class="note">N·s/m</td>' in page
+
+
 def test_units_and_kinds_of_parameters_are_not_mixed() -> None:
     """Panda's arm turns and its gripper slides; friction's parameters are none of the inertial ones."""
     what = comparison(load(str(urdf("panda.urdf"))), samples=1100)
@@ -339,10 +371,31 @@ def test_no_file_is_left_half_written(tmp_path: Path, shown: Comparison) -> None
         (2.5e-14, "2.50·10⁻¹⁴"),
         (-3.21, "-3.21"),
         (1e6, "1.00·10⁶"),
+        (999.4, "999"),
+        (999.9, "1000"),
+        (-999.9, "-1000"),
+        (1000.1, "1000"),
+        (99.96, "100"),
+        (99999.9, "100000"),
+        (9.996e-5, "1.00·10⁻⁴"),
+        (math.nan, "not a number"),
+        (math.inf, "infinity"),
+        (-math.inf, "minus infinity"),
     ],
 )
 def test_numbers_read_well(value: float | None, text: str) -> None:
     assert number(value) == text
+
+
+@pytest.mark.parametrize("digits", [1, 2, 4, 5, 6])
+def test_numbers_just_below_a_power_of_ten_read_as_it_does(digits: int) -> None:
+    for exponent in range(-3, 5):
+        assert number(10.0**exponent * (1.0 - 1e-9), digits) == f"{10.0**exponent:.12g}"
+
+
+def test_errors_that_are_no_numbers_have_no_unit() -> None:
+    assert (error(math.nan, "mrad"), error(math.inf, "mm")) == ("not a number", "infinity")
+    assert (error(0.9999, "mrad"), scientific(math.nan)) == ("1000 mrad", "not a number")
 
 
 def test_outcomes_read_well(shown: Comparison) -> None:

@@ -14,6 +14,7 @@ from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import Comparison, Failure, judged
 from adaptctl.recording.fact import answers
 from adaptctl.recording.overview import summary_markdown
+from adaptctl.recording.report import report
 from adaptctl.recording.summary import summary
 from adaptctl.recording.verdict import Fault, Verdict
 from adaptctl.recording.wording import facts, outcome_words
@@ -82,6 +83,19 @@ def test_errors_that_no_tracking_has_are_divergence() -> None:
     assert failures(changed(SHOWN, p=off_by(1.5, after=2.0)))[0] is Failure.DIVERGED
     assert Failure.DIVERGED not in failures(changed(SHOWN, p=off_by(1.5) * (SHOWN.subject.rollout.time < 0.5)[:, None]))
     assert Failure.DIVERGED not in failures(changed(SHOWN, p=off_by(0.9, after=2.0)))
+
+
+@pytest.mark.parametrize("run", [0, 1])
+@pytest.mark.parametrize(("hole", "words"), [(np.nan, "not a number"), (np.inf, "infinity")])
+def test_a_run_that_diverged_out_of_numbers_is_told_in_words(run: int, hole: float, words: str) -> None:
+    lost = changed(SHOWN, run, p=off_by(hole, after=2.0))
+    assert (Failure.DIVERGED in failures(lost)) is (run == 0)
+    asked = ("RMS error, last 2 s", "… with adaptation off")[run]
+    assert answers(facts(lost))[asked] == words
+    assert ("times as much" in outcome_words(lost)) is False
+    assert f" {words} in the last two." in outcome_words(lost) or f"stays at {words}." in outcome_words(lost)
+    assert f"| {words} |" in summary_markdown(lost)
+    assert words in report(lost, {})
 
 
 def test_learning_that_gains_nothing_fails() -> None:

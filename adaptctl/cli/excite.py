@@ -47,6 +47,7 @@ def excite(
     count or size and where no motion keeps to the limits, `RankError` where the number of identifiable parameters
     cannot be certified.
     """
+    from adaptctl.control.gains.gains import positive_per_joint
     from adaptctl.dynamics import load
     from adaptctl.files import write_json
     from adaptctl.identification.forecast import forecast
@@ -55,6 +56,7 @@ def excite(
 
     mechanism = load(robot)
     limits = RobotLimits.of(mechanism, share, _each(acceleration), _each(jerk))
+    residuals = positive_per_joint(_each(noise), mechanism.dof, "noise") if noise else None
     area, first = workspace(mechanism, robot, *_box(box)), start or None
     with replacing_folder(out, overwrite) as folder:
         motions = {
@@ -71,7 +73,7 @@ def excite(
             )
             for i, name in enumerate(("excitation", "validation"))
         }
-        predicted = forecast(mechanism, motions["excitation"], _each(noise))
+        predicted = forecast(mechanism, motions["excitation"], residuals)
         for name, motion in motions.items():
             _write(folder, name, motion, [joint.name for joint in mechanism.primary_joints], rate)
         content = as_builtins(robot, motions, predicted, area.collides is not None)

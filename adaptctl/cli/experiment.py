@@ -36,17 +36,17 @@ def list_experiments(*, json: Annotated[bool, Parameter(help="Print JSON instead
 
     Experiments that installed packages offer come last, with the object that
     defines them. With `json` a JSON object is printed instead, with `experiments`,
-    a list of `name` and `summary` of those that come with adaptctl.
+    a list of `name` and `summary`, the same line.
     """
+    summaries = [(entry.name, entry.summary) for entry in EXPERIMENTS]
+    summaries += [(name, f"of {point.value}") for name, point in offered().items()]
     if json:
-        entries = [{"name": entry.name, "summary": entry.summary} for entry in EXPERIMENTS]
+        entries = [{"name": name, "summary": summary} for name, summary in summaries]
         print_json({"schema": LIST_SCHEMA, "experiments": entries})
         return
-    width = max(len(entry.name) for entry in EXPERIMENTS)
-    for entry in EXPERIMENTS:
-        print(f"{entry.name:<{width}}  {entry.summary}")
-    for name, point in offered().items():
-        print(f"{name:<{width}}  of {point.value}")
+    width = max(len(name) for name, _ in summaries)
+    for name, summary in summaries:
+        print(f"{name:<{width}}  {summary}")
 
 
 def offer_own(given: Sequence[str]) -> None:
@@ -153,15 +153,15 @@ def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
 
 @contextmanager
 def notes_last() -> Iterator[None]:
-    """A context whose warnings are kept back and shown after it, below what it printed. Where the block raises, they
-    are not shown."""
-    with warnings.catch_warnings(record=True) as kept:
-        try:
+    """A context whose warnings are kept back and shown after it, below what it printed, also where the block
+    raises."""
+    kept: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as kept:
             yield
-        finally:
-            shown = list(kept)
-    for one in shown:
-        warnings.showwarning(one.message, one.category, one.filename, one.lineno)
+    finally:
+        for one in kept:
+            warnings.showwarning(one.message, one.category, one.filename, one.lineno)
 
 
 def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:

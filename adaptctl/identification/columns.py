@@ -59,11 +59,6 @@ def joint_columns(
     )
     r = len(joints)
     checked = _units(log, {"time": [time], **found}, stated)
-    if checked.torque is None:
-        raise InputError(
-            f"{log.source}: torques in {stated['torque']} need torque constants: give a drives file with "
-            "torque_constant for every motor, or 'unknown'"
-        )
     return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
 
 
@@ -105,7 +100,8 @@ def _require(log: LogTable, what: str, names: list[str]) -> None:
 
 
 def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> Units:
-    """Units as stated, by the caller or by the log itself. Raises `InputError` naming all that are not."""
+    """Units as stated, by the caller or by the log itself. Raises `InputError` naming all that are not, and for
+    torques that are only proportional to one."""
     units = dict(stated)
     for what, columns in names.items():
         own = {log.units.get(name, "") for name in columns}
@@ -117,4 +113,10 @@ def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]
             f"{log.source}: the units of {', '.join(missing)} are stated nowhere, and they are not guessed: give "
             f"--units {' '.join(f'{what}={examples[what]}' for what in missing)}, or what they are"
         )
-    return Units.checked(units["time"], units["position"], units["torque"], units.get("velocity"))
+    checked = Units.checked(units["time"], units["position"], units["torque"], units.get("velocity"))
+    if checked.torque is None:
+        raise InputError(
+            f"{log.source}: torques in {units['torque']} need torque constants: give a drives file with "
+            "torque_constant for every motor, or 'unknown'"
+        )
+    return checked

@@ -80,12 +80,20 @@ class LogEvidence:
     """which of the motions' rows these are, where not all"""
 
     def part(self, blocks: Sequence[int]) -> LogEvidence:
-        """The evidence, a `LogEvidence`, of some of the blocks of time alone, given by their numbers from 0. It is to
-        be made of whole evidence: a part of a part raises `IndexError` where load-dependent friction is asked for.
-        Raises `IndexError` for a block that there is not."""
-        kept = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
-        rows = {cutoff: rows.chosen(kept[cutoff]) for cutoff, rows in self.rows.items()}
+        """The evidence, a `LogEvidence`, of some of the blocks of time alone, given by their numbers from 0. Raises
+        `IndexError` for a block that there is not."""
+        here = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
+        rows = {cutoff: rows.chosen(here[cutoff]) for cutoff, rows in self.rows.items()}
+        kept = {cutoff: self._among_the_motions(cutoff, own) for cutoff, own in here.items()}
         return replace(self, rows=rows, edges=[self.edges[b] for b in blocks], kept=kept)
+
+    def _among_the_motions(self, cutoff: float, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Mask of the motions' rows at a cut-off, of a mask of those that belong to the evidence."""
+        if self.kept is None:
+            return chosen
+        mask = self.kept[cutoff].copy()
+        mask[mask] = chosen
+        return mask
 
     @cached_property
     def _plain(self) -> dict[float, NormalEquations]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, per_joint
+from adaptctl.arrays import Array
+from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.identification.robot_motion import RobotMotion
@@ -56,15 +57,16 @@ def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None 
 
     `noise` is the standard deviation of the torque residuals, N m (N for a prismatic joint), above zero: one number for
     all of r joints, or (r,). By default (None) it is 2 % of each joint's largest torque on the motion, which is taken
-    as at least 1 % of the largest of any joint. Raises `InputError` for noise of another shape, `NonFiniteError` for
-    NaN, `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked
-    loops; noise of 0 raises NumPy's `LinAlgError`, and negative or infinite noise is not refused.
+    as at least 1 % of the largest of any joint. Raises `InputError` for noise of another shape or not positive and
+    finite, `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked
+    loops.
     """
+    given = None if noise is None else positive_per_joint(noise, mechanism.dof, "noise")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     _, p, v, a, _ = motion.sampled(RATE)
     largest = np.abs(mechanism.inverse_dynamics(p, v, a)).max(axis=0)
     expected = NOISE * np.maximum(largest, LEAST * largest.max())
-    deviations = expected if noise is None else per_joint(noise, mechanism.dof, "noise")
+    deviations = expected if given is None else given
     Y = (model.torque_regressor(p, v, a) / deviations[:, None]).reshape(-1, len(model.columns))
     size = np.linalg.norm(Y, axis=0)
     size[size == 0.0] = 1.0

@@ -96,8 +96,8 @@ def identify(
     if known is None:
         known = joint_columns(mechanism, read_log(given[0], topic), columns, units)
     turned = known.of(mechanism)
-    train = [joint_log(read_log(path, topic), turned, mechanism, rate) for path in given]
-    test = [joint_log(read_log(path, topic), turned, mechanism, rate) for path in _paths(validate)]
+    train = [joint_log(read_log(path, topic), turned, rate) for path in given]
+    test = [joint_log(read_log(path, topic), turned, rate) for path in _paths(validate)]
     terms = None if friction is None else FrictionModel.named(friction)
     return identified(
         mechanism,

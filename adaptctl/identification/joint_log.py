@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError
 from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.reading.table import LogTable
@@ -38,15 +37,15 @@ class JointLog:
         return len(self.time)
 
 
-def joint_log(log: LogTable, drives: Drives, mechanism: Mechanism, rate: float | None = None) -> JointLog:
+def joint_log(log: LogTable, drives: Drives, rate: float | None = None) -> JointLog:
     """The log of a robot's joints, a `JointLog`, from a table of its motors' positions, torques and, if logged,
     velocities: their columns and units, and the transmission from motors to joints, are those of `drives`, and its
     joints are in their order.
 
     With a sampling `rate` (Hz, not checked) rows are taken as evenly spaced from time 0, else (None) by their stamps.
-    `mechanism` is not used. Raises `FileError`, naming the column, for a column that is missing or not finite in every
-    row, fewer than 100 samples, positions or torques that are the same in every row, and times that do not rise from
-    row to row or only count rows.
+    Raises `FileError`, naming the column, for a column that is missing or not finite in every row, fewer than 100
+    samples, positions or torques that are the same in every row, and times that do not rise from row to row or only
+    count rows.
     """
     time = _time(log, drives, rate)
     position = np.stack([log.column(m.position, f"position of {m.name}") for m in drives.motors], axis=-1)

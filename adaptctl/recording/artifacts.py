@@ -29,7 +29,7 @@ def shown(comparison: Comparison) -> Result:
     """The `Result` of an experiment, as the command line shows it, from the comparison of its runs: whether it is
     complete, headline, facts and verdict in words, and a function that writes its folder (recording, summary, trace,
     figures, report). Its `failed` stays False: whether the adaptive controller did what was asked is in its
-    `verdict.passed`. Raises `ValueError` where the tracking errors that the words are about are NaN or infinite."""
+    `verdict.passed`."""
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),

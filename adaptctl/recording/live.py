@@ -48,7 +48,8 @@ class Live:
     it ends with Python.
 
     A context manager, which closes the view at its end. Raises `InputError` for another address or computer, a `to`
-    that is no text, and a rate that is not positive and finite, `FileError` for a file in no place to write to.
+    that is no text, a rate that is not positive and finite, and a mechanism that no file can say, as `mechanism_toml`
+    does, `FileError` for a file in no place to write to.
     """
 
     def __init__(
@@ -147,6 +148,7 @@ class Live:
         return sample.tobytes()
 
     def _begin(self, mechanism: Mechanism, url: str) -> None:
+        robot = mechanism_toml(mechanism.description).encode()
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         here.setblocking(False)
         command = [sys.executable, "-m", "adaptctl.recording.live_process", str(there.fileno()), url]
@@ -154,7 +156,7 @@ class Live:
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=(there.fileno(),))
         if (pipe := self._process.stdin) is not None:
             with pipe:
-                pipe.write(mechanism_toml(mechanism.description).encode())
+                pipe.write(robot)
         self._socket = here
 
     def _lose(self, why: str) -> None:

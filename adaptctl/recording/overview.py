@@ -19,8 +19,7 @@ from adaptctl.recording.wording import (
 
 def summary_markdown(comparison: Comparison) -> str:
     """Summary of a comparison of runs as Markdown: its outcome in words, a table of facts, and a table with a row for
-    each run, with its tracking errors and how it ended. Raises `ValueError` for tracking errors that are NaN or
-    infinite."""
+    each run, with its tracking errors and how it ended."""
     warning = "" if comparison.complete else f"**{INCOMPLETE}**\n\n"
     leading = comparison.leading
     heads = ["controller", "knows", *(["first second", "last 2 s"] if leading is None else _heads(leading)), "outcome"]

@@ -35,8 +35,7 @@ def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str,
     """Write the report of a comparison of runs to the file `path`, whole or not at all: one HTML page that needs no
     other file. `figures` maps names of the comparison's drawings to PNG files, which go into the page; a drawing
     without a file is left out. Raises `FileError` where the page cannot be written, and as `report` does: `OSError`
-    where a PNG file cannot be read, `InputError` for parameter estimates with the basis of another mechanism,
-    `ValueError` for errors or findings that are NaN or infinite."""
+    where a PNG file cannot be read, `InputError` for parameter estimates with the basis of another mechanism."""
     write_text(path, report(comparison, figures))
 
 
@@ -44,7 +43,7 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
     """HTML, as text, of the report of a comparison of runs: outcome, tables of runs and parameters, figures, settings.
     `figures` maps names of the comparison's drawings to PNG files, which go into the page; a drawing without a file is
     left out. Raises `OSError` where a PNG file cannot be read, `InputError` for parameter estimates with the basis of
-    another mechanism, `ValueError` for errors or findings that are NaN or infinite."""
+    another mechanism."""
     names = [run.name for run in comparison.runs]
     others = [finding for finding in comparison.findings if _owner(finding) not in names]
     return rendered(
@@ -96,8 +95,8 @@ class Measured(NamedTuple):
 def measured(comparison: Comparison) -> list[Measured]:
     """Columns, as `Measured`, of the report's table of runs, made from the comparison's findings about single runs:
     findings named "what.run", such as "peak_speed.adaptive", make one column for each "what". Each has a text for every
-    run of the comparison, in their order, a dash for one without the finding. Empty where there are no such findings.
-    Raises `ValueError` for a finding that is NaN or infinite."""
+    run of the comparison, in their order, a dash for one without the finding. Empty where there are no such
+    findings."""
     names = [run.name for run in comparison.runs]
     columns: dict[str, dict[str, Finding]] = {}
     for finding in comparison.findings:
@@ -139,7 +138,8 @@ def _parameter_rows(comparison: Comparison) -> list[tuple[str, str, str, str, st
         return []
     rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
     return [
-        (name, typeset(parameter_unit(name)), _fixed(true), _fixed(est), _fixed(est - true)) for name, true, est in rows
+        (name, typeset(parameter_unit(name, comparison.mechanism)), _fixed(true), _fixed(est), _fixed(est - true))
+        for name, true, est in rows
     ]
 
 

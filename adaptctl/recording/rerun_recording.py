@@ -125,7 +125,7 @@ def _links(comparison: Comparison) -> list[str]:
 def _units(comparison: Comparison, link: str) -> str:
     """Units of a link's or joint's parameters."""
     own = (name for name in comparison.model.names if name.rpartition(".")[0] == link)
-    return ", ".join(dict.fromkeys(typeset(parameter_unit(name)) for name in own))
+    return ", ".join(dict.fromkeys(typeset(parameter_unit(name, comparison.mechanism)) for name in own))
 
 
 def _contents(comparison: Comparison) -> ScreenContents:

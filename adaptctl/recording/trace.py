@@ -26,6 +26,11 @@ MARKS = {
     "stopped": ("1", "1 from where the arm is braked"),
 }
 """Units and meanings of the marks of plants and guards."""
+TURNING = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2"}
+TURNING |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N m")
+SLIDING = {"m": "kg", "viscous": "N s/m", "square_root": "N s^1/2 m^-1/2", "rotor_inertia": "kg"}
+SLIDING |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N")
+"""Units of masses, and of the drives of joints that turn and of those that slide."""
 
 
 class Quantity(NamedTuple):
@@ -97,7 +102,9 @@ def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, 
     if run.lyapunov is not None:
         yield Quantity("lyapunov", "J", "Lyapunov function of the adaptive law", run.lyapunov)
     for name, values in zip(parameters, rollout.estimate.T, strict=False):
-        yield Quantity(f"estimate.{name}", parameter_unit(name), "estimate of the fundamental parameter", values)
+        yield Quantity(
+            f"estimate.{name}", parameter_unit(name, mechanism), "estimate of the fundamental parameter", values
+        )
 
 
 def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
@@ -118,14 +125,14 @@ def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
             yield Quantity(f"{name}.{joint.name}", unit, meaning, column)
 
 
-def parameter_unit(name: str) -> str:
-    """Unit, as text, of an inertial or friction parameter by its name: "kg m" for "link2.mc_x". What follows the last
-    dot decides: "m" has kg; "mc_x", "mc_y", "mc_z" kg m; "viscous" N m s; "square_root" N m s^1/2; "coulomb",
-    "stribeck" and "offset" N m; all others, moments and rotor inertias, kg m^2. Joints are taken as revolute, also
-    where they are prismatic. No name raises an error."""
-    kind = name.rsplit(".", 1)[-1]
-    units = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2"}
-    units |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N m")
+def parameter_unit(name: str, mechanism: Mechanism) -> str:
+    """Unit, as text, of an inertial or friction parameter of a mechanism by its name: "kg m" for "link2.mc_x". What
+    follows the last dot decides: "m" has kg; "mc_x", "mc_y", "mc_z" kg m; "viscous" N m s; "square_root" N m s^1/2;
+    "coulomb", "stribeck" and "offset" N m; all others, moments and rotor inertias, kg m^2. Drives of prismatic joints
+    have N s/m, N s^1/2 m^-1/2, N, and kg for a rotor's inertia. No name raises an error."""
+    owner, _, kind = name.rpartition(".")
+    slides = any(link.joint.name == owner and not link.joint.kind.turns for link in mechanism.links)
+    units = SLIDING if slides else TURNING
     return units.get(kind, "kg m" if kind.startswith("mc_") else "kg m^2")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 from adaptctl.recording.comparison import Comparison, ControllerRun, Joints
@@ -13,19 +14,22 @@ from adaptctl.recording.summary import realtime_factor
 def number(value: float | None, digits: int = 3) -> str:
     """Text of a number with so many significant `digits`, 3 by default, such as "0.0123"; "–", a dash, for None.
     Numbers below 1e-4 or from 1e5 on in size are written with a power of ten, such as "2.80·10⁻¹⁴", and those from 10
-    to the power `digits` on as whole numbers. Raises `ValueError` for NaN and infinity."""
+    to the power `digits` on as whole numbers; NaN and infinity in words, such as "not a number"."""
     if value is None:
         return "–"
     if value == 0.0:
         return "0"
     if 1e-4 <= abs(value) < 1e5:
-        return f"{value:.{digits}g}" if abs(value) < 10.0**digits else f"{value:.0f}"
+        rounded = float(f"{value:.{digits}g}")
+        return f"{value:.{digits}g}" if abs(rounded) < 10.0**digits else f"{value:.0f}"
     return scientific(value, digits)
 
 
 def scientific(value: float, digits: int = 3) -> str:
     """Text of a number as a multiple of a power of ten, with so many significant `digits`, 3 by default: 2.8e-14 is
-    "2.80·10⁻¹⁴". Raises `ValueError` for NaN and infinity."""
+    "2.80·10⁻¹⁴". NaN and infinity are told in words: "not a number", "infinity", "minus infinity"."""
+    if not math.isfinite(value):
+        return "not a number" if math.isnan(value) else "infinity" if value > 0.0 else "minus infinity"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
 
@@ -35,21 +39,23 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 def error(value: float | None, unit: str) -> str:
     """Text of a tracking error, given in rad (m) and shown in thousandths with their `unit`, such as 0.012 and "mrad"
-    as "12 mrad"; "–", a dash, for None. Raises `ValueError` for NaN and infinity."""
-    return "–" if value is None else f"{number(1e3 * value)} {unit}"
+    as "12 mrad"; "–", a dash, for None, and "not a number" or "infinity", without a unit, for NaN and infinity."""
+    if value is None or not math.isfinite(value):
+        return number(value)
+    return f"{number(1e3 * value)} {unit}"
 
 
 def first_error(comparison: Comparison, run: ControllerRun) -> str:
     """Text of a run's root mean square tracking error over its first second, joints of each unit by themselves: "12
-    mrad", or "12 mrad and 3 mm"; a dash in place of the number where the run is shorter. Raises `ValueError` for errors
-    that are NaN or infinite."""
+    mrad", or "12 mrad and 3 mm"; a dash in place of the number where the run is shorter, words for NaN and
+    infinity."""
     return _in_each_unit(comparison, run.first_rms_error_of)
 
 
 def final_error(comparison: Comparison, run: ControllerRun) -> str:
     """Text of a run's root mean square tracking error over its last two seconds, joints of each unit by themselves: "12
-    mrad", or "12 mrad and 3 mm"; a dash in place of the number where the run is shorter. Raises `ValueError` for errors
-    that are NaN or infinite."""
+    mrad", or "12 mrad and 3 mm"; a dash in place of the number where the run is shorter, words for NaN and
+    infinity."""
     return _in_each_unit(comparison, run.final_rms_error_of)
 
 
@@ -60,8 +66,7 @@ def _in_each_unit(comparison: Comparison, of: Callable[[Joints], float | None]) 
 def outcome_words(comparison: Comparison) -> str:
     """The outcome of a comparison of runs in a few sentences: first the failures of its first run, if any, after
     "Failed:", then the comparison's own `answer`, or where that is None the tracking errors with and without
-    adaptation, then the failures that were expected. Raises `ValueError` for tracking errors that are NaN or
-    infinite."""
+    adaptation, then the failures that were expected."""
     answer = _worth(comparison) if comparison.answer is None else comparison.answer
     return judged(comparison).before(answer)
 
@@ -89,7 +94,8 @@ def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
     if baseline.rollout.terminated:
         yield f"The same controller with adaptation off is {outcome(baseline)}."
     elif (off := baseline.final_rms_error) is not None and final:
-        times = f", {number(off / final, 2)} times as much" if len(comparison.joints_by_unit) == 1 else ""
+        comparable = len(comparison.joints_by_unit) == 1 and math.isfinite(off) and math.isfinite(final)
+        times = f", {number(off / final, 2)} times as much" if comparable else ""
         yield f"The same controller with adaptation off stays at {final_error(comparison, baseline)}{times}."
 
 
@@ -112,8 +118,7 @@ def outcome(run: ControllerRun) -> str:
 def facts(comparison: Comparison) -> Iterator[Fact]:
     """Facts of a comparison of runs, each a `Fact`: a question that a person asks first, and its answer in words, with
     units. They are of the first run: its tracking errors, Lyapunov function, torques, number of parameters and speed of
-    simulation; the final error with adaptation off stands beside its own, and `whose` marks the two. Raises
-    `ValueError` for tracking errors that are NaN or infinite."""
+    simulation; the final error with adaptation off stands beside its own, and `whose` marks the two."""
     subject, leading, baseline = comparison.subject, comparison.leading, comparison.baseline
     if leading is not None:
         yield Fact(leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)")
@@ -139,8 +144,7 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
 
 def lyapunov_words(rise: float) -> str:
     """Words on a Lyapunov function, from its largest rise from one sample to the next, `rise`, J: "never rises" for 0,
-    which is what theory says, else such as "rises by at most 2.1 J a step". Raises `ValueError` for NaN and
-    infinity."""
+    which is what theory says, else such as "rises by at most 2.1 J a step"."""
     return "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
 
 

@@ -90,7 +90,8 @@ class MuJoCoPlant(Plant):
         inertial ones, None for those of the last call that gave any, at first the mechanism's own; `noise` is not used,
         for there are no sensors.
 
-        Raises `InputError` on a wrong shape and for parameters of no rigid bodies, `NonFiniteError` on NaN or infinity.
+        Raises `InputError` on a wrong shape and for parameters of no rigid bodies or of friction other than viscous and
+        Coulomb, `NonFiniteError` on NaN or infinity.
         """
         p, v = (self._vector(x, what).astype(np.float64) for x, what in ((p, "p"), (v, "v")))
         scene = self._scene.having(parameters)
@@ -108,8 +109,8 @@ class MuJoCoPlant(Plant):
 
         `parameters` (P,), SI units, are the P true inertial ones in this period, None for those of the last call that
         gave any, at first the mechanism's own; `noise` is not used. Raises `InputError` on a wrong shape and for
-        parameters of no rigid bodies, `NonFiniteError` on NaN or infinity in torque or parameters and where the motion
-        runs away.
+        parameters of no rigid bodies or of friction other than viscous and Coulomb, `NonFiniteError` on NaN or infinity
+        in torque or parameters and where the motion runs away.
         """
         given = self._finite(torque)
         applied = self.limited(given)

@@ -84,11 +84,12 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """An entry of a TOML file: one link with the joint before it. `name` is the link's, `joint` the joint's, by default
     numbered; `type` is the joint's, by default revolute.
 
-    Position limits are `range` (rad or m) or `range_deg` (degrees), `velocity` is the greatest speed (rad/s or m/s),
-    `effort` the greatest torque or force (N m or N); those left out do not limit. The inertia is `mass` (kg),
-    `first_moment`, mass times centre of mass (kg m), and `inertia` (kg m^2) about the link frame's origin, or `mass`,
-    `center_of_mass` (m) and `inertia_at_center` (kg m^2), or nothing for a link without mass; all in the link's frame.
-    `drive` has the joint's rotor inertia and friction. Nothing is checked at construction.
+    Position limits are `range` (rad or m), `range_deg` (degrees), or `lower` and `upper` (rad or m), of which one alone
+    may be given; `velocity` is the greatest speed (rad/s or m/s), `effort` the greatest torque or force (N m or N);
+    those left out do not limit. The inertia is `mass` (kg), `first_moment`, mass times centre of mass (kg m), and
+    `inertia` (kg m^2) about the link frame's origin, or `mass`, `center_of_mass` (m) and `inertia_at_center` (kg m^2),
+    or nothing for a link without mass; all in the link's frame. `drive` has the joint's rotor inertia and friction.
+    Nothing is checked at construction.
     """
 
     name: Name | None = None
@@ -96,6 +97,8 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     type: Literal["revolute", "continuous", "prismatic"] = "revolute"
     range: tuple[float, float] | None = None
     range_deg: tuple[float, float] | None = None
+    lower: float | None = None
+    upper: float | None = None
     velocity: float | None = None
     effort: float | None = None
     mass: float | None = None
@@ -116,7 +119,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         """The limits of this entry's joint (rad or m; rad/s or m/s; N m or N), infinite where not given. Raises
         `InputError` for a range given twice, of a continuous joint or in degrees of a prismatic one, unless its lower
         end is below its upper one, and for a velocity or effort that is not positive."""
-        lower, upper = self._range() or (-math.inf, math.inf)
+        lower, upper = self._range()
         return Limits(lower, upper, _or_unlimited(self.velocity), _or_unlimited(self.effort))
 
     def ten(self) -> Array:
@@ -149,18 +152,20 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         if self.mass == 0.0 and any(np.any(numbers) for numbers in given):
             raise InputError("inertia without mass: give the mass that has it, or leave all of it out")
 
-    def _range(self) -> tuple[float, float] | None:
-        bounds = self.range or self.range_deg
-        if self.range is not None and self.range_deg is not None:
-            raise InputError("the range is given twice: keep range (rad or m) or range_deg")
-        if bounds is not None and self.type == "continuous":
+    def _range(self) -> tuple[float, float]:
+        bounds = (self.lower, self.upper)
+        given = [range for range in (self.range, self.range_deg, bounds) if range not in (None, (None, None))]
+        if len(given) > 1:
+            raise InputError("the range is given twice: keep range (rad or m), range_deg, or lower and upper")
+        if given and self.type == "continuous":
             raise InputError("a continuous joint has no range: leave it out or make the joint revolute")
         if self.range_deg is None:
-            return bounds
+            lower, upper = self.range or bounds
+            return _or_unlimited(lower, -math.inf), _or_unlimited(upper)
         if self.type == "prismatic":
             raise InputError("a prismatic joint's range is in m: write range instead of range_deg")
         return math.radians(self.range_deg[0]), math.radians(self.range_deg[1])
 
 
-def _or_unlimited(bound: float | None) -> float:
-    return math.inf if bound is None else bound
+def _or_unlimited(bound: float | None, unlimited: float = math.inf) -> float:
+    return unlimited if bound is None else bound

@@ -12,6 +12,7 @@ import numpy as np
 
 from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link, depth_first
 from adaptctl.description.loops import Closure, ClosureKind, Condition, Coupling, Loops
+from adaptctl.description.named_frame import FrameKind, NamedFrame
 from adaptctl.description.readers.entries import MAX_ENTRIES, FrameEntry, LinkEntry, Name, Triple
 from adaptctl.description.readers.robot_checks import is_more_than_a_turn, warn_of_degrees, warn_of_weightless
 from adaptctl.errors import FileError, InputError, NotFoundError
@@ -46,6 +47,15 @@ class LinkFrame(FrameEntry, kw_only=True):
     construction."""
 
     link: Name | None = None
+
+
+class NamedFrameEntry(LinkFrame, kw_only=True):
+    """An entry of a mechanism file in TOML: a frame with a `name` on the link that `link` names, None being the ground,
+    at `position` (m) and roll, pitch and yaw `rpy` (rad) or `rpy_deg` (degrees) in that link's frame; `kind` is that of
+    a `NamedFrame`, by default operational. Nothing is checked at construction."""
+
+    name: Name
+    kind: Literal["operational", "fixed joint", "body", "sensor"] = "operational"
 
 
 class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
@@ -88,8 +98,8 @@ class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     `links` has 1 to 256 entries in any order; `source` says where the numbers come from; `gravity` (3,) is in m/s^2, by
     default (0, 0, -9.81). `closures`, `couplings` and `conditions` make loops, by default none. `primary` names the
     primary (independent) joints, None being all that follow no other; `reference` gives the positions (rad or m by
-    joint, zero where not given) of the configuration from which motion is followed, loops closed. Without a `name` the
-    file's is taken. Nothing is checked at construction.
+    joint, zero where not given) of the configuration from which motion is followed, loops closed. `frames` are named
+    frames on links, by default none. Without a `name` the file's is taken. Nothing is checked at construction.
     """
 
     schema: Literal["adaptctl/mechanism/1"]
@@ -102,6 +112,7 @@ class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     primary: Annotated[list[Name], msgspec.Meta(max_length=MAX_ENTRIES)] | None = None
     reference: dict[Name, float] = {}
     conditions: Annotated[list[ConditionEntry], msgspec.Meta(max_length=MAX_ENTRIES)] = []
+    frames: list[NamedFrameEntry] = []
 
 
 def read_mechanism_file(path: str | Path) -> Description:
@@ -111,17 +122,18 @@ def read_mechanism_file(path: str | Path) -> Description:
     one), its joint's place, axis, type and limits (m, rad), its inertia and its drive, in any order; ``[[closures]]``,
     ``[[couplings]]`` and ``[[conditions]]`` make loops. `primary` names the driven joints, the independent ones;
     without closures it may be left out, and all joints that follow no other are primary. `reference` gives the
-    configuration (rad or m by joint) from which motion is followed, loops closed. Raises `FileError` for a file that
-    cannot be read and, naming the element, for wrong contents; loops that do not close are found only when equations
-    are made of the description. Warns (`SimplificationWarning`) of angles that look like degrees and of links that move
-    without mass and carry no link that has one.
+    configuration (rad or m by joint) from which motion is followed, loops closed. ``[[frames]]`` are named frames on
+    links. Raises `FileError` for a file that cannot be read and, naming the element, for wrong contents; loops that do
+    not close are found only when equations are made of the description. Warns (`SimplificationWarning`) of angles that
+    look like degrees and of links that move without mass and carry no link that has one.
     """
     content = read_toml(path, MechanismFile)
     try:
         links = _links(content.links)
         name, gravity = content.name or Path(path).stem, np.array(content.gravity)
         loops = _loops(content, links)
-        description = Description(name, links, gravity, content.source.strip(), loops)
+        frames = _frames(content.frames, [link.name for link in links])
+        description = Description(name, links, gravity, content.source.strip(), loops, frames=frames)
     except InputError as error:
         raise FileError(with_line(f"{path}: {error}", read_text(path))) from error
     turned = (i for i, entry in enumerate(content.links) if is_more_than_a_turn((*_rpy(entry), *_rpy(entry.far))))
@@ -157,6 +169,16 @@ def _require_parents(entries: Sequence[TreeLink], names: Sequence[str]) -> None:
                 f"$.links[{i}] ({names[i]}): there is no link {entry.parent!r} to be its parent; there are {known}; "
                 "leave parent out for the ground"
             )
+
+
+def _frames(entries: Sequence[NamedFrameEntry], links: Sequence[str]) -> tuple[NamedFrame, ...]:
+    def frame(entry: NamedFrameEntry, place: int) -> NamedFrame:
+        if entry.link is not None and entry.link not in links:
+            raise NotFoundError(f"there is no link {entry.link!r}; there are {', '.join(links)}")
+        link = GROUND if entry.link is None else links.index(entry.link)
+        return NamedFrame(entry.name, link, entry.pose(), FrameKind(entry.kind))
+
+    return _built("frames", entries, frame)
 
 
 def _loops(content: MechanismFile, links: Sequence[Link]) -> Loops | None:

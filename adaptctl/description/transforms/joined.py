@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from adaptctl.description.description import GROUND, Description, Joint, Link
 from adaptctl.description.loops import Loops
+from adaptctl.description.named_frame import NamedFrame
 from adaptctl.description.pose import Pose
 from adaptctl.description.visual import Visual
 from adaptctl.errors import InputError
@@ -16,10 +17,10 @@ def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loop
     """The description, called `name`, of one mechanism that consists of several trees: `parts` has, by label, each
     part's description and the pose of its ground frame in the common ground frame.
 
-    Links and joints get their part's label in front, as in ``left.link3``, and `loops`, by default none, uses these
-    names: so two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep their
-    order and their parameters; named frames are left out. Raises `InputError` for no parts, parts of different gravity,
-    and parts with loops of their own, `NotFoundError` for unknown names in `loops`.
+    Links, joints and named frames get their part's label in front, as in ``left.link3``, and `loops`, by default none,
+    uses these names: so two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep
+    their order, their parameters and their shapes to draw. Raises `InputError` for no parts, parts of different
+    gravity, and parts with loops of their own, `NotFoundError` for unknown names in `loops`.
     """
     if not parts:
         raise InputError(f"{name}: at least one part is needed")
@@ -28,13 +29,15 @@ def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loop
         raise InputError(f"{name}: the parts must agree on gravity, got {sorted(gravities)}")
     links: list[Link] = []
     visuals: list[Visual] = []
+    frames: list[NamedFrame] = []
     for label, (part, stand) in parts.items():
         if part.loops is not None:
             raise InputError(f"{name}: part {label!r} has loops of its own: join its tree and give all loops together")
         visuals += [_moved(visual, stand, len(links)) for visual in part.visuals]
+        frames += [_renamed_frame(frame, label, stand, len(links)) for frame in part.frames]
         links += [_renamed(link, label, stand, len(links)) for link in part.links]
-    first = next(iter(parts.values()))[0]
-    return Description(name, tuple(links), first.gravity, f"joined from {', '.join(parts)}", loops, tuple(visuals))
+    gravity, source = next(iter(parts.values()))[0].gravity, f"joined from {', '.join(parts)}"
+    return Description(name, tuple(links), gravity, source, loops, tuple(visuals), tuple(frames))
 
 
 def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
@@ -51,6 +54,12 @@ def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
 def _renamed_joint(joint: Joint, label: str) -> Joint:
     others = tuple((f"{label}.{name}", ratio) for name, ratio in joint.drive.turns_with)
     return replace(joint, name=f"{label}.{joint.name}", drive=replace(joint.drive, turns_with=others))
+
+
+def _renamed_frame(frame: NamedFrame, label: str, stand: Pose, above: int) -> NamedFrame:
+    on_ground = frame.link == GROUND
+    link, pose = (GROUND, stand @ frame.pose) if on_ground else (frame.link + above, frame.pose)
+    return replace(frame, name=f"{label}.{frame.name}", link=link, pose=pose)
 
 
 def _moved(visual: Visual, stand: Pose, above: int) -> Visual:

@@ -10,25 +10,29 @@ from pathlib import Path
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.description import GROUND, Description, JointKind, Limits, Link
 from adaptctl.description.drive import DriveParameter
 from adaptctl.description.inertia import inertia_tensor
 from adaptctl.description.loops import Closure, Loops
+from adaptctl.description.named_frame import FrameKind
 from adaptctl.description.pose import Pose
+from adaptctl.errors import InputError
 from adaptctl.files import write_text
 
 
 def write_mechanism(path: str | Path, description: Description) -> None:
     """Write a mechanism's `description` to `path` as a TOML file that `read_mechanism_file` and `load` read, whole or
-    not at all. Position limits of a joint are kept where both are finite; shapes to draw and named frames are not kept.
-    Raises `FileError` where the file cannot be written."""
+    not at all. Shapes to draw are not kept. Raises `FileError` where the file cannot be written, `InputError` for what
+    the file cannot say: position limits of a continuous joint, and loops without closures and couplings."""
     write_text(path, mechanism_toml(description))
 
 
 def mechanism_toml(description: Description) -> str:
     """The text of the TOML file of a mechanism's `description`, in the schema ``adaptctl/mechanism/1`` that
-    `read_mechanism_file` reads: m, rad and SI units, numbers with all digits. Position limits of a joint are kept where
-    both are finite; shapes to draw and named frames are not kept."""
+    `read_mechanism_file` reads: m, rad and SI units, numbers with all digits. Shapes to draw are not kept. Raises
+    `InputError` for what the file cannot say: position limits of a continuous joint, and loops without closures and
+    couplings."""
+    _require_sayable(description)
     parts = [
         'schema = "adaptctl/mechanism/1"',
         f"name = {_text(description.name)}",
@@ -37,12 +41,26 @@ def mechanism_toml(description: Description) -> str:
         *_of_loops(description.loops),
         *(line for link in description.links for line in _link(link, description.links)),
         *_tables(description.loops),
+        *_named_frames(description),
     ]
     return "\n".join(parts) + "\n"
 
 
+def _require_sayable(description: Description) -> None:
+    loops = description.loops
+    if loops is not None and not loops.closures and not loops.couplings:
+        raise InputError(f"{description.name}: loops without closures and couplings cannot be written: leave them out")
+    for joint in (link.joint for link in description.links):
+        bounds = (joint.limits.lower, joint.limits.upper)
+        if joint.kind is JointKind.CONTINUOUS and bounds != (-math.inf, math.inf):
+            raise InputError(
+                f"{description.name}: joint {joint.name!r} is continuous, and position limits of {bounds[0]} to "
+                f"{bounds[1]} cannot be written: leave them out or make the joint revolute"
+            )
+
+
 def _link(link: Link, links: Sequence[Link]) -> Iterator[str]:
-    joint, limits = link.joint, link.joint.limits
+    joint = link.joint
     yield "\n[[links]]"
     yield f"name = {_text(link.name)}"
     yield f"joint = {_text(joint.name)}"
@@ -53,13 +71,18 @@ def _link(link: Link, links: Sequence[Link]) -> Iterator[str]:
     yield from _frame(link.near)
     if link.far != Pose.identity():
         yield f"far = {{ {', '.join(_frame(link.far))} }}"
-    if math.isfinite(limits.lower) and math.isfinite(limits.upper):
-        yield f"range = {_numbers(np.array([limits.lower, limits.upper]))}"
-    for name in ("velocity", "effort"):
-        if math.isfinite(getattr(limits, name)):
-            yield f"{name} = {_number(getattr(limits, name))}"
+    yield from _limits(joint.limits)
     yield from _inertia(link)
     yield from _drive(link)
+
+
+def _limits(limits: Limits) -> Iterator[str]:
+    names = ["lower", "upper", "velocity", "effort"]
+    if math.isfinite(limits.lower) and math.isfinite(limits.upper):
+        yield f"range = {_numbers(np.array([limits.lower, limits.upper]))}"
+        del names[:2]
+    finite = (name for name in names if math.isfinite(getattr(limits, name)))
+    yield from (f"{name} = {_number(getattr(limits, name))}" for name in finite)
 
 
 def _frame(pose: Pose) -> Iterator[str]:
@@ -130,6 +153,16 @@ def _closure(closure: Closure) -> Iterator[str]:
     for end, link, frame in ends:
         named = [] if link is None else [f"link = {_text(link)}"]
         yield f"{end} = {{ {', '.join([*named, *_frame(frame)])} }}"
+
+
+def _named_frames(description: Description) -> Iterator[str]:
+    for frame in description.frames:
+        yield f"\n[[frames]]\nname = {_text(frame.name)}"
+        if frame.link != GROUND:
+            yield f"link = {_text(description.links[frame.link].name)}"
+        yield from _frame(frame.pose)
+        if frame.kind is not FrameKind.OPERATIONAL:
+            yield f"kind = {_text(frame.kind.value)}"
 
 
 def _table(values: object) -> str:

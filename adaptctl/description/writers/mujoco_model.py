@@ -32,13 +32,7 @@ def to_mujoco(description: Description) -> mujoco.MjModel:
     """
     import mujoco
 
-    if description.loops is not None or description.shafts:
-        raise InputError(f"{description.name}: loops and shared shafts are not written to MuJoCo: only trees are")
-    for link in description.links:
-        if any(link.joint.drive.value(kind) for kind in MAY_BE_NEGATIVE):
-            raise InputError(
-                f"{description.name}: joint {link.joint.name!r}: MuJoCo's joints have viscous and Coulomb friction only"
-            )
+    _require_plain_joints(description)
     if description.inconsistent_links:
         names = ", ".join(description.inconsistent_links)
         raise InputError(
@@ -56,6 +50,16 @@ def to_mujoco(description: Description) -> mujoco.MjModel:
         return spec.compile()
     except ValueError as error:
         raise InputError(f"{description.name}: MuJoCo refuses it: {str(error).splitlines()[0]}") from error
+
+
+def _require_plain_joints(description: Description) -> None:
+    if description.loops is not None or description.shafts:
+        raise InputError(f"{description.name}: loops and shared shafts are not written to MuJoCo: only trees are")
+    for link in description.links:
+        if any(link.joint.drive.value(kind) for kind in MAY_BE_NEGATIVE):
+            raise InputError(
+                f"{description.name}: joint {link.joint.name!r}: MuJoCo's joints have viscous and Coulomb friction only"
+            )
 
 
 def _body(above: mujoco.MjsBody, link: Link, description: Description) -> mujoco.MjsBody:
@@ -90,10 +94,13 @@ def set_parameters(arm: MujocoArm, before: Description, after: Description) -> N
     description `after`. `before` describes the model as it is; a link whose inertia is the same in both stays as it is.
 
     The body at a link's last joint gets what the bodies fixed to it leave of the link's inertia. Raises `InputError`
-    where what is left has no positive mass, `ValueError` for descriptions with different numbers of links.
+    where what is left has no positive mass, and for loops, motor shafts that turn with several joints and other
+    friction terms in `after`, before anything is changed, `ValueError` for descriptions with different numbers of
+    links.
     """
     import mujoco
 
+    _require_plain_joints(after)
     model = arm.model
     for i, (old, new) in enumerate(zip(before.links, after.links, strict=True)):
         dof = int(model.jnt_dofadr[arm.joints[i]])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,8 @@ def read_parquet(path: str | Path) -> LogTable:
     """The table of a log in a Parquet file, a `LogTable`: its columns of numbers, and of booleans as 0 and 1, with
     missing cells as NaN; a column of fixed-size lists of numbers, `name`, is split into `name[0]`, `name[1]` ...,
     unless a list is missing. Other columns are left out. Units are those in the metadata `unit` of the file's fields,
-    by the fields' names. Raises `FileError` for a file that cannot be read or is no Parquet file, without columns of
-    numbers or rows, or with more than 20 million rows."""
+    by the names of the columns made of them. Raises `FileError` for a file that cannot be read or is no Parquet file,
+    without columns of numbers or rows, or with more than 20 million rows."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -30,8 +31,21 @@ def read_parquet(path: str | Path) -> LogTable:
         raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).splitlines()[0].lower()})") from error
     except pa.ArrowException as error:
         raise FileError(f"{path}: not a Parquet file ({str(error).splitlines()[0]})") from error
-    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in read.schema}
+    units = {name: _unit(field) for field in read.schema for name in _names(field)}
     return table(str(path), _columns(read), {name: unit for name, unit in units.items() if unit})
+
+
+def _unit(field: Any) -> str:
+    return str((field.metadata or {}).get(b"unit", b"").decode())
+
+
+def _names(field: Any) -> list[str]:
+    """Names of the columns made of a field."""
+    import pyarrow as pa
+
+    if pa.types.is_fixed_size_list(field.type):
+        return [f"{field.name}[{i}]" for i in range(field.type.list_size)]
+    return [field.name]
 
 
 def _columns(read: object) -> Iterator[tuple[str, Array]]:
@@ -40,8 +54,7 @@ def _columns(read: object) -> Iterator[tuple[str, Array]]:
     for field in read.schema:  # type: ignore[attr-defined]
         column = read.column(field.name).combine_chunks()  # type: ignore[attr-defined]
         if pa.types.is_fixed_size_list(field.type) and not column.null_count:
-            width = field.type.list_size
-            cells = np.asarray(column.flatten().to_numpy(zero_copy_only=False), dtype=np.float64).reshape(-1, width)
-            yield from ((f"{field.name}[{i}]", cells[:, i]) for i in range(width))
+            cells = np.asarray(column.flatten().to_numpy(zero_copy_only=False), dtype=np.float64)
+            yield from zip(_names(field), cells.reshape(-1, field.type.list_size).T, strict=True)
         elif pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type):
             yield field.name, np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -54,12 +54,18 @@ class LogTable:
 def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
     """The table of a log, a `LogTable`, from pairs of a name and a column (n,); `source` is the log's file, told in
     errors, and `units` are the symbols of columns that the file states, none by default. Raises `FileError` without a
-    column or a row, and for two columns of one name; that columns are equally long is not checked."""
+    column or a row, for two columns of one name, and for columns of different lengths."""
     found: dict[str, Array] = {}
     for name, values in columns:
         if name in found:
             raise FileError(f"{source}: two columns are named {name!r}; names must be unique")
         found[name] = np.asarray(values, dtype=np.float64)
-    if not found or not len(next(iter(found.values()))):
+    first, rows = next(((name, len(values)) for name, values in found.items()), ("", 0))
+    if not rows:
         raise FileError(f"{source}: holds no rows of numbers; expected a line of column names and a line a sample")
+    for name, values in found.items():
+        if len(values) != rows:
+            raise FileError(
+                f"{source}: column {name!r} has {len(values)} rows, {first!r} has {rows}: all need the same number"
+            )
     return LogTable(source, found, units or {})

@@ -99,7 +99,7 @@ def facts(found: Identification) -> Iterator[Fact]:
 
 def _parameters(found: Identification) -> Iterator[tuple[str, str, str, str]]:
     for name, value, deviation in zip(found.names, found.estimate, found.deviations, strict=True):
-        yield name, parameter_unit(name), f"{value:.4g}", f"{deviation:.2g}"
+        yield name, parameter_unit(name, found.mechanism), f"{value:.4g}", f"{deviation:.2g}"
 
 
 def _equations(found: Identification) -> tuple[object, ...]:

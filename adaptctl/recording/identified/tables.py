@@ -94,7 +94,13 @@ def write_estimates(path: str | Path, found: Identification) -> None:
         "robot": found.mechanism.name,
         "robot_sha256": found.mechanism.description.sha256,
         "fundamental": {
-            name: {"value": value, "deviation": s, "prior_range": wide, "gain": gain, "unit": parameter_unit(name)}
+            name: {
+                "value": value,
+                "deviation": s,
+                "prior_range": wide,
+                "gain": gain,
+                "unit": parameter_unit(name, found.mechanism),
+            }
             for name, value, s, wide, gain in columns
         },
         "parameters": dict(zip(found.mechanism.parameter_names, found.mechanism.inertial_parameters, strict=True)),

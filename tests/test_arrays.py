@@ -1,0 +1,47 @@
+"""Numbers and rows from outside: booleans are no numbers, and rows that are to be a matrix are of one length."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptctl.arrays import positive_number, real_number, stacked_rows, whole_count, whole_number
+from adaptctl.errors import InputError
+
+TAKERS: dict[str, Callable[[Any], object]] = {
+    "positive": lambda x: positive_number(x, "x: expected a positive finite number"),
+    "real": lambda x: real_number(x, "x"),
+    "whole": lambda x: whole_number(x, "x", 0, 9),
+    "count": lambda x: whole_count(x, "x"),
+}
+
+
+@pytest.mark.parametrize("boolean", [True, False, np.True_, np.False_, np.array(True), np.array(False)], ids=repr)
+@pytest.mark.parametrize("taker", TAKERS)
+def test_booleans_are_no_numbers(taker: str, boolean: Any) -> None:
+    with pytest.raises(InputError, match=r"^x: expected a .*number.*, got .*(True|False)"):
+        TAKERS[taker](boolean)
+
+
+@pytest.mark.parametrize("one", [1, np.int64(1), np.uint8(1)], ids=repr)
+@pytest.mark.parametrize("taker", TAKERS)
+def test_whole_numbers_are_numbers(taker: str, one: Any) -> None:
+    assert TAKERS[taker](one) == 1
+
+
+def test_rows_are_stacked() -> None:
+    samples = np.array([1.0, 2.0])
+    found = stacked_rows([[samples, 3.0], [4.0, samples]], (2,))
+    np.testing.assert_array_equal(found, [[[1, 3], [4, 1]], [[2, 3], [4, 2]]])
+    assert stacked_rows([iter([1.0, 2.0, 3.0])], ()).shape == (1, 3)
+    assert stacked_rows([], (4,)).shape == (4, 0, 0)
+
+
+@pytest.mark.parametrize("rows", [[[1, 2], [3, 4, 5, 6]], [[1, 2], [3]], [[], [1, 2]]])
+def test_ragged_rows_are_refused(rows: list[list[float]]) -> None:
+    lengths = ", ".join(str(len(row)) for row in rows)
+    with pytest.raises(ValueError, match=f"rows: expected rows of one length, got {lengths}"):
+        stacked_rows(rows, ())
