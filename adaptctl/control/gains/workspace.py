@@ -35,15 +35,15 @@ def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int =
 
 def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
     """The least and the greatest position of each of the r joints, two arrays (r,), rad (m if prismatic): its limits,
-    and -pi and pi rad (-1 and 1 m) where it has none. Limits that are more than two turns (4 pi rad, or m) apart count
-    as none. Nothing is checked."""
+    and -pi and pi rad (-1 and 1 m) where it has none, or as far as makes its range pi rad (1 m) from its only limit.
+    Limits that are more than two turns (4 pi rad, or m) apart count as none. Nothing is checked."""
     limits = [joint.limits for joint in mechanism.primary_joints]
-    wide = [np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints]
+    wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints])
     ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
     absurd = np.isfinite(ends).all(axis=0) & (ends[1] - ends[0] > TURNS)
     lower, upper = np.where(absurd, [[-np.inf], [np.inf]], ends)
-    return np.where(np.isinf(lower), np.maximum(lower, np.negative(wide)), lower), np.where(
-        np.isinf(upper), np.minimum(upper, wide), upper
+    return np.where(np.isinf(lower), np.minimum(-wide, upper - wide), lower), np.where(
+        np.isinf(upper), np.maximum(wide, lower + wide), upper
     )
 
 
