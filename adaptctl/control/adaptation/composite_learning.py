@@ -107,8 +107,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, the torque filter's cutoff (rad/s) times the period is at most 1, and recall times the
-        period at most 0.5, both unitless.
+        for each of its r joints, the torque filter's cutoff (rad/s) times the period is at most 1 and recall times the
+        period at most 0.5, both unitless, and no linear constraint fixes a parameter at a value other than zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.

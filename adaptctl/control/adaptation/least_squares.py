@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen_array, numbers
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw
-from adaptctl.control.adaptation.prediction import require_cutoff, require_positive
+from adaptctl.control.adaptation.prediction import require_cutoff, require_no_known_share, require_positive
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError
@@ -54,12 +54,14 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless there is a gain for each of the model's k parameters and one positive weight or one
-        for each of its r joints, and the torque filter's cutoff (rad/s) times the period (s) is at most 1.
+        for each of its r joints, the torque filter's cutoff (rad/s) times the period (s) is at most 1, and no linear
+        constraint fixes a parameter at a value other than zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period in s, which the controller
         checks to be positive.
         """
         require_size(self.gain, model, f"{self.called}: gain")
+        require_no_known_share(model, self.called)
         self._require_weights(model.mechanism.dof)
         require_cutoff(self.cutoff, period)
 
