@@ -41,7 +41,7 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if (gain := numbers(self.gain, f"{self.called}: gain", "(k,)")).ndim != 1:
+        if (gain := numbers(self.gain, f"{self.called}: gain", "(k,)")).ndim != 1 or not gain.size:
             raise InputError(f"{self.called}: gain: expected Gamma's diagonal (k,), got shape {gain.shape}")
         gain = frozen_array(gain, gain.shape, f"{self.called}: gain")
         if np.any(gain <= 0.0):
@@ -81,9 +81,9 @@ def first_triangle(k: int) -> Array:
 
 def from_triangle(entries: Array, k: int) -> Array:
     """The symmetric matrix (k, k), as an array, whose upper triangle (k (k + 1)/2,), row by row, is `entries`. Raises
-    `ValueError` for another number of them, but for a single one, which is taken for all."""
+    `ValueError` for another number of them."""
     upper = np.zeros((k, k))
-    upper[np.triu_indices(k)] = entries
+    upper[np.triu_indices(k)] = np.reshape(entries, k * (k + 1) // 2)
     return upper + np.triu(upper, 1).T
 
 
