@@ -233,6 +233,18 @@ def test_true_parameters_and_payloads_reach_mujoco() -> None:
     assert np.abs(light[0] - heavy[0]).max() > 5e-3
 
 
+def test_a_step_is_a_function_of_what_it_is_given() -> None:
+    """Other parameters are those of the calls that give them, and of no later one."""
+    arm = adaptctl.load("puma560_measured")
+    plant, heavier = MuJoCoPlant.of(arm, 1e-3), 1.5 * np.array(arm.inertial_parameters)
+    start = plant.init(0.3 * np.ones(6), np.zeros(6))
+    first, other, again = (plant.step(start, np.ones(6), D) for D in (None, heavier, None))
+    np.testing.assert_array_equal(again.v, first.v)
+    assert np.abs(other.v - first.v).max() > 1e-6
+    plant.init(0.3 * np.ones(6), np.zeros(6), heavier)
+    np.testing.assert_array_equal(plant.step(start, np.ones(6)).v, first.v)
+
+
 def test_contacts_are_mujocos() -> None:
     wall = '<geom type="box" size="1 1 .1" pos="0 0 -.3"/>'
     swing = (
