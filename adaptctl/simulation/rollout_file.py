@@ -87,9 +87,13 @@ class RolloutFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
-        if kind is None and self._writer is not None:
+        if kind is not None:
+            return self._held.__exit__(kind, error, trace)
+        with self._held:
+            if self._writer is None:
+                raise FileError(f"{self._path}: not written: expected samples of a run, and none were appended")
             self._writer.add_key_value_metadata({name: json.dumps(value) for name, value in self.about.items()})
-        return self._held.__exit__(kind, error, trace)
+        return None
 
 
 def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
