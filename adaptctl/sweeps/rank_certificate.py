@@ -12,11 +12,10 @@ from adaptctl.description import Description, Joint, JointKind, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import AdaptctlError
 from adaptctl.experiments.experiment import setting
 from adaptctl.identifiability import essential_space
 from adaptctl.sweeps.measurement import SweepMeasurement
-from adaptctl.sweeps.outcome import RunOutcome
+from adaptctl.sweeps.outcome import FAILURES, RunOutcome
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
@@ -43,7 +42,7 @@ class RankCertificate(SweepMeasurement):
     @classmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
         """The `RunOutcome` of each of the measurements `chosen`, in their order: "done" or "failed", with the rank from
-        energies and that from joints, or the error, as its reason. No `AdaptctlError` is raised."""
+        energies and that from joints, or the error, as its reason. None of the `FAILURES` is raised."""
         return [one._judged() for one in chosen]
 
     def mechanism(self) -> Mechanism:
@@ -56,8 +55,8 @@ class RankCertificate(SweepMeasurement):
         try:
             mechanism = self.mechanism()
             ranks = [essential_space(mechanism, method=method).rank for method in ("svd", "transfers")]
-        except AdaptctlError as error:
-            return RunOutcome.failed(" ".join(str(error).split()))
+        except FAILURES as error:
+            return RunOutcome.failed(error)
         words = f"rank {ranks[0]} from energies, {ranks[1]} from joints"
         return RunOutcome("done", words) if ranks[0] == ranks[1] else RunOutcome.failed(words)
 
