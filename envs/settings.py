@@ -32,7 +32,8 @@ def steps_of(duration: object, control_period: float) -> int:
 def times_ahead_of(given: Sequence[float]) -> Array:
     """The look-ahead times, L of them, (L,), s, as a read-only float64 array, from a sequence `given`, which may be
     empty. Raises `InputError` for another shape, what are no numbers, and times that are negative or not finite."""
-    times = frozen_array(given, (np.size(given),), "look_ahead")
+    times = numbers(given, "look_ahead", "(L,)")
+    times = frozen_array(times, (times.size,), "look_ahead")
     if (times < 0.0).any():
         raise InputError(f"look_ahead: expected times of at least 0 s, got {times.tolist()}")
     return times
