@@ -354,6 +354,13 @@ def test_two_plants_differ_by_integration_and_by_contacts() -> None:
     assert "is MuJoCo's integrator's" in free.answer
 
 
+def test_two_plants_are_not_one_twice() -> None:
+    with pytest.raises(
+        InputError, match="plant: expected mujoco, with which adaptctl's own is compared, got 'adaptctl'"
+    ):
+        TwoPlants(plant="adaptctl")
+
+
 def test_stops_are_no_matter_of_integration(tmp_path: Path) -> None:
     stopped = SCENE.read_text().replace('range="-100 100"', 'range="-100 100" frictionloss="3"')
     path = written(tmp_path, stopped)
