@@ -34,7 +34,9 @@ def _columns(study: Study) -> list[Quantity]:
         Quantity("arm", "1", "which arm", np.repeat(np.array(labels, dtype=np.str_), np.array(sizes, dtype=int))),
         Quantity("seed", "1", "of the draw", _joined(seeds)),
         Quantity("number", "1", "1 for the largest", _joined(numbers)),
-        Quantity("singular_value", "1", "of the energy differences H", _joined([_values(one) for one in draws])),
+        Quantity(
+            "singular_value", "J per SI unit", "of the energy differences H", _joined([_values(one) for one in draws])
+        ),
         Quantity("weight", "J", "|beta_j| of equation 19, by falling size", _joined([one.weights for one in draws])),
         Quantity(
             "percent_error",
