@@ -358,7 +358,7 @@ def test_wrong_runs_are_refused(stepper: Stepper, case: str) -> None:
 def test_memory_that_is_no_room_of_the_ensemble_is_refused(stepper: Stepper) -> None:
     three, signals = stepper.ensemble(3), {"target": np.zeros((2, 2)), "push": np.zeros((2, 3, 2))}
     three.record_into(three.room(2), 0, 2, signals)
-    for room in (stepper.ensemble(40).room(2), LaneArray({"0": 1}, 3, three.room(2).lanes, (2,))):
+    for room in (*(stepper.ensemble(n).room(2) for n in (2, 40)), LaneArray({"0": 1}, 3, three.room(2).lanes, (2,))):
         with pytest.raises(InputError, match="expected a `room` that this ensemble made"):
             three.record_into(room, 0, 2, signals)
     with pytest.raises(InputError, match="expected steps from 0 to 2, got 1 to 3"):
@@ -399,4 +399,4 @@ def test_signals_of_another_form_or_of_too_few_steps_are_refused(stepper: Steppe
     with pytest.raises(InputError, match="`signals`: expected steps from 0 to 2, got 1 to 3"):
         three.record_into(three.room(3), 1, 2, three.signals(2))
     with pytest.raises(InputError, match="expected `signals` that this ensemble made"):
-        three.record_into(three.room(3), 0, 2, stepper.ensemble(40).signals(2))
+        three.record_into(three.room(3), 0, 2, stepper.ensemble(2).signals(2))
