@@ -63,13 +63,6 @@ def finite_numbers(given: ArrayLike, what: str) -> Array:
     return array
 
 
-def require_integrator(given: object) -> None:
-    """Raise `InputError` unless `given` is an integrator, an object with the members `step` and `implicit` such as
-    `RungeKutta4()`, or None. A class in place of an object is refused."""
-    if given is not None and (isinstance(given, type) or not (hasattr(given, "step") and hasattr(given, "implicit"))):
-        raise InputError(f"integrator: expected an Integrator, such as RungeKutta4(), or None, got {given!r:.80}")
-
-
 def require_reference(given: Trajectory, dof: int) -> None:
     """Raise `InputError` unless `given` stands for a reference of `dof` joints: a callable (a `Reference`), a seed (a
     whole number of at least 0), "random" or None. A callable is called with the time 0 s as an array (1,), and must

@@ -126,8 +126,8 @@ class Rollout:
         such as `p.joint1`, with their units as metadata, which `adaptctl identify` reads. `joints` (r,) names the r
         joints, None for joint1, joint2, ...
 
-        The environment's last `info` is left out. Raises `InputError` for another number of names, `FileError` where
-        the file cannot be written, and `MissingExtraError` without pyarrow.
+        The environment's last `info` is left out. Raises `InputError` for other than r different names, `FileError`
+        where the file cannot be written, and `MissingExtraError` without pyarrow.
         """
         with RolloutFile(path, self.p.shape[1], joints) as file:
             file.append(self._columns, self.marks)
@@ -136,8 +136,8 @@ class Rollout:
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
         """The run as an Arrow table: a row for each sample, columns of float64 such as `p.joint1`, with their units as
-        metadata. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number
-        of names, `MissingExtraError` without pyarrow."""
+        metadata. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other than r
+        different names, `MissingExtraError` without pyarrow."""
         return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
 
     @property
@@ -150,8 +150,8 @@ class Rollout:
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
         """The run as a pandas data frame: a row for each sample, columns such as `p.joint1`, in SI units: rad (m), s, N
-        m (N), J. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number
-        of names, `MissingExtraError` without pandas or pyarrow."""
+        m (N), J. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other than r
+        different names, `MissingExtraError` without pandas or pyarrow."""
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 
@@ -159,7 +159,7 @@ class Rollout:
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
         """A Matplotlib figure of the run over time (s): positions (rad or m) on the reference, tracking errors (mrad or
         mm), applied torques (N m or N), and parameter estimates (SI units) if there are any. `joints` (r,) names the
-        curves of the r joints, None for joint1, joint2, ... Raises `InputError` for another number of names,
+        curves of the r joints, None for joint1, joint2, ... Raises `InputError` for other than r different names,
         `MissingExtraError` without matplotlib."""
         from adaptctl.simulation.run_plot import run_figure
 

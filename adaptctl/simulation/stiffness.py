@@ -14,7 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import JointEffect
-from adaptctl.simulation.integrator import Integrator, LinearlyImplicitEuler, RungeKutta4
+from adaptctl.simulation.integrator import Integrator, LinearlyImplicitEuler, RungeKutta4, require_integrator
 from adaptctl.simulation.transmission import Transmission
 
 STABLE = 2.5
@@ -82,9 +82,11 @@ def integration(
     method gets at least IMPLICIT (4).
 
     Raises `InputError` where friction or springs act on a singular mass matrix, for effects that do not fit the joints,
-    where springs would need more than MOST_FOR_SPRINGS (2000) steps, and where there is friction or are springs and
-    loops reach none of 200 random configurations.
+    for what is no integrator, where springs would need more than MOST_FOR_SPRINGS (2000) steps, and where there is
+    friction or are springs and loops reach none of 200 random configurations.
     """
+    if integrator is not None:
+        require_integrator(integrator)
     waves, decay = 0.0, 0.0
     if transmission is not None:
         waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
