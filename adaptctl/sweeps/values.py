@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import Field, dataclass
 from typing import Any
 
@@ -33,20 +34,25 @@ class Span:
         return self.low + share * (self.high - self.low)
 
 
-def parsed(entry: Field[Any], text: str) -> tuple[Any, ...] | Span:
-    """The values of a setting as they are typed, `text`: ``4,8,12``, ``0..99`` of whole numbers, ``0..5:11`` for so
+def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | Span:
+    """The values of a setting as they are `typed`: ``4,8,12``, ``0..99`` of whole numbers, ``0..5:11`` for so
     many evenly apart, and of numbers ``0..5``, a `Span` to draw from; a tuple for all but the last. A setting of
-    several numbers takes them apart by blanks, ``90 150 70``. `entry` is the setting's dataclass field, whose default
-    tells the kind of value.
+    several numbers takes them apart by blanks, ``90 150 70``. A sequence of texts, such as a study's file has, is what
+    stands between commas; of a setting that is a text each is a value as it is, whatever is in it. `entry` is the
+    setting's dataclass field, whose default tells the kind of value.
 
-    Raises `InputError` for what is none of this, equal values, a range that does not rise, other than 2 to 1 000 000
-    values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
+    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to
+    1 000 000 values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
     """
-    if not isinstance(entry.default, tuple | str) and (match := _RANGE.match(text)):
-        return _range(entry, match)
-    values = tuple(_one(entry, part.strip()) for part in text.split(","))
-    if len(set(values)) < len(values):
-        raise InputError(f"{entry.name}: expected different values, got {text!r}")
+    if isinstance(entry.default, str) and not isinstance(typed, str):
+        values: tuple[Any, ...] = tuple(typed)
+    else:
+        text = typed if isinstance(typed, str) else ",".join(typed)
+        if not isinstance(entry.default, tuple | str) and (match := _RANGE.match(text)):
+            return _range(entry, match)
+        values = tuple(_one(entry, part.strip()) for part in text.split(","))
+    if not values or len(set(values)) < len(values):
+        raise InputError(f"{entry.name}: expected different values, at least one, got {typed!r}")
     return values
 
 
