@@ -40,9 +40,9 @@ class CertifiedNullSpace(NamedTuple):
     energy, with the evidence for their number.
 
     `null_space` is the `NullSpace`, `certificate` the `Certificate` of its rank, `proof` the energies on exact
-    geometry, None where they were not computed. `energies()` gives the triangular factor R (at most P, P) of the
-    differences H = Q R of energies at random states, in J per SI unit of each parameter; `states` says in words where
-    these states come from. Nothing is checked at construction.
+    geometry, None where they were not computed. `energies()` returns the triangular factor R (n, P), n at most P, of
+    the differences H = Q R of energies between successive random states, in J per SI unit of each parameter; `states`
+    says in words where these states come from. Nothing is checked at construction.
     """
 
     null_space: NullSpace

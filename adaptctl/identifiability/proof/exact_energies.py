@@ -72,11 +72,11 @@ class ExactEnergies:
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
         """Indices (k,), from 0 and rising, of the k of P inertial parameters that stay when the others are removed in
-        an `order` (P,) of indices, the first removed first, on exact geometry.
+        an `order` (P,) of indices, the first removed first, by energies on exact geometry, without round-off.
 
-        A parameter is removed when those that are left make up for it, so that those that stay are the columns of
-        energies that are independent of the columns after them in the order. May raise `ArithmeticError` where loops do
-        not close on the exact geometry.
+        A parameter stays where its column of energies is independent of the columns after it in the order. Raises
+        `IndexError` for an index of P or more; may raise `ArithmeticError` where loops do not close on the exact
+        geometry.
         """
         backward = list(order)[::-1]
         if self.closed:
