@@ -85,8 +85,8 @@ class ExactEnergies:
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
         """True if an `order` (P,) of removal, indices of P inertial parameters, the first removed first, leaves just
-        the parameters `kept` (k,), rising indices, with the geometry described from axis to axis or from frame to
-        frame.
+        the parameters `kept` (k,), rising indices, with the geometry described from joint axis to joint axis, or from
+        frame to frame as in the file.
 
         Either will do: the one from axis to axis has all that the rank depends on, but where axes are skew it may lose
         zeros among the file's offsets, which decide what is kept; the one from frame to frame has these zeros, but may
