@@ -97,11 +97,11 @@ class AddedMass:
 
     @property
     def components(self) -> int:
-        """Least number of essential components that keep the mechanism's energy, with the added body, to an error of
-        `percent` (%; Sheu and Walker 1991, equation 23). Essential components are combinations of the inertial
-        parameters, the right singular vectors of the task's energies. Raises `InputError` for an unknown link and for a
-        percentage that is no finite number of at least 0, `RankError` where the number of identifiable parameters
-        cannot be certified."""
+        """Least number of essential components that keep the mechanism's root mean square energy, with the added body,
+        to an error of `percent` (%; Sheu and Walker 1991, equation 23). Essential components are combinations of the
+        inertial parameters, the right singular vectors of the task's energies. Raises `InputError` for an unknown link
+        and for a percentage that is no finite number of at least 0, `RankError` where the number of identifiable
+        parameters cannot be certified."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property

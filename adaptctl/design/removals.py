@@ -154,8 +154,9 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
 def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Removal | None:
     """The change of a design, a `Removal`, by which the inertial parameters named in `known`, such as "link3.I_xy", are
     zero by symmetry; None where as many parameters are needed as before. `link` is the name of the link to change,
-    empty, the default, for several. Raises `InputError` for the name of no inertial parameter of the task's mechanism,
-    `RankError` where the number of identifiable parameters cannot be certified."""
+    empty, the default, for several; it is only kept in the result. Which `known` belong to a symmetry is not checked.
+    Raises `InputError` for the name of no inertial parameter of the task's mechanism, `RankError` where the number of
+    identifiable parameters cannot be certified."""
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
     if wrong:

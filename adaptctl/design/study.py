@@ -56,10 +56,11 @@ class DesignStudy:
 
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
-        """The cheapest and the dearest place on every link for a point with the body's mass, as `LinkCost`: places
-        (3,), m in the link's frame, and relative changes (unitless) of the root mean square energy, kinetic plus
-        potential, about its mean over the task's states. Raises `InputError` for a body without mass and a task with
-        constant energy, `NonFiniteError` for bounds so far that the energy is too large for numbers."""
+        """The cheapest and the dearest place on every link, of 9 along each edge of its box of places, for a point with
+        the body's mass, as `LinkCost`: places (3,), m in the link's frame, and relative changes (unitless) of the root
+        mean square energy, kinetic plus potential, about its mean over the task's states. Raises `InputError` for a
+        body without mass and a task with constant energy, `NonFiniteError` for bounds so far that the energy is too
+        large for numbers."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property

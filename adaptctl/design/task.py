@@ -51,9 +51,10 @@ class DesignTask:
     A cost of a design is the norm |M D| of a matrix M (n, P), of n <= P rows, times the P inertial parameters D (P,),
     ten a link (kg, kg m, kg m^2) and rotor inertias (kg m^2, kg for a prismatic joint), without friction. At
     construction raises `InputError` for arrays of other shapes or of fewer than two states, for a mechanism with
-    relations that bind some of its inertial parameters, and for positions and velocities that are alike to 1e-9: a task
-    without motion has no energy to judge by; `NonFiniteError` for NaN or infinity. With loops, anything computed from
-    states near locked loops raises `SingularityError`; states too large for numbers, `NonFiniteError`.
+    relations that bind some of its inertial parameters, and for positions and velocities that are alike to 1e-9 rad, m,
+    rad/s or m/s: a task without motion has no energy to judge by; `NonFiniteError` for NaN or infinity. With loops,
+    anything computed from states near locked loops raises `SingularityError`; states too large for numbers,
+    `NonFiniteError`.
     """
 
     mechanism: Mechanism
@@ -220,9 +221,9 @@ class DesignTask:
     def weights(self, parameters: ArrayLike | None = None) -> Array:
         """Shares (k,), unitless, of the root mean square energy about its mean over the task's states that each of the
         k fundamental (base) parameters makes alone, in the order of `basis`, for P inertial parameters (P,) in SI
-        units, by default (None) the mechanism's own. Raises `InputError` for another shape of parameters,
-        `NonFiniteError` where one is not finite or the energy is too large for numbers, `RankError` where the number of
-        identifiable parameters cannot be certified."""
+        units, by default (None) the mechanism's own. Where the energy is constant (`require_energy` checks it) they say
+        nothing. Raises `InputError` for another shape of parameters, `NonFiniteError` where one is not finite or the
+        energy is too large for numbers, `RankError` where the number of identifiable parameters cannot be certified."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
@@ -303,10 +304,11 @@ class DesignTask:
 
 def component_counts(weights: Array, percent: float) -> Array:
     """The least numbers (...) of essential components that keep the root mean square energy to an error of `percent`
-    (%; Sheu and Walker 1991, equation 23): the root of the summed squares of the weights left out is at most that
-    percentage of that of all. `weights` (..., k), in J, are the root mean square energies of each of k essential
-    components, which are combinations of the inertial parameters, the right singular vectors of the energies. Raises
-    `InputError` for a percentage that is no finite number of at least 0."""
+    (%): the components of the least weight are left out as long as the root of their summed squares is at most
+    `percent`/100 of the root of the summed squares of all (Sheu and Walker 1991, equation 23). `weights` (..., k), in
+    J, are the root mean square energies of each of k essential components, which are combinations of the inertial
+    parameters, the right singular vectors of the energies. Raises `InputError` for a percentage that is no finite
+    number of at least 0."""
     percent = real_number(percent, "percent")
     if not 0.0 <= percent < np.inf:
         raise InputError(f"percent: expected a percentage of at least 0, got {percent}")

@@ -31,9 +31,9 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
 
     `schema` is the file format's name, `robot` the mechanism; `rank` is k; `gap`, positive and without a unit, the
     ratio of the smallest singular value that counts for the rank to the next. `parameters` are the names of all P, at
-    most 4000, such as ``link3.m``, `scales` P positive numbers in SI units per J: parameters over these are comparable.
-    `regrouping` has for each kept parameter, by name, the removed ones that are added to it, with their factors in SI
-    units. Nothing is checked at construction, but in `read`.
+    most 4000, such as ``link3.m``, `scales` P positive numbers in SI units per J: parameters divided by these are
+    comparable. `regrouping` has for each kept parameter, by name, the removed ones that are added to it, with their
+    factors in SI units. Nothing is checked at construction, but in `read`.
     """
 
     schema: Literal["adaptctl/fundamental-basis/1"]

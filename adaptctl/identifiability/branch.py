@@ -25,9 +25,9 @@ FEWEST = 100
 
 
 def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
-    """Positions (m, r), rad (m for a prismatic joint), of a mechanism's r primary joints, in which its closed loops can
-    be closed: random `positions` (m, r), those of joints that move a loop brought onto the assembly branch of the
-    reference configuration. A mechanism without loops keeps all.
+    """Positions (n, r), rad (m for a prismatic joint), of a mechanism's r primary (independently moving) joints, in
+    which its closed loops can be closed: random `positions` (n, r), those of joints that move a loop brought onto the
+    assembly branch of the reference configuration. A mechanism without loops keeps all.
 
     Each sample of the joints that move a loop is a direction: from the reference they go along a straight line, as far
     as their limits, the mechanism's conditions (bounds on weighted sums of its positions) and the distance from
@@ -48,11 +48,11 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
 
 
 def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int], Array]) -> Array:
-    """The first `samples` positions (samples, r), rad (m for a prismatic joint), of a mechanism's r primary joints, out
-    of those that the function `draw` gives, at which its closed loops can be closed. A mechanism without loops takes
-    all that are drawn.
+    """The first `samples` positions (samples, r), rad (m for a prismatic joint), of a mechanism's r primary
+    (independently moving) joints, out of those that the function `draw` gives, at which its closed loops can be closed.
+    A mechanism without loops takes all that are drawn.
 
-    `draw`, called with a number m, gives m random positions (m, r). Those are taken that keep the mechanism's
+    `draw`, called with a number n, gives n random positions (n, r). Those are taken that keep the mechanism's
     conditions (bounds on weighted sums of its positions) and, loops closed, the limits of all the tree's joints, and
     that a straight line from the reference reaches without coming near a singularity. Raises `InputError` when a
     hundred draws, of at least 100 positions each, do not give enough, `LoopError` where loops do not fit together.

@@ -40,9 +40,9 @@ class CertifiedNullSpace(NamedTuple):
     energy, with the evidence for their number.
 
     `null_space` is the `NullSpace`, `certificate` the `Certificate` of its rank, `proof` the energies on exact
-    geometry, None where they were not computed. `energies()` gives the triangular factor R (at most P, P) of the
-    differences H = Q R of energies at random states, in J per SI unit of each parameter; `states` says in words where
-    these states come from. Nothing is checked at construction.
+    geometry, None where they were not computed. `energies()` returns the triangular factor R (n, P), n at most P, of
+    the differences H = Q R of energies between successive random states, in J per SI unit of each parameter; `states`
+    says in words where these states come from. Nothing is checked at construction.
     """
 
     null_space: NullSpace
@@ -62,10 +62,11 @@ def certified(
     friction) that change no energy, found by the `method` asked for.
 
     "svd" takes the singular value decomposition of energy differences at `samples` random states, drawn by `seed`;
-    "transfers", for trees alone, the geometry, joint by joint; "automatic" transfers for trees of 100 parameters or
-    more, if their rank can be certified so, and else "svd". `prove` adds the rank on exact geometry, None unless loops
-    are closed and nothing is nearly special (below), False never. `near` is for angles or lengths that are nearly, but
-    not exactly, special, and would make another rank if they were: "refuse" raises, "as_is" takes them as they stand.
+    "transfers", for trees alone, takes the geometry, joint by joint; "automatic" takes transfers for trees of 100
+    parameters or more, if their rank can be certified so, and else "svd". With `prove` the rank is also computed on
+    exact geometry; None does so unless loops are closed and nothing is nearly special (below), False never. `near` is
+    for angles or lengths that are nearly, but not exactly, special, and would make another rank if they were: "refuse"
+    raises, "as_is" takes them as they stand.
 
     Raises `RankError` where the rank cannot be certified or is refused, `InputError` for a `method` or `near` that is
     unknown, and for transfers of a mechanism that is no tree, has constrained parameters, or drives that turn with

@@ -58,17 +58,17 @@ class Lift:
 
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
-    """The lift of k fundamental parameters beta (k,) to the P physically consistent full (inertial and friction) ones
-    that are nearest to a prior (P,), all in SI units; beta in the order of the model's `names`, the prior in that of
-    its mechanism's `parameter_names`.
+    """The lift, a `Lift`, of k fundamental parameters beta (k,) to P full (inertial and friction) ones that are
+    physically consistent (rigid bodies can have them) and of these the nearest to a prior (P,), all in SI units; beta
+    in the order of the model's `names`, the prior in that of its mechanism's `parameter_names`.
 
     Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is meant
-    by the Bregman divergence sum_i tr(Q_i^-1 P_i) - log det(Q_i^-1 P_i) of the links' pseudo-inertias P_i (4, 4) from
+    by the Bregman divergence sum_i tr(Q_i^-1 J_i) - log det(Q_i^-1 J_i) of the links' pseudo-inertias J_i (4, 4) from
     the prior's Q_i, which depends on no units and no frames (Lee, Wensing and Park 2020). The prior must be consistent;
-    None takes the mechanism's own parameters. Where no rigid bodies have beta, those count whose fundamental parameters
-    are nearest to beta, in the least squares of SI units, or farther by a thousandth at most (a tenth, where the solver
-    needs it), and of them the nearest to the prior is taken: the lift's `realisable` and `distance` tell. Rotor inertia
-    and friction stay positive.
+    None takes the mechanism's own parameters. Where no rigid bodies have beta, let d be the least distance from beta,
+    by least squares of the numbers in SI units, of what rigid bodies have: the result is the nearest to the prior of
+    those within 1.001 d of beta (up to 1.1 d, where the solver needs it). The lift's `realisable` and `distance` tell.
+    Rotor inertia and friction stay positive.
 
     A semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without cvxpy and Clarabel (the extra
     `consistency`), `InputError` for a mechanism whose constraints take parameters away, on wrong shapes, for numbers

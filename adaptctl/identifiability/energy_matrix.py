@@ -18,9 +18,9 @@ BLOCK = 1024
 
 def energies(mechanism: Mechanism, states: States) -> Array:
     """The energies (samples, P), kinetic plus potential, in J per SI unit of each of a mechanism's P inertial
-    parameters (all but friction), at `states`, `samples` positions and velocities of the primary joints. Raises
-    `InputError` for states of another number of joints, `SingularityError` near positions in which closed loops
-    lock."""
+    parameters (all but friction), at `states`, `samples` positions and velocities of the primary (independently moving)
+    joints. Raises `InputError` for states of another number of joints, `SingularityError` near positions in which
+    closed loops lock."""
     return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.energetic]
 
 
@@ -35,13 +35,14 @@ def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Ar
 
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:
-    """The matrix H (samples - 1, P) of differences of energies, kinetic plus potential, between each of the `states`
-    (`samples` positions and velocities of the primary joints) and the next, in J per SI unit of each of a mechanism's P
-    inertial parameters, all but friction (Sheu and Walker 1991, equations 8 and 13).
+    """The matrix H (samples - 1, P) of energy differences between successive `states`, `samples` positions and
+    velocities of the primary (independently moving) joints: row i is the energy in state i + 1 less that in state i,
+    kinetic plus potential, in J per SI unit of each of a mechanism's P inertial parameters, all but friction (Sheu and
+    Walker 1991, equations 8 and 13).
 
-    Differences matter: the energies themselves hold the potential's constant, which changes no torque, and have one
-    rank too many. Raises `InputError` for states of another number of joints, `SingularityError` near positions in
-    which closed loops lock.
+    The energies themselves hold the potential's constant, which changes no torque; with it, the rank may be one too
+    many. Raises `InputError` for states of another number of joints, `SingularityError` near positions in which closed
+    loops lock.
     """
     return np.diff(energies(mechanism, states), axis=0)
 
@@ -51,10 +52,10 @@ class EnergyFactor:
     """Triangular factor R of the differences H = Q R, Q orthonormal, of energies between successive states: it has H's
     singular values and right singular vectors, and is updated as states come.
 
-    `triangle` is R (at most P, P), in J per SI unit of each of P inertial parameters, or H itself while it has at most
-    P rows; `square_sums` (P,) are the sums of squares of the energies themselves, each in the square of its energies'
-    unit, and `last` (1, P) the energies of the last state, from which the next one's are subtracted. Made by `of`;
-    nothing is checked at construction.
+    `triangle` is R (n, P), n at most P, in J per SI unit of each of P inertial parameters, or H itself while it has at
+    most P rows; `square_sums` (P,) are the sums of squares of the energies themselves, in the square of that unit, and
+    `last` (1, P) the energies of the last state, from which the next one's are subtracted. Made by `of`; nothing is
+    checked at construction.
 
     Blocks of rows are put under R and factored again (TSQR: Demmel, Grigori, Hoemmen and Langou 2012), so memory does
     not grow with the samples. Columns may be scaled afterwards, without loss of accuracy, since Householder's R is
@@ -95,9 +96,9 @@ class EnergyFactor:
 
 
 def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
-    """The rows (m, P), m at least 2 P, of a mechanism's torque regressors at random states and accelerations, drawn
-    with NumPy's `generator`, one state above the other, a row for each primary joint: in N m per SI unit of each of P
-    inertial parameters (all but friction).
+    """The rows (n, P), n at least 2 P, of a mechanism's torque regressors at random states and accelerations, drawn
+    with NumPy's `generator`, state after state, a row for each primary (independently moving) joint: in N m per SI unit
+    of each of P inertial parameters (all but friction).
 
     Forces of prismatic joints are made torques by the mechanism's characteristic length in m. Raises `InputError` for a
     reference configuration that breaks the mechanism's conditions (bounds on its positions).

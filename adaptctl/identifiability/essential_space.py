@@ -43,9 +43,9 @@ class EssentialSpace:
     `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are read-only.
 
     `search` holds the mechanism and the settings by which the null space is found, `certificate` proves its rank k,
-    `states` says in words where the states of H come from, `energies` gives the triangular factor R (at most P, P) of H
-    = Q R, in the units of H; None for the random states of the search. Made by `essential_space`; nothing is checked at
-    construction.
+    `states` says in words where the states of H come from, `energies()` returns the triangular factor R (n, P), n at
+    most P, of H = Q R, in the units of H; None for the random states of the search. Made by `essential_space`; nothing
+    is checked at construction.
     """
 
     search: Search
@@ -105,9 +105,9 @@ class EssentialSpace:
 
     @cached_property
     def scales(self) -> Array:
-        """The scales (P,) of the P inertial parameters D, their SI units per J, so that D / scales, all in J, compare
-        with one another: each one over the root of the summed squares of the energies that a unit of its parameter has
-        at 46 random states, small ones taken as at least a thousandth of the largest."""
+        """The scales (P,), read-only, in SI units per J, that make the P inertial parameters D comparable: D / scales
+        are all in J. A parameter's scale is 1/e, where e is the root of the summed squares of the energies that a unit
+        of it has at 46 random states; for a parameter of hardly any energy it is less than 1/e."""
         return frozen_array(self.null_space.scales, (len(self.parameter_names),), "scales")
 
     @cached_property

@@ -21,8 +21,7 @@ def triangle(matrix: Array) -> Array:
     """The triangular factor R (n, n) of the QR factors of a tall matrix (m, n), in its unit: it has the matrix's
     singular values and right singular vectors. A matrix of at most n rows is returned as it is. Nothing is checked.
 
-    The singular values of R cost a tenth of those of a long mechanism's tall regressor, on whose lacking rank the
-    decomposition dwells.
+    It saves time: a singular value decomposition of R takes a tenth of that of the tall regressor of a long mechanism.
     """
     if matrix.shape[0] <= matrix.shape[1]:
         return matrix

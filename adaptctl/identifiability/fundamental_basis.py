@@ -29,14 +29,15 @@ class FundamentalBasis:
     others onto them.
 
     For all positions p, velocities v and accelerations a, Y(p, v, a) D = Y[:, columns] beta, with the torque regressor
-    Y (r, P) of r joints, the inertial parameters D (P,) without friction, and the fundamental ones beta = K D, K the
-    `regrouping` (k, P) in SI units. It depends on the geometry and gravity only of the mechanism named, by their
-    SHA-256 hash `geometry_sha256`: its inertial values may change. `parameter_names` are P, `columns` (k,) the rising
-    indices of the kept ones; parameters over `scales` (P,), positive and in SI units per J, are comparable; `gap`,
-    positive and without a unit, is the ratio of the smallest singular value that counts for the rank to the next;
-    `passed_over` names kept parameters that the priority, the order of removal, would remove, but that those removed
-    before nearly determine (none after `load`). Raises `InputError` for columns that are no rising indices,
-    columns, regrouping and scales that do not fit together, and scales or a gap that are not positive and finite.
+    Y (r, P) of r primary (independently moving) joints, the inertial parameters D (P,) without friction, and the
+    fundamental ones beta = K D, K the `regrouping` (k, P) in SI units. It depends on the geometry and gravity only of
+    the mechanism named, by their SHA-256 hash `geometry_sha256`: its inertial values may change. `parameter_names` are
+    P, `columns` (k,) the rising indices of the kept ones; parameters divided by `scales` (P,), positive and in SI units
+    per J, are comparable; `gap`, positive and without a unit, is the ratio of the smallest singular value that counts
+    for the rank to the next; `passed_over` names kept parameters that the priority, the order of removal, would remove,
+    but that those removed before nearly determine (none after `load`). Raises `InputError` for columns that are no
+    rising indices, columns, regrouping and scales that do not fit together, and scales or a gap that are not positive
+    and finite.
     """
 
     mechanism_name: str
@@ -102,8 +103,9 @@ class FundamentalBasis:
         return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
 
     def equations(self) -> tuple[str, ...]:
-        """The regrouping equations, one for each of the k kept parameters, as text in SI units, with a star at a
-        parameter that others are regrouped into, such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``."""
+        """The regrouping equations, one for each of the k kept parameters, as text in SI units: a kept parameter's name
+        with a star is its fundamental parameter, the sum of itself and of what is regrouped onto it, such as
+        ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``."""
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
     def _repr_html_(self) -> str:
@@ -151,10 +153,10 @@ def fundamental_basis(
     removing the others in the order of a `priority`, the first first, and regrouping them onto the k.
 
     A priority of None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy, I_xz,
-    I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. A parameter is removed where more than
-    `tolerance` (a length without a unit, above 0 and below 1/sqrt(P), 1e-3 unless given) of its row of the space's
-    `scaled_null_basis` is left by those removed before. Where the space has a proof (a rank on exact geometry), the
-    kept parameters are also found there; with `prove` it must have one, or `InputError` is raised.
+    I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. A parameter is removed where its row
+    of the space's `scaled_null_basis` (P, P-k), less its projection on the rows of those removed before, is longer than
+    `tolerance` (without a unit, above 0 and below 1/sqrt(P), 1e-3 unless given). Where the space has a proof (a rank on
+    exact geometry), the kept parameters are also found there; with `prove` it must have one, or `InputError` is raised.
 
     Raises `RankError` when exact geometry keeps other parameters and the tolerance does not explain it, when the kept
     parameters have another rank than the space, and when the null vectors determine the regrouping too poorly

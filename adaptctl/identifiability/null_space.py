@@ -32,22 +32,22 @@ class NullSpace(Protocol):
     @property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of a mechanism's P inertial
-        parameters over `scales` (P,) that change no energy and no torque."""
+        parameters divided by `scales` (P,) that change no energy and no torque."""
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
         """The regrouping that removes P-k of P scaled parameters in an order of removal, k the rank, and adds them to
         the k that are kept.
 
-        `order` (P,) has the parameters' indices, from 0, the first removed first. A parameter is removed where more
-        than `tolerance` (a length without a unit, between 0 and 1/sqrt(P)) of its row of the null vectors (P, P-k) is
-        left beside the rows of those removed before. Raises `InputError` for another tolerance.
+        `order` (P,) has the parameters' indices, from 0, the first removed first. A parameter is removed where its row
+        of the null vectors (P, P-k), less its projection on the rows of those removed before, is longer than
+        `tolerance` (without a unit, between 0 and 1/sqrt(P)). Raises `InputError` for another tolerance.
         """
 
 
 def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Array]:
     """Orthonormal bases V2 (P, P-k) of the null space of a regressor among P unscaled parameters, and (P, k) of its
     complement, k the rank. `scaled_null_basis` (P, P-k) are null vectors of the regressor times `scales` (P,), of full
-    column rank, that is directions of the parameters over `scales`. Nothing is checked.
+    column rank, that is directions of the parameters divided by `scales`. Nothing is checked.
 
     They come from Householder's QR of the vectors mapped back, rows sorted by size and columns pivoted, which keeps
     small rows as accurate as large ones (Cox and Higham 1998). On the PUMA with lengths in m, mm and um, null vectors
@@ -69,11 +69,13 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
 
 def null_residual(regressor: Array, null_basis: Array, scales: Array) -> float:
     """The largest torque that any null vector makes, relative to the largest that a vector of its size could make,
-    without a unit; 0 where there are no null vectors, or the regressor is zero. Round-off is about 1e-15.
+    without a unit: the largest, over the null vectors n_j, of max|Y n_j| / (max|Y S| max|S^-1 n_j|), where S is the
+    diagonal matrix of the `scales`, and max|.| the largest entry in size. It is 0 where there are no null vectors, or Y
+    is zero; round-off is about 1e-15.
 
-    `regressor` (m, P) has rows of the torque regressor, in N m per SI unit of each of P parameters, `null_basis` (P,
-    P-k) unscaled null vectors; the size of both is taken with parameters over `scales` (P,), in SI units. Nothing is
-    checked.
+    `regressor` Y (n, P) has rows of the torque regressor, in N m per SI unit of each of P parameters; `null_basis` (P,
+    P-k) has the n_j, null vectors of the unscaled parameters, as columns, k the rank; `scales` (P,) are in SI units per
+    J. Nothing is checked.
     """
     if null_basis.shape[1] == 0 or not regressor.any():
         return 0.0

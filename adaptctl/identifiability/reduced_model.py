@@ -25,11 +25,11 @@ class ReducedModel(Keyed):
     """A reduced model: a mechanism's equations of motion on the k parameters that a fundamental basis keeps; on all P
     where `basis` is None.
 
-    For r primary joints, torques tau = Y[:, columns] beta (r,), N m (N for a prismatic joint), with the torque
-    regressor Y (r, P) and fundamental parameters beta (k,), SI units: the columns of the parameters that were removed
-    are never computed. The k are those of the basis, and all friction after them. The basis may come from any mechanism
-    of the same geometry, gravity and link names. Raises `InputError` for what is no basis, one of another geometry,
-    gravity or link names, and one whose regrouping changes energies.
+    For r primary (independently moving) joints, torques tau = Y[:, columns] beta (r,), N m (N for a prismatic joint),
+    with the torque regressor Y (r, P) and fundamental parameters beta (k,), SI units: the columns of the parameters
+    that were removed are never computed. The k are those of the basis, and all friction after them. The basis may come
+    from any mechanism of the same geometry, gravity and link names. Raises `InputError` for what is no basis, one of
+    another geometry, gravity or link names, and one whose regrouping changes energies.
     """
 
     mechanism: Mechanism
@@ -89,8 +89,8 @@ class ReducedModel(Keyed):
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """The torque regressor Y[:, columns] (..., r, k) of r primary joints and the k kept parameters: times the
-        fundamental parameters (k,) in SI units it gives torques in N m (N for a prismatic joint).
+        """The torque regressor Y[:, columns] (..., r, k) of r primary (independently moving) joints and the k kept
+        parameters: times the fundamental parameters (k,) in SI units it gives torques in N m (N for a prismatic joint).
 
         At positions p, rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), all (..., r). Written
         to `out`, float64 (..., r, k), a new array where None. Raises `InputError` on a wrong shape, `NonFiniteError` on
@@ -102,9 +102,10 @@ class ReducedModel(Keyed):
     def slotine_li_regressor(
         self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, out: Array | None = None
     ) -> Array:
-        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of r primary joints and the k kept parameters: times the
-        fundamental parameters (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r + g(p) + friction at v_r, N
-        m (N for a prismatic joint), with the mass matrix M, the Coriolis matrix C and the gravity torques g.
+        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of r primary (independently moving) joints and the k
+        kept parameters: times the fundamental parameters (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r +
+        g(p) + friction at v_r, N m (N for a prismatic joint), with the mass matrix M, the Coriolis matrix C and the
+        gravity torques g.
 
         At positions p, rad (m), velocities v and reference velocities v_r, rad/s (m/s), and reference accelerations
         a_r, rad/s^2 (m/s^2), all (..., r). Written to `out`, float64 (..., r, k), a new array where None. Raises
@@ -117,9 +118,9 @@ class ReducedModel(Keyed):
     def inverse_dynamics(
         self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None, out: Array | None = None
     ) -> Array:
-        """Torques (..., r) of r primary joints, N m (N for a prismatic joint), that give the accelerations a, rad/s^2
-        (m/s^2), at positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with the k fundamental parameters
-        beta (..., k) in SI units, None for the mechanism's own.
+        """Torques (..., r) of r primary (independently moving) joints, N m (N for a prismatic joint), that give the
+        accelerations a, rad/s^2 (m/s^2), at positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with the
+        k fundamental parameters beta (..., k) in SI units, None for the mechanism's own.
 
         Written to `out`, float64 (..., r), a new array where None. Raises `InputError` on a wrong shape,
         `NonFiniteError` on NaN or infinity, `SingularityError` near a singularity of closed kinematic loops.

@@ -20,21 +20,21 @@ class Reduction:
     """A reduction to essential components: P inertial parameters as a sum of k parts, only the weightiest of which are
     kept (Sheu and Walker 1991, section 3.2).
 
-    It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters it
-    was made with: others change the weights. `components` (k, P), by falling size of their weight, are in the
-    parameters' SI units, k the space's rank, and the first `kept` of them sum to the reduced parameters; `weights`
-    (k,), J, are by size the root of the summed squares, over the samples, of the energy differences between successive
-    states that each makes; `order` (k,) has the columns, from 0, of the essential space's `basis` V1 that they come
-    from; `percent_errors` (k + 1,) are the errors in these energy differences, likewise summed, in percent of all
-    (equation 23), when 0, 1, ... k are kept. Made by `reduce`, with read-only arrays; nothing is
-    checked at construction.
+    It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters D
+    (P,) it was made with: others change the weights. `components` (k, P), by falling size of their weight, are in the
+    parameters' SI units, k the space's rank, and the first `kept` of them sum to the reduced parameters. With H c the
+    energy differences (J) that parameters c make between successive states, and |.| the root of the summed squares, the
+    size of each of the `weights` (k,), J, is |H c| of its component c; `order` (k,) has the columns, from 0, of the
+    essential space's `basis` V1 that the components come from; `percent_errors` (k + 1,) are the errors 100 |H (D' -
+    D)| / |H D| in percent (equation 23) of the sums D' of the first 0, 1, ... k components. Made by `reduce`, with
+    read-only arrays; nothing is checked at construction.
     """
 
     states: str
     components: Array
     """Components alpha_j v_j (k, P) by falling weight; the first s sum to the reduced parameters."""
     weights: Array
-    """Weights beta_j = sigma_j v_j' D (k,) by falling size, in J times the root of the number of samples."""
+    """Weights beta_j = sigma_j v_j' D (k,) by falling size, in J."""
     order: tuple[int, ...]
     """Columns (k,) of V1 that the components come from."""
     percent_errors: Array
@@ -44,9 +44,9 @@ class Reduction:
 
     @property
     def percent_error(self) -> float:
-        """The energy error of the reduced parameters, the sum of the `kept` components, in percent: the root of the
-        summed squares of the errors in the energy differences between successive states, over that of these differences
-        themselves."""
+        """The energy error, in percent, of the reduced parameters D', the sum of the `kept` components: 100 |H (D' -
+        D)| / |H D| for the parameters D, where H D are the energy differences (J) between successive states, and |.| is
+        the root of the summed squares."""
         return float(self.percent_errors[self.kept])
 
     def parameters(self, components: int | None = None) -> Array:
@@ -71,12 +71,12 @@ def reduce(
     space's `basis`) with an energy error of at most `energy_error` percent, or to a number of `components`, from 0 to
     the space's rank.
 
-    `parameters` are inertial parameters (P,) in SI units, without friction, or a mechanism that has them. The error is
-    the root of the summed squares of the errors in the energy differences between successive samples of the space's
-    `states`, in percent of that of these differences themselves (equation 22 of Sheu and Walker 1991). Raises
-    `InputError` unless one of `energy_error` and `components` is given, the other None; for an `energy_error` below 0,
-    not finite or no number, and `components` out of range or no whole number; and for parameters of a wrong shape, not
-    finite, or without energy differences between the states.
+    `parameters` are inertial parameters (P,) in SI units, without friction, or a mechanism that has them. The error, in
+    percent, is 100 |H (D' - D)| / |H D| for the parameters D and the reduced ones D', where H D are the energy
+    differences (J) between successive ones of the space's `states`, and |.| is the root of the summed squares (equation
+    22 of Sheu and Walker 1991). Raises `InputError` unless one of `energy_error` and `components` is given, the other
+    None; for an `energy_error` below 0, not finite or no number, and `components` out of range or no whole number; and
+    for parameters of a wrong shape, not finite, or without energy differences between the states.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")

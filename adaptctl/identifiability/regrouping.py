@@ -26,10 +26,11 @@ class Regrouping:
     """A regrouping of P scaled parameters onto k kept ones: kept + `coefficients` @ removed gives the same energies and
     torques as all P.
 
-    Scaled parameters are those of a mechanism over scales (P,) that make them comparable, all in J. `kept` (k,),
+    Scaled parameters are those of a mechanism divided by scales (P,) that make them comparable, all in J. `kept` (k,),
     rising, and `removed` (P-k,), in any order, are indices from 0; `coefficients` C (k, P-k) are without a unit; `rank`
-    is that of a regressor's kept columns, k if all is well; `passed_over` has the indices of kept parameters that the
-    order of removal would remove, but that those removed before nearly determine. Nothing is checked at construction.
+    is the rank of a regressor's kept columns, k if they are independent, or if no regressor was looked at;
+    `passed_over` has the indices of kept parameters that the order of removal would remove, but that those removed
+    before nearly determine. Nothing is checked at construction.
     """
 
     kept: tuple[int, ...]
@@ -65,9 +66,9 @@ class Regrouping:
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
     def leaves_more_than(self, tolerance: float, order: Sequence[int]) -> bool:
-        """True if the regrouping can also be found by rows of the null vectors with a `tolerance`, a length without a
-        unit: if of each removed parameter's row of the orthonormal null vectors (P, P-k) more than that is left beside
-        the rows of those removed before it. `order` (P,) has all parameters' indices, the first removed first; it is
+        """True if the regrouping can also be found by rows of the null vectors with a `tolerance` (without a unit): if
+        each removed parameter's row of the orthonormal null vectors (P, P-k), less its projection on the rows of those
+        removed before it, is longer than that. `order` (P,) has all parameters' indices, the first removed first; it is
         not checked.
 
         With the regrouping's coefficients C (k, P-k), the null vectors are [-C; 1] = Z B, Z orthonormal, and the
@@ -105,9 +106,9 @@ def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -
     (P, P-k) are independent: K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991), where F1' and F2'
     pick the kept and the removed parameters' rows.
 
-    `null_basis` is Z, orthonormal; `order` (P,) has all indices from 0, the first removed first; more than `tolerance`
-    (a length without a unit) must be left of a row beside those taken before. Raises `InputError` for a tolerance that
-    is not between 0 and 1/sqrt(P).
+    `null_basis` is Z, orthonormal; `order` (P,) has all indices from 0, the first removed first; a row counts as
+    independent where it, less its projection on the rows taken before, is longer than `tolerance` (without a unit).
+    Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
     """
     gone, passed_over = removed_and_passed_over(null_basis, order, tolerance)
     kept, removed = sorted(set(order) - set(gone)), list(gone)

@@ -16,7 +16,7 @@ ALIKE = 1e-9
 
 def regrouping_equations(regrouping: Array, columns: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
     """The regrouping equations, k texts such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, in SI units,
-    one for each kept parameter; a star marks the regrouped one.
+    one for each kept parameter: its name with a star is the sum of itself and of what is regrouped onto it.
 
     `regrouping` is the matrix K (k, P), in SI units, that makes the k kept parameters of all P, `columns` (k,) the kept
     ones' indices from 0, `names` (P,) all names. Coefficients below 1e-9 in size are left out; equal ones are put

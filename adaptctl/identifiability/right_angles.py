@@ -46,9 +46,10 @@ class NearRightAngle:
 
 
 def near_right_angles(description: Description, exact: float = EXACT) -> tuple[NearRightAngle, ...]:
-    """The near right angles of a described mechanism, a `NearRightAngle` for each pair of successive joint axes,
-    gravity standing before a joint on the ground, whose angle is within 1e-3 rad of a multiple of 90 degrees, but not
-    within `exact` (rad, 1e-11 by default). Empty where there are none."""
+    """The near right angles of a described mechanism: a `NearRightAngle` for each pair of successive joint axes whose
+    angle is within 1e-3 rad of a multiple of 90 degrees, but not within `exact` (rad, 1e-11 by default). For a joint on
+    the ground, the direction of gravity stands for the axis before it; without gravity it has no pair. Empty where
+    there are no near right angles."""
     meeting = list(meeting_axes(description))
     if not meeting:
         return ()

@@ -23,8 +23,8 @@ MOST = 4096
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """States of a mechanism's r primary joints: positions `p` in rad (m) and velocities `v` in rad/s (m/s), both
-    (samples, r), and their `origin`, where they come from, in words.
+    """States of a mechanism's r primary (independently moving) joints: positions `p` in rad (m for a prismatic joint)
+    and velocities `v` in rad/s (m/s), both (samples, r), and their `origin`, where they come from, in words.
 
     Raises `InputError` for arrays of other shapes and for fewer than two samples, `NonFiniteError` on NaN or infinity.
     """
@@ -71,9 +71,9 @@ def _offset(first: Pose, second: Pose) -> Array:
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
-    """Random states (`samples`, r) of r primary joints, drawn with NumPy's `generator`: positions uniform within +-pi
-    rad (prismatic joints: +-L in m), and normal velocities of mean zero and standard deviation sqrt(g/L) in rad/s
-    (times L in m/s).
+    """Random states (`samples`, r) of r primary (independently moving) joints, drawn with NumPy's `generator`:
+    positions uniform within +-pi rad (prismatic joints: +-L in m), and normal velocities of mean zero and standard
+    deviation sqrt(g/L) in rad/s (times L in m/s).
 
     L is the largest distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the
     mechanism's gravity (m/s^2), the standard one where it has none. Limits are ignored, but for joints that move a
@@ -101,7 +101,7 @@ def whereabouts(mechanism: Mechanism) -> str:
 def random_halves(
     mechanism: Mechanism, samples: int, generator: np.random.Generator
 ) -> tuple[Iterable[States], Iterable[States]]:
-    """Two halves of `samples` random states of a mechanism each, as iterables of `States`, drawn with NumPy's
+    """Two sets of random states of a mechanism, `samples` in each, as iterables of `States`, drawn with NumPy's
     `generator` as `random_states` does, and to be used up one after the other, the first first.
 
     More than 4096 states in all are drawn as they are used, 4096 at a time, so that any number of them needs the same
@@ -128,16 +128,18 @@ def _spans(count: int, most: int) -> Iterator[tuple[int, int]]:
 
 
 def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:
-    """Random accelerations (`samples`, r) of a mechanism's r primary joints, to go with `random_states`: normal, drawn
-    with NumPy's `generator`, of mean zero and standard deviation g/L in rad/s^2 (g in m/s^2 for a prismatic joint). L
-    is the mechanism's characteristic length in m, g its gravity in m/s^2, the standard one where it has none."""
+    """Random accelerations (`samples`, r) of a mechanism's r primary (independently moving) joints, to go with
+    `random_states`: normal, drawn with NumPy's `generator`, of mean zero and standard deviation g/L in rad/s^2 (g in
+    m/s^2 for a prismatic joint). L is the mechanism's characteristic length in m, g its gravity in m/s^2, the standard
+    one where it has none."""
     per_joint = np.where(_turns(mechanism), 1.0, characteristic_length(mechanism))
     return generator.normal(size=(samples, mechanism.dof)) * characteristic_rate(mechanism) ** 2 * per_joint
 
 
 def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> States:
-    """Random states (`samples`, r) of r primary joints, in rad (m) and rad/s (m/s), uniform within the joints' limits,
-    as Sheu and Walker (1991) sampled theirs, drawn by `seed`.
+    """Random states (`samples`, r) of r primary (independently moving) joints, positions in rad (m for a prismatic
+    joint) and velocities in rad/s (m/s), uniform within the joints' limits, as Sheu and Walker (1991) sampled theirs,
+    drawn by `seed`.
 
     Where a joint has no limit, a range of 2 pi rad (2 L in m) takes its place, about the mechanism's home position or
     from its other limit; where its velocity has none, sqrt(g/L) in rad/s (times L in m/s) does. L is the largest

@@ -33,9 +33,10 @@ FLOOR = 1e-15
 
 
 def length_scales(parameter_names: Sequence[str], length: float) -> Array:
-    """Factors (P,) 1, L and L^2 by which parameters of a body become comparable: for masses, first moments and moments
-    of inertia (rotor inertias among them), with a `length` L in m. `parameter_names` are P, such as ``link1.mc_x``, of
-    which the part after the last dot counts. Raises `KeyError` for friction and other names."""
+    """Factors (P,) of inertial parameters: 1, L and L^2 for masses, first moments, and moments of inertia (rotor
+    inertias among them), with a `length` L in m. Parameters divided by their factors are comparable. `parameter_names`
+    are P, such as ``link1.mc_x``, of which the part after the last dot counts. Raises `KeyError` for friction and other
+    names."""
     powers = np.array([LENGTH_POWERS[name.rsplit(".", 1)[-1]] for name in parameter_names], dtype=np.float64)
     return np.asarray(length**powers)
 
@@ -53,11 +54,11 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
     """Scales (P,), SI units per J, by which the columns of a regressor of P parameters are multiplied so that they are
     comparable, whatever the units and the size of the mechanism.
 
-    They are 1, L and L^2 for masses, first moments and moments of inertia, over the columns' norms so scaled, or over
-    1e-3 of the largest of these where a norm is below; 1, L and L^2 alone where all norms are 0. `norms` (P,), in J per
-    SI unit of each parameter, must be those of the energies themselves, not of their differences: a column that is
-    constant then keeps its size, and its round-off stays small. `parameter_names` are P, `length` is L in m. Raises
-    `KeyError` for friction and other names.
+    The scale of a column i of norm n_i is L_i / max(L_i n_i, 1e-3 max_j L_j n_j), where L_i is 1, L or L^2 for a mass,
+    a first moment or a moment of inertia, and L the `length` in m; it is L_i where all norms are 0. The `norms` (P,),
+    in J per SI unit of each parameter, must be those of the energies themselves, not of their differences: a column
+    that is constant then keeps its size, and its round-off stays small. `parameter_names` are P, such as
+    ``link1.mc_x``. Raises `KeyError` for friction and other names.
     """
     sizes = length_scales(parameter_names, length)
     scaled = norms * sizes
@@ -66,9 +67,9 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
 
 
 def energy_scales(mechanism: Mechanism, seed: int) -> Array:
-    """The scales (P,), SI units per J, that make a mechanism's P inertial parameters D (all but friction) comparable,
-    as D / scales: one over the root of the summed squares of the energies that a unit of each parameter has at 46
-    random states, drawn by `seed`, small ones taken as at least a thousandth of the largest.
+    """The scales (P,), SI units per J, that make a mechanism's P inertial parameters D (all but friction) comparable: D
+    / scales are all in J. A parameter's scale is 1/e, where e is the root of the summed squares of the energies that a
+    unit of it has at 46 random states, drawn by `seed`; for a parameter of hardly any energy it is less than 1/e.
 
     Choices among parameters of different units are made on D / scales, whichever way the null space was found. Raises
     `InputError` for a reference configuration that breaks the mechanism's conditions (bounds on its positions).
@@ -81,7 +82,7 @@ def energy_scales(mechanism: Mechanism, seed: int) -> Array:
 class NumericalRank:
     """The numerical rank k of a matrix with singular values sigma_1 >= sigma_2 >= ...: `rank` is k, where the values
     have their largest gap, 0 where all are round-off; `gap` is sigma_k/sigma_k+1 and `smallest` sigma_k/sigma_1, both
-    without a unit. Made by `of`; nothing is checked at construction."""
+    without a unit (1e15 and 1 for a rank of 0). Made by `of`; nothing is checked at construction."""
 
     rank: int
     gap: float
@@ -91,12 +92,12 @@ class NumericalRank:
 
     @classmethod
     def of(cls, singular_values: ArrayLike) -> NumericalRank:
-        """The numerical rank k at the largest ratio sigma_k/sigma_k+1 of `singular_values` (n,), falling; full rank, k
-        = n, is possible.
+        """The numerical rank k of `singular_values` sigma_1, ..., sigma_n, an array (n,), falling: the k, from 1 to n,
+        at which sigma_k/sigma_k+1 is largest.
 
-        Values are taken relative to the largest, sigma_1, and at least as 1e-15 of it. Where none is above 1e-12, as of
-        columns whose norms were made 1, the rank is 0, with a gap of 1e15. Raises `ValueError` for what is no array of
-        numbers.
+        Values below 1e-15 sigma_1, and sigma_n+1, count as 1e-15 sigma_1. The rank is 0, with a gap of 1e15, where
+        there are no values, or none above 1e-12: the matrix's columns are taken to have been scaled to norms of about
+        1. Raises `ValueError` for what is no array of numbers.
         """
         values = np.asarray(singular_values, dtype=np.float64)
         if values.max(initial=0.0) <= NOTHING:
@@ -169,7 +170,8 @@ class ScaledRegressor:
     @property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, of the scaled regressor of rank k: directions of P
-        inertial parameters over the columns' `scales` (P,) that change none of the regressor's energies or torques."""
+        inertial parameters divided by the columns' `scales` (P,) that change none of the regressor's energies or
+        torques."""
         return self.vectors[:, self.rank :]
 
     def rank_of(self, columns: Sequence[int]) -> int:
@@ -185,8 +187,8 @@ class ScaledRegressor:
 @dataclass(frozen=True, eq=False)
 class DecomposedNullSpace:
     """A null space of energies by singular value decomposition of a `ScaledRegressor`, the `regressor`: the directions
-    of P inertial parameters that change no energy, among parameters over `scales` (P,), positive, in SI units per J,
-    which need not be those of the regressor's columns. Nothing is checked at construction."""
+    of P inertial parameters that change no energy, among parameters divided by `scales` (P,), positive, in SI units per
+    J, which need not be those of the regressor's columns. Nothing is checked at construction."""
 
     regressor: ScaledRegressor
     scales: Array
@@ -200,8 +202,8 @@ class DecomposedNullSpace:
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of P inertial parameters D over the
-        null space's `scales` (P,), D / scales in J, that change no energy."""
+        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of P inertial parameters D divided
+        by the null space's `scales` (P,), D / scales in J, that change no energy."""
         vectors = self.regressor.null_basis * (self.regressor.scales / self.scales)[:, None]
         return np.asarray(np.linalg.qr(vectors)[0], dtype=np.float64)
 
@@ -209,9 +211,9 @@ class DecomposedNullSpace:
         """The regrouping that removes P-k of P scaled parameters in an order, k the rank, and adds them to the k kept
         ones; its `rank` is that of the regressor's kept columns.
 
-        `order` (P,) has all indices from 0, the first removed first. A parameter is removed where more than
-        `tolerance`, a length without a unit, of its row of the null vectors (P, P-k) is left beside those removed
-        before. Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
+        `order` (P,) has all indices from 0, the first removed first. A parameter is removed where its row of the null
+        vectors (P, P-k), less its projection on the rows of those removed before, is longer than `tolerance`, without a
+        unit. Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
         found = by_null_vectors(self.null_basis, order, tolerance)
         return replace(found, rank=self.regressor.rank_of(found.kept))

@@ -25,9 +25,10 @@ CLEAR = 1e-8
 
 
 def require_tolerance(tolerance: float, parameters: int) -> None:
-    """Raise `InputError` unless a `tolerance`, the length without a unit above which what is left of a null vectors'
-    row counts, is a number above 0 and below 1/sqrt(P), P the number of `parameters`. A larger one may not find all
-    independent rows."""
+    """Raise `InputError` unless a `tolerance` is a number above 0 and below 1/sqrt(P), P the number of `parameters`. A
+    row of the orthonormal null vectors (P, P-k), k the rank, counts as independent where it, less its projection on the
+    rows taken before, is longer than the tolerance (no unit); a larger tolerance may not find all P-k independent
+    rows."""
     most = 1.0 / np.sqrt(max(parameters, 1))
     if not 0.0 < real_number(tolerance, "tolerance") < most:
         raise InputError(f"tolerance: expected a number between 0 and {most:.2g}, got {tolerance:g}")
@@ -35,8 +36,8 @@ def require_tolerance(tolerance: float, parameters: int) -> None:
 
 def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tuple[int, ...]:
     """Indices (P-k,), from 0, of the parameters to remove: the rows of the orthonormal null vectors `null_basis` (P,
-    P-k) that are independent, met in an `order` of row indices, the first removed first. A row is independent where
-    more than `tolerance`, a length without a unit, is left of it beside those taken before. Raises `InputError` for a
+    P-k) that are independent, met in an `order` of row indices, the first removed first. A row is independent where it,
+    less its projection on the rows taken before, is longer than `tolerance`, without a unit. Raises `InputError` for a
     tolerance that is not between 0 and 1/sqrt(P)."""
     return removed_and_passed_over(null_basis, order, tolerance)[0]
 
@@ -48,10 +49,11 @@ def removed_and_passed_over(
     of row indices: the P-k independent ones, that is the parameters to remove, and those passed over though they are
     independent by more than round-off (1e-8).
 
-    A row is taken when what is left of it beside the rows already taken is longer than `tolerance`, without a unit
-    (Sheu and Walker 1991, theorem 4.1); it is orthogonalised twice, so that round-off cannot pass for independence. The
-    columns are orthonormal, so that what is left of all rows together does not vanish before P-k are taken: a tolerance
-    below 1/sqrt(P) always finds them all, if the order has all P. Raises `InputError` for any other tolerance.
+    A row is taken when it, less its projection on the rows already taken, is longer than `tolerance`, without a unit
+    (Sheu and Walker 1991, theorem 4.1); the projection is subtracted twice, so that round-off cannot pass for
+    independence. The columns are orthonormal, so that what is left of all rows together does not vanish before P-k are
+    taken: a tolerance below 1/sqrt(P) always finds them all, if the order has all P. Raises `InputError` for any other
+    tolerance.
     """
     rows, needed = null_basis.shape
     require_tolerance(tolerance, rows)
@@ -72,12 +74,13 @@ def removed_and_passed_over(
 
 
 def independent_columns(columns: Array, tolerance: float, negligible: float) -> tuple[list[int], Array]:
-    """Indices (m,), from 0, of m independent ones of the n columns of `columns` (r, n), in the order in which they are
-    taken, and orthonormal directions (m, r), without a unit, that they span. Nothing is checked.
+    """Indices (c,), from 0, of c independent ones of the n columns of `columns` (r, n), in the order in which they are
+    taken, and orthonormal directions (c, r), without a unit, that they span. Nothing is checked.
 
-    Each time the first column is taken of which more than `tolerance`, a length in the columns' unit, is left beside
-    those before; where there is none, the one of which most is left, as long as that is more than `negligible`, in the
-    same unit. With an infinite tolerance this is column pivoting (Businger and Golub 1965).
+    At each step the first column is taken whose part orthogonal to those taken before is longer than `tolerance`, in
+    the columns' unit; where there is none, the one whose orthogonal part is longest, if that is longer than
+    `negligible`, in the same unit, and else no more are taken. With an infinite tolerance this is column pivoting
+    (Businger and Golub 1965).
     """
     left, taken, directions = columns, list[int](), list[Array]()
     for _ in range(min(columns.shape)):

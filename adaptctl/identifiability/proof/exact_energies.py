@@ -72,11 +72,11 @@ class ExactEnergies:
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
         """Indices (k,), from 0 and rising, of the k of P inertial parameters that stay when the others are removed in
-        an `order` (P,) of indices, the first removed first, on exact geometry.
+        an `order` (P,) of indices, the first removed first, by energies on exact geometry, without round-off.
 
-        A parameter is removed when those that are left make up for it, so that those that stay are the columns of
-        energies that are independent of the columns after them in the order. May raise `ArithmeticError` where loops do
-        not close on the exact geometry.
+        A parameter stays where its column of energies is independent of the columns after it in the order. Raises
+        `IndexError` for an index of P or more; may raise `ArithmeticError` where loops do not close on the exact
+        geometry.
         """
         backward = list(order)[::-1]
         if self.closed:
@@ -85,8 +85,8 @@ class ExactEnergies:
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
         """True if an `order` (P,) of removal, indices of P inertial parameters, the first removed first, leaves just
-        the parameters `kept` (k,), rising indices, with the geometry described from axis to axis or from frame to
-        frame.
+        the parameters `kept` (k,), rising indices, with the geometry described from joint axis to joint axis, or from
+        frame to frame as in the file.
 
         Either will do: the one from axis to axis has all that the rank depends on, but where axes are skew it may lose
         zeros among the file's offsets, which decide what is kept; the one from frame to frame has these zeros, but may

@@ -94,10 +94,10 @@ class ExactGeometry:
 
     `links` are the N links' geometry as the equations of motion take it, lengths in the unit of `reading`, the rule
     that made floats exact; `shifts` (N,), rad for revolute joints and 0 for others, are added to the file's joint
-    coordinates to give those used here. `gravity` (3) is in m/s^2 in the ground's axes, or, by axes, of length 1 in
-    these turned until z is up; zero where there is none. `fixed`, a function of a link's index (-1 for the ground) and
-    a pose in that link's frame, gives the exact frame that is fixed there. Made by `by_axes` or `by_frames`; nothing is
-    checked at construction.
+    coordinates to give those used here. `gravity` (3) is in m/s^2 and the world's axes where made by `by_frames`, and
+    (0, 0, -1), z being up, where made by `by_axes`; zero where there is none. `fixed`, a function of a link's index (-1
+    for the ground) and a pose in that link's frame, gives the exact frame that is fixed there. Made by `by_axes` or
+    `by_frames`; nothing is checked at construction.
     """
 
     links: tuple[Segment, ...]
@@ -138,9 +138,9 @@ class ExactGeometry:
 
     @classmethod
     def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """The exact geometry of a described mechanism frame by frame, as its file describes it: entries of its lengths
-        and rotations that are zero, up to the precision of the `reading`, the rule that makes floats exact, are so
-        exactly. Joints' coordinates are the file's."""
+        """The exact geometry of a described mechanism frame by frame, as its file describes it: lengths, and entries of
+        rotations, that are zero up to the precision of the `reading`, the rule that makes floats exact, become exact
+        zeros. Joints' coordinates are the file's (`shifts` are 0)."""
 
         def fixed(_: int, pose: Pose) -> ExactFrame:
             return _as_written(pose, reading)

@@ -15,8 +15,9 @@ from adaptctl.scalars import ZERO
 
 
 def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """The matrix H (`samples`, P) of energies at random states less those at one other, per unit of each of a described
-    mechanism's P inertial parameters (all but friction), as residues modulo the prime 2^31 - 1.
+    """The matrix H (`samples`, P) of energies at `samples` random states, less those at one more state, the same for
+    all rows, per unit of each of a described mechanism's P inertial parameters (all but friction), as residues modulo
+    the prime 2^31 - 1.
 
     `geometry` is the mechanism's, exact and in residues; `seed` draws the states, joint angles and rates among the
     residues. It is for trees, also with joints that follow others; closed loops are not looked at.
@@ -31,13 +32,15 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
 
 
 def energy_changes(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """Energy changes (N, `samples`, 11) at random states, as residues modulo the prime 2^31 - 1, when a unit of each
-    inertial parameter of a body on one of N links, which stood still on it at joint position zero, is set free to move
-    with the link's joint: ten parameters in the link's frame, and the inertia of the joint's rotor, whose change is 0
-    where there is none.
+    """The energy changes (N, `samples`, 11) at random states of a described tree of N links, as residues modulo the
+    prime 2^31 - 1: the energy of a body on a link, less that of the same body fixed to the parent link (or the ground)
+    where it stands at joint position zero. They are per unit of the body's ten inertial parameters (m, mc_x, mc_y,
+    mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the link's frame; the eleventh is the square of the joint's rate, for a
+    rotor's inertia, and 0 where there is no rotor.
 
-    `geometry` is that of the described tree, exact and in residues; `seed` draws the states. A joint of a tree does not
-    feel a body exactly when nothing changes in any state.
+    `geometry` is the tree's, exact and in residues, whose joint coordinates count; `seed` draws the states. A
+    combination of the eleven is unobservable at a joint (the torques do not show it) exactly when the energy changes in
+    no state.
     """
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples, rng)

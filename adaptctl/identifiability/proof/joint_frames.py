@@ -36,8 +36,8 @@ class FloatFrame(NamedTuple):
 
     @property
     def inverse(self) -> FloatFrame:
-        """The inverse of the frame, a `FloatFrame`: the outer frame, in which this one is placed, as placed in this
-        one; its origin in m."""
+        """The inverse placement, a `FloatFrame`: if this one places a frame B in a frame A, it places A in B, with its
+        origin in m."""
         back = self.rotation.T
         return FloatFrame(back, -(back @ self.origin))
 
@@ -54,9 +54,10 @@ class FramePlacement(NamedTuple):
 
     @classmethod
     def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
-        """The placement of a `frame` that is given in floats, in a mechanism of characteristic `length` in m: angles
-        that are within the `precision` of right ones are made so, and so is the bearing, the origin's angle about z
-        from x, which is 0 for an origin on the z axis, up to the precision."""
+        """The placement, by angles in rad and lengths in m, of a `frame` given in floats, in a mechanism of
+        characteristic `length` in m. Angles that are within the `precision` of a multiple of 90 degrees are made that
+        multiple. So is the bearing, the angle about z from the x axis to the origin's projection on the xy plane; it is
+        0 for an origin on the z axis, up to the precision."""
         radius = _across(frame.origin)
         angle = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
         return cls(turns_of(frame.rotation, precision), angle, radius, _height(frame.origin))
@@ -77,9 +78,9 @@ class CanonicalJoint:
 @dataclass(frozen=True)
 class CanonicalFrames:
     """The placements of all N joints of a tree from axis to axis, which do not depend on where the file puts frames:
-    `joints` (N,) in the links' order, and `on_links` (N + 1,), each joint's frame in that of its link, the last being
-    the ground's in the world. `length` is the mechanism's characteristic length in m, `precision` what was taken as
-    round-off. Made by `canonical_frames`; nothing is checked."""
+    `joints` (N,) in the links' order, and `on_links` (N + 1,) the frame of each joint in that of its link, the last one
+    being that of the ground (the world turned until z is up) in the world. `length` is the mechanism's characteristic
+    length in m, `precision` what was taken as round-off. Made by `canonical_frames`; nothing is checked."""
 
     joints: tuple[CanonicalJoint, ...]
     on_links: tuple[FloatFrame, ...]
@@ -88,9 +89,10 @@ class CanonicalFrames:
     precision: Precision
 
     def placement(self, link: int, pose: Pose) -> FramePlacement:
-        """The placement of a frame that stands at a `pose` in the frame of a link, whose index from 0 is `link` (-1 for
-        the ground), relative to the frame of that link's joint: angles in rad, lengths in m. Raises `IndexError` for an
-        index beyond the links."""
+        """The placement of a frame fixed to a link, which stands at a `pose` in the link's own frame, relative to the
+        frame of that link's joint: angles in rad, lengths in m. `link` is the link's index from 0; -1, or the number N
+        of links, is the ground, for which the pose is in the world and the result relative to the world turned until z
+        is up. Raises `IndexError` for an index above N."""
         return FramePlacement.of(self.on_links[link].inverse @ FloatFrame.of(pose), self.length, self.precision)
 
 

@@ -33,9 +33,10 @@ class Coordinate:
         return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
 
     def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
-        """The coordinate of a joint that follows this one by a `coupling`, follower = ratio leader + offset. The
-        `cosine` and `sine` of this coordinate are taken as those of the leader's angle over `parts`, a whole number
-        that makes ratio times `parts` whole too; `angle`, in rad, is the follower's where the leader's is zero."""
+        """The coordinate of a joint that follows this one, the leader, by a `coupling`: follower = ratio leader +
+        offset. This one's `cosine` and `sine` must be those of the leader's angle divided by `parts`, a whole number
+        that makes ratio times `parts` whole too; its `length`, for prismatic joints, is the leader's. `angle`, in rad,
+        is the follower's where the leader's is zero."""
         ratio = simplest_rational(coupling.ratio)
         c, s = _power((self.cosine, self.sine), int(ratio * parts))
         ahead = _numbers(angle)

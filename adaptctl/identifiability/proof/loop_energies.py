@@ -35,13 +35,13 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
 
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
     """The energies (samples, P) per unit of each of P inertial and friction parameters (0 for friction) of a mechanism
-    with closed loops at `samples` states, as Python ints (dtype object), the energies times 2^200, in the units of the
-    exact `geometry`.
+    with closed loops at `samples` states, as Python ints (dtype object), the energies times 2^200, with lengths in the
+    unit of the exact `geometry`.
 
     `equations` are those on that geometry (`exact_loops`); q (samples, n) are configurations of the tree's n joints,
-    rad (m for a prismatic joint), in the file's coordinates, that close the loops to about a double's round-off, and
-    are closed to 60 digits here; v (samples, r) are the velocities of the r primary joints. May raise `ArithmeticError`
-    where loops lock or do not close on that geometry.
+    rad (m for a prismatic joint), in the file's coordinates, that close the loops up to round-off, and are closed to 60
+    digits here; v (samples, r) are the velocities of the r primary (independently moving) joints, rad/s (the geometry's
+    unit per s for a prismatic joint). May raise `ArithmeticError` where loops lock or do not close on that geometry.
     """
     joints = zip(q.T, geometry.shifts, geometry.links, strict=True)
     guess = Column(_coordinate(x, shift, link.turns, geometry.reading.unit) for x, shift, link in joints)

@@ -17,9 +17,9 @@ LISTED = 3
 
 
 def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> ExactEnergies | None:
-    """The energies of a mechanism on exact geometry, an `ExactEnergies`, whose rank is proved. None if `prove` is
-    False, and if it is None and the mechanism has closed loops, which take long, but no angles or lengths that are
-    nearly, but not exactly, special (right, zero, equal to others).
+    """The energies of a mechanism on exact geometry, an `ExactEnergies`, whose rank proves the mechanism's. None if
+    `prove` is False. If it is None, the result is None for closed loops, which take long, unless some angles or lengths
+    are nearly, but not exactly, special (right, zero, equal to others).
 
     `seed` draws the states. Raises `RankError` where some are nearly special and the rank would be another if they were
     exactly so, unless `near` is "as_is" ("refuse" is the other choice) or `prove` False; `InputError` for another

@@ -31,8 +31,8 @@ AS_MEANT = Precision(1e-3, 1e-4, 1e-5)
 
 
 class Turn(NamedTuple):
-    """An angle as exact numbers: `quarters`, 0 to 3 quarter turns, and `half_tangent`, the tangent of half of what is
-    left, which is at most 45 degrees either way, as a fraction. Nothing is checked."""
+    """An angle as exact numbers: `quarters` times 90 degrees plus 2 atan(`half_tangent`), with `quarters` from 0 to 3
+    and `half_tangent` a fraction, whose part of the angle is at most 45 degrees in size. Nothing is checked."""
 
     quarters: int
     half_tangent: Fraction
@@ -48,11 +48,12 @@ class Turn(NamedTuple):
 def simplest_rational(x: float, size: float = 1.0, precision: Precision = AS_GIVEN) -> Fraction:
     """The fraction of least denominator near a float `x`: 1/3 for 0.333333333333, 0 for 1e-13.
 
-    `size`, positive and in the unit of x, is the size that numbers like it have (1 by default): within
-    `precision.length` of it x counts as zero, and fractions within `precision.number` of it count as near; round-off by
-    default. So floats that were computed in two ways from the same decimals become the same number again. By continued
-    fractions (Knuth 1998, The Art of Computer Programming 2, section 4.5.3, exercise 39). Raises `ValueError` for NaN,
-    `OverflowError` for infinity.
+    `size`, positive and in the unit of x, is the size that numbers like it have (1 by default). x counts as zero where
+    |x| is at most `precision.length` times `size`. Else, with u the power of ten at or below `size`, the result is u
+    times the fraction of least denominator that differs from x/u by at most `precision.number`; `precision` is that of
+    round-off by default. So floats that were computed in two ways from the same decimals become the same number again.
+    By continued fractions (Knuth 1998, The Art of Computer Programming 2, section 4.5.3, exercise 39). Raises
+    `ValueError` for NaN, `OverflowError` for infinity.
     """
     return Fraction(0) if abs(x) <= precision.length * size else _near(x, size, precision.number)
 

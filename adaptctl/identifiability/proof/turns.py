@@ -18,10 +18,10 @@ def turns_of(rotation: Mat, precision: Precision) -> Turns:
     product, in this order, is a `rotation` matrix R (3, 3) of floats. Entries of R, and differences of angles from
     right ones, that are below the `precision`'s angle in rad count as zero. Nothing is checked.
 
-    The turns are chosen so that zeros of R come back as exact ones. A zero off the diagonal, in row i and column j,
-    does where R = R_i(a) R_j(g), turns about axes i and j; one on the diagonal where R = R_i(a) R_j(90 degrees) R_i(g),
-    j the axis after i. A rotation has one zero, or four and more, of which two such turns keep all. Without zeros, R =
-    R_z R_x R_z.
+    The turns are chosen so that zeros of R come back as exact ones, with R_i(a) the turn by a about axis i. For a zero
+    off the diagonal, in row i and column j, R = R_i(a) R_j(g). For one on the diagonal, in row i, R = R_i(a) R_j(90
+    degrees) R_i(g), j being the axis after i. Without zeros, R = R_z(a) R_x(b) R_z(g). A rotation with more than one
+    zero has at least four, all of which the two turns keep.
     """
     R = [list(row) for row in rotation]
     size, row, column = min((abs(R[i][j]), i, j) for i in range(3) for j in range(3))
@@ -46,8 +46,9 @@ def bearing(angle: float, precision: Precision) -> float:
 
 
 def turned(axis: int, c: Any, s: Any) -> Mat:
-    """The rotation matrix (3, 3), which takes turned coordinates to those before the turn, of a turn about a coordinate
-    `axis` (0, 1, 2 for x, y, z), from the cosine `c` and the sine `s` of its angle, scalars of any kind."""
+    """The rotation matrix R (3, 3) of a turn about a coordinate `axis` (0, 1, 2 for x, y, z), from the cosine `c` and
+    the sine `s` of its angle, scalars of any kind: x = R x' for the coordinates x' (3,) of a vector in the turned frame
+    and x (3,) in the frame before the turn."""
     if axis == 0:
         return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
     if axis == 1:

@@ -37,10 +37,10 @@ class JointFrames:
     lengths are in units of `length` L in m.
 
     `parents` (N,) are the parent links' indices, -1 for the ground; `near` (N, 4, 4) the poses of the joints' frames,
-    at joint position zero, in the frames of the parents' joints, or in the world; `far` (N, 4, 4) the poses of the
-    links' frames in their joints'; `twists` (N, 6) are the joints' twists, angular then linear, per unit of their
-    positions (rad, or L for a prismatic joint); `gravity` (3,) is its direction, zero where there is none. Made by
-    `of`; nothing is checked at construction.
+    at joint position zero, in the frames of their parents' joints (in the world for joints on the ground); `far` (N, 4,
+    4) the poses of the links' frames in their joints'; `twists` (N, 6) are the joints' twists, angular then linear, per
+    unit of their positions (rad, or L for a prismatic joint); `gravity` (3,) is the unit vector along gravity in the
+    world, zero where there is none. Made by `of`; nothing is checked at construction.
     """
 
     length: float
@@ -56,14 +56,15 @@ class JointFrames:
 
     @property
     def rotor_scales(self) -> Array:
-        """The scales (N,) of the rotor inertias of N joints that go with lengths in units of L: L^2, in m^2, where a
-        joint turns, 1 where it slides. Rotor inertias over these are in kg."""
+        """The scales (N,) of the N joints' rotor inertias, with the unit of length L (m) of the frames, `length`: L^2,
+        in m^2, where a joint turns, 1 where it slides. Rotor inertias divided by these are in kg."""
         return np.where(self.twists[:, :3].any(axis=1), self.length**2, 1.0)
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> JointFrames:
-        """The joint frames of a mechanism's tree, with lengths over its characteristic length (the largest offset from
-        a joint to the next or to its link's frame, 1 m where there is none). Loops are not looked at."""
+        """The joint frames of a mechanism's tree, with lengths in units of its characteristic length (the largest
+        offset from a joint to the next or to its link's frame, 1 m where there is none). Loop closures are left out of
+        account."""
         links, length = mechanism.links, characteristic_length(mechanism)
         on_parent = _matrices([(k.near.rotation, k.near.translation) for k in links], length)
         far = _matrices([(k.far.rotation, k.far.translation) for k in links], length)

@@ -55,7 +55,7 @@ class TreeNullSpace:
     @cached_property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the tree's P inertial parameters
-        D over `scales` (P,), D / scales in J, that change no energy."""
+        D divided by `scales` (P,), D / scales in J, that change no energy."""
         found = self._by_links(range(self.mechanism.energetic), TOLERANCE)
         vectors = np.zeros((self.mechanism.energetic, len(found.removed)))
         vectors[list(found.removed), range(len(found.removed))] = 1.0
@@ -67,9 +67,10 @@ class TreeNullSpace:
         the k kept ones, made link by link from the leaves to the root.
 
         `order` (P,) has all indices from 0, the first removed first. At each link any independence counts that is more
-        than round-off. Where `tolerance`, the length without a unit that must be left of a null vectors' row beside
-        those removed before, would remove others, the regrouping is made from all null vectors at once, which takes
-        longer. Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
+        than round-off. `tolerance`, without a unit, is for choices from all null vectors (P, P-k) at once: a parameter
+        is removed where its row of them, less its projection on the rows of those removed before, is longer. Where that
+        would remove other parameters, the regrouping is made in this way, which takes longer. Raises `InputError` for a
+        tolerance that is not between 0 and 1/sqrt(P).
         """
         require_tolerance(tolerance, self.mechanism.energetic)
         with suppress(np.linalg.LinAlgError):  # Of what is hardly independent, round-off may leave nothing.

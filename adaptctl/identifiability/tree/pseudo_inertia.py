@@ -17,16 +17,16 @@ _TENS = np.stack([from_pseudo_inertia(unit) for unit in np.eye(16).reshape(16, 4
 
 
 def functionals(matrices: Array) -> Array:
-    """The rows f (..., 10) by which tr(M' J) = f times the ten inertial parameters of a pseudo-inertia J (4, 4), for
-    `matrices` M (..., 4, 4); the ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz. They are in the units
-    of M's entries. Raises `ValueError` for matrices of another shape."""
+    """The rows f (..., 10) of linear functionals of a body, one for each of `matrices` M (..., 4, 4): f times the
+    body's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) is tr(M' J), with the
+    body's pseudo-inertia J (4, 4). Raises `ValueError` for matrices that have not 16 entries each."""
     return matrices.reshape(*matrices.shape[:-2], 16) @ UNIT_PSEUDO_INERTIAS.reshape(10, 16).T
 
 
 def frame_changes(frames: Array) -> Array:
     """The matrices (..., 10, 10) that take a body's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-    I_xz, I_yz, I_zz) in a frame to the ten in the frame in which that one stands at the pose G (4, 4), of `frames`
-    (..., 4, 4). Lengths are in the poses' unit."""
+    I_xz, I_yz, I_zz) in a frame B to its ten in a frame A, for each pose G (4, 4) of B in A that is given in `frames`
+    (..., 4, 4). Lengths are in the poses' unit. Raises `ValueError` for poses of another size."""
     G = frames[..., None, :, :]
     return _tens(G @ UNIT_PSEUDO_INERTIAS @ G.mT)
 

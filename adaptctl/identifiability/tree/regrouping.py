@@ -40,16 +40,16 @@ def tree_regrouping(transfers: InertialTransfers, order: Sequence[int], toleranc
     """The regrouping that removes a tree's dependent inertial parameters in an `order` (P,), all indices from 0, the
     first removed first, and adds them to the kept ones, the same as by all null vectors at once.
 
-    `transfers` are the tree's inertial transfers; `tolerance`, a length without a unit, is the least part of a column
-    that counts as independent at a link. Nothing is checked; `numpy.linalg.LinAlgError` may be raised where the
-    tolerance is near round-off.
+    `transfers` are the tree's inertial transfers; a column counts as independent at a link where its part orthogonal to
+    those taken before is longer than `tolerance`, without a unit. Nothing is checked; `numpy.linalg.LinAlgError` may be
+    raised where the tolerance is near round-off.
 
     At each link, from the leaves, the link's own parameters and those passed from its children are bodies d (11,), ten
     inertial parameters and a rotor inertia each. Energies depend only on F d, with the joint's observable functionals F
-    (m, 11), so as many parameters are kept as F d has independent columns, the last in the order first. Each dependent
-    one has F d = (F d_kept) c, and its remainder d - d_kept c, which is unobservable at the joint, is passed to the
-    parent. Only few remainders are independent: the last ones in the order represent all. What reaches the ground
-    changes no energy.
+    (n, 11), n of 1 to 11, so as many parameters are kept as F d has independent columns, chosen from the end of the
+    order. Each dependent one has F d = (F d_kept) c, and its remainder d - d_kept c, which is unobservable at the
+    joint, is passed to the parent. Of more than six remainders only independent ones are passed on, chosen from the end
+    of the order; they represent all. What reaches the ground changes no energy.
 
     What a subtree keeps is kept for good: a parameter stays when the null vectors' rows of those before it determine
     its own (Sheu and Walker 1991, theorem 4.1), and rows that do so within a subtree do so among all. In the same way

@@ -48,9 +48,9 @@ class LinkParameters(NamedTuple):
     bodies.
 
     `indices` (n,) are their places, from 0, among the mechanism's P inertial parameters; `bodies` (11, n) has a column
-    for each, its value being 1 and all others 0: the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in
-    the joint's frame, with lengths over the tree's characteristic length, then the joint's rotor inertia. Nothing is
-    checked.
+    for each: the body whose parameter is 1 and whose others are 0. A body is the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz) in the joint's frame, then the joint's rotor inertia, in kg and in units of the tree's
+    characteristic length. Nothing is checked.
     """
 
     indices: NDArray[np.int64]
@@ -66,11 +66,12 @@ class InertialTransfers:
     functionals of bodies that energies do depend on.
 
     A body (11,) is ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's
-    frame, and the inertia of the joint's rotor, with lengths over that of `frames`, the joints' frames. `own` (N,) are
-    the links' own parameters; `to_parent` (N, 10, 10) takes the ten to the parent joint's frame, at joint position
-    zero. For each joint, `observable` (m, 11) are these functionals, orthonormal, m of 1 to 11, and `unobservable`
-    (11-m, 11) orthonormal bodies that change none, that of a missing rotor among them. Made by `inertial_transfers`;
-    nothing is checked at construction.
+    frame, then the inertia of the joint's rotor, in kg and in units of the length (m) of `frames`, the joints' frames.
+    `own` (N,) are the links' own parameters; `to_parent` (N, 10, 10) takes the ten to the parent joint's frame (to the
+    world for a joint on the ground), at joint position zero. For each joint, `observable` (c, 11) are these
+    functionals, orthonormal, c of 1 to 11, and `unobservable` (11-c, 11) orthonormal bodies that change none; the rotor
+    inertia is one of them where the joint has no rotor. Made by `inertial_transfers`; nothing is checked at
+    construction.
     """
 
     frames: JointFrames
@@ -90,10 +91,12 @@ class InertialTransfers:
         return self.frames.parents
 
     def passed_to_parent(self, i: int, bodies: Array) -> Array:
-        """The bodies (11, n) on the parent link that n `bodies` (11, n), unobservable at joint `i` (from 0), whose
-        motion does not change their energy, become when they are given to it. A body is ten inertial parameters in its
-        joint's frame, lengths over the tree's characteristic length, and a rotor inertia, which is 0 in the result.
-        Raises `IndexError` for a joint beyond the last."""
+        """The bodies (11, n) that n `bodies` (11, n) of the link of joint `i` (from 0) become when they are given to
+        the parent link, at joint position zero: in the parent joint's frame, or in the world for a joint on the ground.
+        A body is ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in its joint's
+        frame, in kg and in units of the tree's characteristic length, and a rotor inertia, which is 0 in the result. No
+        energy changes if the bodies are unobservable at the joint, which is not checked. Raises `IndexError` for a
+        joint beyond the last."""
         out = np.zeros_like(bodies)
         out[:10] = self.to_parent[i] @ bodies[:10]
         return out

@@ -29,7 +29,8 @@ class TransferEvidence:
     smallest sigma_k/sigma_k+1, `smallest` the smallest sigma_k/sigma_1; `residual` the largest energy change by a
     combination of parameters that by geometry makes none, over the largest that one of its size could make; `weakest`
     (11,) the singular values of the joint with the smallest gap; `leftover` the largest sigma_k+1/sigma_1, round-off if
-    all is well, and `worst` the index, from 0, of the joint that has it. Nothing is checked at construction.
+    all is well, and `worst` the index, from 0, of the joint that has that `leftover`. Nothing is checked at
+    construction.
     """
 
     surplus: int
@@ -49,10 +50,11 @@ class TransferEvidence:
 
 
 def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: States) -> Array:
-    """The energy changes (N, samples, 11), in J per kg, at `samples` states of a tree of N joints, as a unit of each
-    inertial parameter is taken from a link and given to its parent link: the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy,
-    I_yy, I_xz, I_yz, I_zz) in the joint's frame at joint position zero, with lengths over the tree's characteristic
-    length, and the joint's rotor inertia, 0 where it has none.
+    """The energy changes (N, samples, 11), in J per kg, at the given `states`, `samples` of them, of a tree of N
+    joints: the energy of a body on a link, less its energy on the parent link (on the ground for a joint there), where
+    it stands at joint position zero. They are per unit of each of a body's parameters: the ten (m, mc_x, mc_y, mc_z,
+    I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's frame, with lengths in units of the tree's characteristic length,
+    and the joint's rotor inertia, 0 where it has none.
 
     `found` are the tree's inertial transfers, whose joint frames are used. A combination of the eleven is unobservable
     at a joint exactly when the energy changes in no state. Nothing is checked.
@@ -71,10 +73,11 @@ def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: State
 
 
 def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvidence:
-    """The evidence for a tree's rank from the energy `changes` (N, samples, 11), in J per kg, at `samples` states, 11
-    or more, as each of 11 inertial parameters is taken from a link and given to its parent (`energy_changes`): at each
-    of N joints the changes' singular values, with columns scaled to a norm of one (very small columns to less), against
-    the rank by geometry in `found`, the tree's inertial transfers. Raises `numpy.linalg.LinAlgError` for NaN."""
+    """The evidence for a tree's rank: at each of N joints, the singular values of the energy `changes` (N, samples,
+    11), in J per kg, against the rank by geometry in `found`, the tree's inertial transfers. The changes, of
+    `energy_changes` at `samples` states, 11 or more, are per unit of each of 11 inertial parameters that is taken from
+    a link and given to its parent; columns are divided by their norms, or by 1e-3 of the joint's largest norm where
+    that is more. Raises `numpy.linalg.LinAlgError` for NaN."""
     norms = np.linalg.norm(changes, axis=1, keepdims=True)
     scales = 1.0 / np.maximum(norms, SMALLEST_NORM * norms.max(axis=2, keepdims=True))
     values = np.linalg.svd(changes * scales, compute_uv=False)
