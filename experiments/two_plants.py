@@ -100,9 +100,9 @@ class TwoPlants(AdaptiveTracking):
                 yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence on how far the two plants' motions are apart at most, mrad (mm), and whether integration explains
-        it; `outcome` has the runs, `found` the findings by name. Raises `KeyError` where the difference between the
-        plants is not among these."""
+        """Sentence, never None here, on how far the two plants' motions are apart at most, mrad (mm), and whether
+        integration explains it; `outcome` has the runs, `found` the findings by name. Raises `KeyError` where the
+        difference between the plants is not among these."""
         coarse, fine = found.of["plants_apart"], found.of["plants_apart_fine"]
         text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart"
         if coarse < FIRST_ORDER * fine:
