@@ -142,9 +142,8 @@ class NoiseAndDelay(AdaptationLaws):
         yield from self._loop(outcome.mechanism)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences, never None here, with the least and the greatest parameter error at the end (no unit) and drift in
-        the second half of the run (1/min) of the laws that adapt. Both are norms |w x| / |w true|, x the estimates'
-        error or their change in a minute, w the RMS torque that each parameter makes along a motion that excites.
+        """Sentences with the least and the greatest parameter error at the end and drift in the second half of the run
+        (1/min) of the laws that adapt, both shares (no unit) of the torque of all parameters; None where no law does.
         `outcome` has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
