@@ -96,13 +96,13 @@ class AdaptationLaws(RoughStart, Learning):
 
     In the settings, s is the sliding variable, the velocity error plus the bandwidth times the position error.
     `leakage` and `sliding_leakage` are the leaks of sigma- and e-modification towards the rough model; `prediction`,
-    `cutoff` and `forgetting` belong to laws that learn from errors of predicted, filtered torques; `recall`,
-    `excitation` and `alarm` to the memory of composite learning; `samples` and `novelty` to the stack of samples that
-    concurrent learning keeps. `first_estimate` is in words for the report, `comparing` tells there how laws are
-    compared; `error_bound` (rad or m) is the joint error that ends a run.
-
-    Raises at construction `NotFoundError` for an unknown law or motion, `InputError` for a law given twice or a setting
-    of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
+    `cutoff` and `forgetting` belong to laws that learn from errors of predicted, filtered torques. Composite learning
+    returns to its memory at the rate `recall`, does not learn from joints excited by less than `excitation`, and
+    forgets all where the power of the prediction error passes `alarm`. Concurrent learning keeps a stack of `samples`,
+    each new by more than `novelty`. `first_estimate` is in words for the report, `comparing` tells there how laws are
+    compared; `error_bound` (rad or m) is the joint error that ends a run. Raises at construction `NotFoundError` for an
+    unknown law or motion, `InputError` for a law given twice or a setting of the wrong type or out of its bounds,
+    `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "adaptation-laws"
@@ -179,12 +179,10 @@ class AdaptationLaws(RoughStart, Learning):
     def compare(self, progress: Progress) -> Comparison:
         """Comparison of the runs of all controllers, its answer with a note on each law that found no excitation above
         its threshold and so stored nothing to learn from. `progress(what, share)` gets the step's name and the share
-        done, 0 to 1. Ctrl-C keeps the runs begun, as a comparison that is not complete.
-
-        Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
-        unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
-        period; `RankError` where the number of fundamental (base) parameters cannot be certified.
-        """
+        done, 0 to 1. Ctrl-C keeps the runs begun, as a comparison that is not complete. Raises `InputError` for a robot
+        or reference that does not fit the experiment, among them `NotFoundError` for an unknown robot, `FileError` for
+        a file that cannot be used and `GainError` for gains too large for the control period; `RankError` where the
+        number of fundamental (base) parameters cannot be certified."""
         done = super().compare(progress)
         notes = [*([done.answer] if done.answer else []), *forgotten_notes(done.findings)]
         return replace(done, answer=" ".join(notes) or None)
@@ -355,9 +353,11 @@ class AdaptationLaws(RoughStart, Learning):
         }
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: each law's parameter error at the end, a share (no unit) of the torque of all
-        parameters; what its memory stored; and the median time, us, of computing one torque on Python's floats.
-        `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
+        """Findings, named numbers: each law's parameter error at the end, |w (estimate - true)| / |w true| (no unit), w
+        being the RMS torque that each parameter makes along the reference; the share of samples (no unit) whose
+        excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of
+        these, SI units; and the median time, us, of computing one torque on Python's floats. `outcome` has the runs,
+        `basis` the fundamental (base) parameters."""
         errors = self._errors(outcome, basis)
         contenders = {c.name: c for c in self.contenders(errors.model.mechanism, basis)}
         for run in outcome.runs:
@@ -370,8 +370,8 @@ class AdaptationLaws(RoughStart, Learning):
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the least and the greatest parameter error at the end, a share of the torque of all parameters,
-        of the laws that adapt; None where no law does. `outcome` has the runs, `found` the findings by name."""
+        """Sentence with the least and the greatest parameter error (no unit), weighed by torque, of the laws that
+        adapt; None where no law does. `outcome` has the runs, `found` the findings by name."""
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = found.span("parameter_error", adapting)

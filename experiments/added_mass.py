@@ -31,9 +31,9 @@ class AddedMassStudy(Experiment):
     leave the question open.
 
     The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
-    joint to the next; `energy_error` (%) is the error of the energy that the numbers of essential components allow;
-    these are combinations of the inertial parameters, the right singular vectors of the energies. Raises `InputError`
-    at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
+    joint to the next. The study also counts the fewest essential components (parts of the inertial parameters along the
+    right singular vectors of the energies) whose energy is off by at most `energy_error` (%). Raises `InputError` at
+    construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "added-mass"
@@ -50,8 +50,8 @@ class AddedMassStudy(Experiment):
         """Result of the study: its outcome in words, facts (questions with answers), and a function that writes its
         folder. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for an
         unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm whose energy does not vary,
-        or that has relations which bind some of its inertial parameters, `RankError` where its number of base
-        parameters cannot be certified."""
+        or that has linear constraints between its inertial parameters, `RankError` where its number of base parameters
+        cannot be certified."""
         from adaptctl.recording.designed.wording import facts, outcome_words
 
         study = self.study(progress)
@@ -61,7 +61,7 @@ class AddedMassStudy(Experiment):
         """Design study of the robot, a `DesignStudy`: effects of masses added to every link, optimal counterweights and
         removable parameters, over random states within the joints' limits. `progress(what, share)` gets the step's name
         and the share done, 0 to 1. Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be
-        used, `InputError` for an arm whose energy does not vary, or that has relations which bind some of its inertial
+        used, `InputError` for an arm whose energy does not vary, or that has linear constraints between its inertial
         parameters, `RankError` where its number of base parameters cannot be certified."""
         progress(STAGE, 0.0)
         task = DesignTask.within_limits(load(self.robot), self.samples, self.seed, self.speed)

@@ -62,9 +62,10 @@ class CounterweightedTracking(ClosedLoopExperiment):
     the inertial parameters along orthonormal directions, by falling energy.
 
     The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
-    joint to the next; `beyond` is the share by which the box around a link's joints and centre of mass is widened to
-    have its counterweight. Raises `InputError` at construction for a setting of the wrong type or out of its bounds,
-    `NonFiniteError` for NaN or infinity.
+    joint to the next. A link's counterweight lies in the box around its joints and centre of mass, widened on all sides
+    by `beyond` (a share) of the box's diagonal, 0.1 m at least. `energy_error` (%) is the energy error at which the
+    design counts essential components. Raises `InputError` at construction for a setting of the wrong type or out of
+    its bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "counterweight"
@@ -84,9 +85,9 @@ class CounterweightedTracking(ClosedLoopExperiment):
         """Result of the comparison: outcome in words, facts (questions with answers), and a function that writes its
         folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C during a run keeps what
         was run. Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be used, `InputError`
-        for an arm with friction, for more `components` than the arm has essential (identifiable) parameters, for an
-        unknown link or objective and for joints that no gains can hold, `RankError` where the number of essential
-        parameters cannot be certified."""
+        for an arm with friction or linear constraints between its inertial parameters, for more `components` than the
+        arm has essential (identifiable) parameters, for an unknown link or objective and for joints that no gains can
+        hold, `RankError` where the number of essential parameters cannot be certified."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:

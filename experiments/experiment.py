@@ -18,11 +18,12 @@ FAR = 100.0
 
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
-    """Dataclass field for a setting of an experiment, with the `default` given. Values must be of the type of `default`
-    (whole numbers are taken for floats too); those of a tuple, of the type of its first entry, numbers where it is
-    empty. `meaning` says in words what the setting is, with its unit; `symbol` is its letter in formulas, put before
-    the meaning in the command line's help, empty for none; `low` and `high` are the inclusive bounds of every number in
-    it, infinite unless given. Nothing is checked here; constructing the experiment checks its values."""
+    """Dataclass field for a setting of an experiment, with the `default` given. Its values must be of the type of
+    `default`, but whole numbers may stand for floats; if `default` is a tuple, every entry must be of the type of its
+    first one, or a number if it is empty. `meaning` says in words what the setting is, with its unit; `symbol` is its
+    letter in formulas, put before the meaning in the command line's help, empty for none; `low` and `high` are the
+    inclusive bounds of every number in it, infinite unless given. Nothing is checked here; constructing the experiment
+    checks its values."""
     text = f"{symbol}: {meaning}" if symbol else meaning
     metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)

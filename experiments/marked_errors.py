@@ -28,9 +28,9 @@ class Marked(NamedTuple):
 
 
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
-    """Matplotlib figure of the parameter errors (shares of the torque of all parameters, no unit, logarithmic) of the
-    runs in `curves` over time, s, and below a bar for each run, filled while its event held; `meaning`, the title of
-    the bars, says what the event is."""
+    """Matplotlib figure of the parameter errors (no unit, logarithmic) of the runs in `curves`, at least one, over
+    time, s, and below them a bar for each run, filled while its event held; `meaning`, the title of the bars, says what
+    the event is."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

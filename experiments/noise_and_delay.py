@@ -45,11 +45,12 @@ class NoiseAndDelay(AdaptationLaws):
     """Experiment without excitation: adaptation laws hold an arm still on a plant with encoders, delay, lag and weak
     motors, where only noise can be learned.
 
-    Velocities are filtered differences of encoder counts; torques are late, lag and are limited. Noise is alike in the
-    regressor and in the sliding variable s (velocity error plus bandwidth times position error), so that their product
-    has a mean, which an estimate that nothing bounds follows (Ioannou and Kokotovic 1984). Raises at construction
-    `NotFoundError` for unknown laws, `InputError` for a law given twice and settings of the wrong type or out of their
-    bounds, `NonFiniteError` for NaN or infinity.
+    Velocities are filtered differences of encoder counts; torques are late, lag and are limited. The same noise enters
+    the regressor and the sliding variable s (velocity error plus bandwidth times position error): the mean of their
+    product is not zero, and estimates that nothing bounds drift (Ioannou and Kokotovic 1984). `error_bound` (100 rad or
+    m) is the joint error that ends a run; `expected` maps failures of the first controller that the experiment is meant
+    to show to the reasons why. Raises at construction `NotFoundError` for unknown laws, `InputError` for a law given
+    twice and settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "noise-and-delay"
@@ -119,10 +120,13 @@ class NoiseAndDelay(AdaptationLaws):
         return list(map(guarded, super().contenders(mechanism, basis)))
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: each law's parameter error at the end (no unit) and its drift (1/min), both shares
-        of the torque of all parameters, RMS tracking error, rad, and share of periods with a limited torque (no unit),
-        and what its memory stored; then the delay that the tracking loop tolerates and the delay that there is, s.
-        `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
+        """Findings, named numbers. Of each law: its parameter error at the end, |w (estimate - true)| / |w true| (no
+        unit), w being the RMS torque that each parameter makes along a motion that excites; its drift, |w change| / |w
+        true| a minute (1/min), between the third and the fourth quarter of the run; its RMS tracking error, rad; the
+        share of periods with a limited torque (no unit); and the share of samples (no unit) whose excitation passed its
+        threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of these, SI units. Then the
+        delay that the tracking loop tolerates and the delay that there is, s. `outcome` has the runs, `basis` the
+        fundamental (base) parameters of which the errors are."""
         errors = self._errors(outcome, basis)
         contenders = {one.name: one for one in self.contenders(outcome.mechanism, basis)}
         for run in outcome.runs:

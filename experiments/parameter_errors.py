@@ -41,18 +41,18 @@ class ParameterErrors:
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
     def of(self, run: ControllerRun) -> Array | None:
-        """Parameter error (T,) of a run at its T samples, no unit: the norm of the estimate's error, each parameter
-        weighed by the torque that it makes, over the norm of the true parameters weighed likewise; None for a run whose
-        controller estimates none. Raises `ValueError` for estimates of another number of parameters than the model's k,
-        or all P."""
+        """Parameter error (T,) of a run at its T samples, |w (estimate - true)| / |w true| (no unit), w (k,) being the
+        `weights` of the model's k parameters; None for a run whose controller estimates none. Estimates of all P
+        parameters are regrouped into the k first. Raises `ValueError` for estimates of another number of parameters
+        than k or P."""
         if run.rollout.estimate.shape[1] == 0:
             return None
         return self._apart(self._reduced(run.rollout.estimate), self.model.fundamental_parameters)
 
     def apart(self, one: Array, other: Array) -> float:
-        """Distance, no unit, between two estimates, (k,) each in SI units: the norm of their difference, each parameter
-        weighed by the torque that it makes, over the norm of the true parameters weighed likewise. Estimates (P,) of
-        all parameters are regrouped first. Raises `ValueError` for another number of parameters."""
+        """Distance |w (one - other)| / |w true| (no unit) between two estimates, (k,) each in SI units, w (k,) being
+        the `weights` of the model's k parameters. Estimates (P,) of all parameters are regrouped into the k first.
+        Raises `ValueError` for another number of parameters."""
         return float(self._apart(self._reduced(one), self._reduced(other)))
 
     def _reduced(self, estimate: Array) -> Array:
@@ -66,9 +66,9 @@ class ParameterErrors:
 
 
 def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
-    """Matplotlib figure of parameter errors (no unit, logarithmic) over time, s, a line for each of `curves`: triples
-    of the colour's index from 0 in the palette, the run, and its errors (T,) at T samples. Each line's last value and
-    label stand at its end."""
+    """Matplotlib figure of parameter errors (no unit, logarithmic) over time, s, a line for each of `curves`, at least
+    one: triples of the colour's index from 0 in the palette, the run, and its errors (T,) at T samples. Each line's
+    last value and label stand at its end."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

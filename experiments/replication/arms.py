@@ -32,9 +32,9 @@ class StatedMotion:
 
 @dataclass(frozen=True, eq=False)
 class SampledArm:
-    """Arm whose states are sampled in a box, as in Sheu and Walker (1991): positions p = mixing u, r joints in rad,
-    with u between `lower` and `upper` (r,), and velocities of the joints between minus and plus `fastest` (r,), rad/s,
-    times a factor.
+    """Arm whose states are sampled in a box, as in Sheu and Walker (1991): positions p = mixing u, rad, of r joints,
+    with u (r,) between `lower` and `upper` (r,), and velocities of the joints, rad/s, between minus and plus `fastest`
+    (r,) times the factor that the method `states` is given.
 
     For the PUMA 560 `mixing` (r, r) is the identity. For the semi-direct-drive arm u is p1, p2 and p2 - p3, which the
     paper's Table 9 bounds. Nothing is checked at construction.
@@ -54,12 +54,14 @@ class SampledArm:
 
     @property
     def parameters(self) -> Array:
-        """Inertial parameters D (P,) of the arm, ten a link, in SI units (kg, kg m, kg m^2)."""
+        """Inertial parameters D (P,) of the arm: of each link m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz
+        (kg, kg m, kg m^2), about its frame's origin."""
         return self.mechanism.inertial_parameters
 
     def states(self, generator: np.random.Generator, samples: int, velocity_scale: float) -> tuple[Array, Array]:
-        """Random positions, rad, and velocities, rad/s, of the r joints, each (samples, r): uniform in the arm's box,
-        and up to `velocity_scale` (no unit) times its bound of velocities. `generator` draws them."""
+        """Random positions p = mixing u, rad, and velocities, rad/s, of the r joints, each (samples, r), drawn by
+        `generator`: u uniform between `lower` and `upper`, velocities uniform between minus and plus `velocity_scale`
+        (no unit) times `fastest`."""
         u = generator.uniform(self.lower, self.upper, (samples, len(self.lower)))
         v = velocity_scale * generator.uniform(-self.fastest, self.fastest, u.shape)
         return u @ self.mixing.T, v

@@ -74,8 +74,9 @@ def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Arra
 
 
 def reduced_rows(rows: Array) -> Array:
-    """Matrix (rank, n) with the same row space as `rows` (m, n), reduced by Gauss and Jordan from the last column to
-    the first: each row has a 1 in a column that is zero in all others. Entries below 1e-9 become zero."""
+    """Reduced row echelon form (rank, n) of `rows` (m, n), of the same row space, by Gauss and Jordan with the columns
+    taken from the last to the first: each of its rows has a 1 in a column that is zero in all others. Pivots and
+    entries below 1e-9 in magnitude count as zero."""
     left, done = rows.copy(), 0
     for column in reversed(range(rows.shape[1])):
         if done == len(left):

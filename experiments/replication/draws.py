@@ -14,10 +14,11 @@ from adaptctl.identifiability import Reduction, reduce
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Random draws of an arm's states, one for each seed, with the energy differences H (samples - 1, P) between
-    successive states of each, J per SI unit of P inertial parameters: `singular_values` (seeds, P) of H, falling; and
-    `reductions`, for each draw the `arm`'s parameters as a sum of essential components, their parts along the right
-    singular vectors of H, by falling energy (Sheu and Walker 1991, section 3). Nothing is checked at construction."""
+    """Random draws of an arm's states, one for each seed. H (samples - 1, P) are one draw's energy differences between
+    successive states, J per SI unit of the P inertial parameters: `singular_values` (seeds, P) are those of H, falling;
+    `reductions`, one for each draw, write the `arm`'s parameters as a sum of essential components, their parts along
+    the right singular vectors of H, by falling energy (Sheu and Walker 1991, section 3). Nothing is checked at
+    construction."""
 
     arm: SampledArm
     singular_values: Array
@@ -45,10 +46,9 @@ class Draws:
 
     @property
     def percent_errors(self) -> Array:
-        """Energy errors (seeds, k + 1), when the first 0, 1, ..., k of the k essential components (the parameters'
-        parts along the right singular vectors of the energy differences), those with the most energy, are kept: root of
-        the summed squares of the errors, in % of that of the energy differences themselves (Sheu and Walker 1991,
-        equation 23)."""
+        """Energy errors (seeds, k + 1), 100 |H (D - D_j)| / |H D| in %, of keeping the first j = 0, 1, ..., k of the k
+        essential components of the parameters D (their parts along the right singular vectors of the energy differences
+        H, those with the most energy first), whose sum is D_j (Sheu and Walker 1991, equation 23)."""
         return np.stack([reduction.percent_errors for reduction in self.reductions])
 
     @property

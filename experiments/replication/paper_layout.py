@@ -15,9 +15,9 @@ PRODUCTS = ("I_xy", "I_xz", "I_yz")
 
 
 def index(row: str, link: str) -> int:
-    """Index from 0, among all parameters (ten a link), of the inertial parameter in a `row` of Sheu and Walker's (1991)
-    tables, such as "I_x", and the column of a `link`, "1", "2", .... Raises `ValueError` for a row that is no parameter
-    or a link that is no number."""
+    """Index from 0 of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, such as "I_x", and the
+    column of a `link`, "1", "2", ..., among all parameters: ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
+    I_yz, I_zz. Raises `ValueError` for a row that is no parameter or a link that is no whole number."""
     return 10 * (int(link) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
@@ -29,8 +29,9 @@ def sign(row: str) -> float:
 
 
 def parameters(table: Table) -> Array:
-    """Inertial parameters (10 N,) of N links, in SI units and the order and signs of this package, from the numbers of
-    one of Sheu and Walker's (1991) tables, blanks as zeros. Raises `ValueError` for an entry that is no number."""
+    """Inertial parameters (10 N,) of N links from the numbers of one of Sheu and Walker's (1991) tables, blanks as
+    zeros, in SI units and with this package's order and signs: of each link m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+    I_xz, I_yz, I_zz, inertias being the tensor's entries. Raises `ValueError` for an entry that is no number."""
     out = np.zeros(10 * len(table.columns))
     for row, link, text in table.entries():
         if text != BLANK:
@@ -39,13 +40,13 @@ def parameters(table: Table) -> Array:
 
 
 def kept(table: Table) -> tuple[int, ...]:
-    """Indices from 0, rising, of the inertial parameters that one of Sheu and Walker's (1991) tables has an entry for,
-    a cross or a number: those that the paper keeps as independent."""
+    """Indices from 0, rising, among all inertial parameters (ten a link), of those that one of Sheu and Walker's (1991)
+    tables has an entry for, a cross or a number: the ones that the paper keeps as independent."""
     entries = table.entries()
     return tuple(sorted(index(row, link) for row, link, text in entries if text == MARK or text != BLANK))
 
 
 def name(row: str, link: str) -> str:
     """Name in this package of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, such as "I_x", and
-    the column of a `link`, such as "3": "link3.I_xx"."""
+    the column of a `link`, such as "3": "link3.I_xx". Nothing is checked."""
     return f"link{link}.{NAMES.get(row, row)}"

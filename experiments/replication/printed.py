@@ -101,7 +101,7 @@ class Number:
 
     def digits_met(self, computed: float) -> int:
         """Number of the printed digits, 0 to all, that a `computed` value in the same unit agrees with when it is
-        rounded likewise."""
+        rounded likewise. Raises `ValueError` for NaN, `OverflowError` for infinity."""
         off = abs(computed - self.value) / self.unit
         lost = 0 if off <= 0.5 + 1e-9 else math.ceil(math.log10(2.0 * off) - 1e-12)
         return max(self.digits - lost, 0)

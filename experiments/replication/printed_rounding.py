@@ -13,7 +13,8 @@ from adaptctl.identifiability import EssentialSpace
 
 def half_units(table: Table) -> Array:
     """Half a unit of the last printed digit (10 N,) of every inertial parameter of N links in a table, in the
-    parameters' SI units. Raises `InputError` for a blank."""
+    parameters' SI units: of each link m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz. Raises `InputError` for
+    a blank."""
     out = np.zeros(10 * len(table.columns))
     for row, link, text in table.entries():
         out[index(row, link)] = 0.5 * Number.of(text).unit
@@ -21,9 +22,9 @@ def half_units(table: Table) -> Array:
 
 
 def excess(space: EssentialSpace, real: Table, essential: Table, free: Array) -> float:
-    """Least possible distance, in half units of their last printed digits (no unit), of the essential parameters V1 V1'
-    D from those of the table `essential`, where D (P,) is any vector of inertial parameters that rounds to the table
-    `real`.
+    """Least possible value of max_i |(V1 V1' D)_i - E_i| / h_i (no unit) over all vectors D (P,) of inertial parameters
+    that round to the numbers of the table `real`; E (P,) are the essential parameters that the table `essential`
+    prints, h_i is half a unit of the last printed digit of E_i.
 
     D may differ from the printed numbers only where `free` (P,), of bools, is True. V1 (P, k) is the basis of `space`,
     the k directions of parameters that change energies. At most 1 means that the two tables agree. It is the solution

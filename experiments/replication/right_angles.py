@@ -28,10 +28,10 @@ TURNS = (-1, 0, 1, -1, 1, 0)
 
 @dataclass(frozen=True, eq=False)
 class RoundedSet:
-    """Set of parameters that the rule of Sheu and Walker (1991, theorem 4.1) keeps out of P: `kept`, their indices from
-    0; `condition`, the condition number of F2' V2 (P-k, P-k), the removed parameters' rows of the null vectors V2 (P,
-    P-k), directions of parameters that change no energy; and `independent`, the vector D_I (P,) of equation 25, the
-    parameters' values in SI units, zero where removed. Nothing is checked at construction."""
+    """Set of the k of P inertial parameters that the rule of Sheu and Walker (1991, theorem 4.1) keeps: `kept`, their
+    indices from 0; `condition`, the condition number of the removed parameters' rows (P - k, P - k) of the null vectors
+    V2 (P, P - k), orthonormal directions of parameters that change no energy; and `independent`, the vector D_I (P,) of
+    equation 25, the parameters' values in SI units, zero where removed. Nothing is checked at construction."""
 
     kept: tuple[int, ...]
     condition: float
@@ -59,10 +59,11 @@ def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
 
 
 def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) -> RoundedSet:
-    """Set of parameters that the rule of Sheu and Walker (1991, theorem 4.1 and equation 25) keeps. A parameter is
-    removed where its row of the null vectors of `space` (directions of parameters that change no energy), in the order
-    of `priority`, is independent, beyond 1e-8, of the rows of those removed before. `parameters` are D (P,), SI units.
-    Raises `NotFoundError` for a priority with unknown names."""
+    """Set of the k of P parameters that the rule of Sheu and Walker (1991, theorem 4.1 and equation 25) keeps.
+    Parameters are met in the order of `priority`; one is removed where its row of the null vectors of `space`
+    (orthonormal directions of parameters that change no energy) is linearly independent of the rows of those removed
+    before, by more than 1e-8. `parameters` are D (P,), SI units. Raises `NotFoundError` for a priority with unknown
+    names, `InputError` for one with a name given twice and for parameters of a wrong shape."""
     removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
     kept = tuple(sorted(set(range(len(parameters))) - set(removed)))
     essential, square = space.project(parameters), space.null_basis[removed]

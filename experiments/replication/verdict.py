@@ -38,9 +38,9 @@ class Outturn(Enum):
 @dataclass(frozen=True)
 class Check:
     """Check of one entry that Sheu and Walker (1991) print: its `row` and `column`, labels of the table; the texts
-    `printed` and `computed`; the `verdict`; how many of its digits, `of_digits`, are met, `digits` (None where that
-    cannot be said); and `low` and `high`, the extremes over the random draws (None without draws). Nothing is checked
-    at construction."""
+    `printed` and `computed`; the `verdict`; `of_digits`, how many digits the printed number has, and `digits`, how many
+    of them the computed one meets (both None where digits are not counted); and `low` and `high`, the extremes over the
+    random draws (None without draws). Nothing is checked at construction."""
 
     row: str
     column: str
@@ -61,8 +61,9 @@ class Check:
 
     @property
     def reads_alike(self) -> bool:
-        """True if the computed text reads as the printed one, but for the sign of a plus or a zero. Raises `ValueError`
-        for a differing text that is no number."""
+        """True if the computed text is the printed one, leading plus signs aside, or both are zero, as "-0.00" and
+        "0.00" are. Raises `ValueError` where the texts differ, the printed one is neither a cross nor blank, and either
+        is no number."""
         texts = (self.computed.lstrip("+"), self.printed.lstrip("+"))
         return texts[0] == texts[1] or (not self.is_mark and {float(text) for text in texts} == {0.0})
 
@@ -190,9 +191,10 @@ def compared(row: str, column: str, text: str, computed: float) -> Check:
 
 
 def drawn(row: str, column: str, text: str, computed: Array) -> Check:
-    """Check of a printed number that depends on a random draw: IN_SHAPE where it lies among the values `computed`
-    (seeds,), to half a unit of its last digit, else NOT_REPRODUCED. `row` and `column` are its labels, `text` is as
-    printed. Raises `InputError` for a text that is no number."""
+    """Check of a printed number that depends on a random draw: IN_SHAPE where it lies between the least and the
+    greatest of the values `computed` (seeds,), each moved outwards by half a unit of its last digit, else
+    NOT_REPRODUCED. `row` and `column` are its labels, `text` is as printed. Raises `InputError` for a text that is no
+    number, `ValueError` for no values."""
     number, low, high = Number.of(text), float(computed.min()), float(computed.max())
     inside = low - 0.5 * number.unit <= number.value <= high + 0.5 * number.unit
     verdict = Outturn.IN_SHAPE if inside else Outturn.NOT_REPRODUCED
@@ -220,8 +222,9 @@ def marked(row: str, column: str, text: str, kept: bool, unlike: Outturn = Outtu
 def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
     """Verdict on an item of Sheu and Walker (1991) from its `checks` and judged `claims`.
 
-    ERRATUM if one check is; NOT_REPRODUCED where one check is, or where no claim holds; else the most frequent verdict
-    of the checks that are no inputs, and GIVEN if all are.
+    ERRATUM if a check is one; else NOT_REPRODUCED if a check is, or if there are claims and none of them holds; else
+    the most frequent verdict of the checks other than GIVEN (of equally frequent ones the first), and GIVEN if there
+    are none.
     """
     verdicts = [check.verdict for check in checks if check.verdict is not Outturn.GIVEN]
     if Outturn.ERRATUM in verdicts:
