@@ -125,7 +125,8 @@ class Transmission:
 
     def links(self, parameters: Column) -> Column:
         """Inertial parameters (P,) of the links alone, SI units: the mechanism's P `parameters` (P,) with the rotors'
-        inertias replaced by zero, over scalars of any kind (floats, arrays, or symbols to be compiled)."""
+        inertias replaced by zero, over scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is
+        checked."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:

@@ -79,9 +79,9 @@ class PlantEffects:
         `parameters` (..., P), SI units, those without loads; these themselves where there is no load.
 
         The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame. While a payload is held,
-        raises `NotFoundError` where its link is not among `links`, `InputError` for parameters that are no numbers or
-        too few to include that link's.
+        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives', if any, follow.
+        While a payload is held, raises `NotFoundError` where its link is not among `links`, `InputError` for parameters
+        that are no numbers or too few to include that link's.
         """
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
