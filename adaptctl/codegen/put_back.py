@@ -24,10 +24,10 @@ class PutBack:
     that it replaces, an argument's: the piece can store all results as they are computed and copy the earlier values
     back where a condition holds.
 
-    `before` is a callable from the numbers of a part of the result and of a scalar in it to those of the argument's
-    scalar that it replaces, None where there is none. `conditions` maps each comparison to pairs of places, (part,
-    number): the result's, and the argument's that goes there where it holds. The attribute `piece` is the piece without
-    these choices. Nothing is checked.
+    `before(j, k)` is a callable that returns the indices (i, k') of the argument's scalar, k' of argument i, that
+    scalar k of the result's part j replaces, None where it replaces none; all count from 0. `conditions` maps each
+    comparison to a list of pairs ((j, k), (i, k')): where it holds, the argument's scalar is copied to the result's.
+    The attribute `piece` is the piece without these choices. Nothing is checked.
     """
 
     def __init__(self, routine: Routine, piece: Piece, before: Before) -> None:

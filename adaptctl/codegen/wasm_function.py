@@ -30,9 +30,9 @@ class WasmCode:
     types of its local variables, WebAssembly's byte for each.
 
     Made of `body`, all expressions to be written, which tells what is used more than once; `outputs`, the expressions
-    and constants that are its results; `given`, a callable that returns the code which puts an input on the stack, from
-    the numbers of the argument and of the scalar in it; and `parameters`, how many arguments the function has itself, 0
-    unless given: the first variables. Nothing is checked.
+    and constants that are its results; `given`, a callable `given(i, k)` that returns the code which puts scalar k of
+    argument i, both from 0, on the stack; and `parameters`, the number of WebAssembly parameters that the function has
+    (0 unless given), whose indices come before those of the local variables. Nothing is checked.
     """
 
     def __init__(
