@@ -49,10 +49,11 @@ class CPackage:
         self.stack = 0
 
     def files(self, ticks: Sequence[RecordedTick], last_state: Any) -> dict[str, str]:
-        """Contents of the C files by name: source, header and a C++ header (the package's name and .c, .h, .hpp),
-        CMakeLists.txt, a test (test_ and that name, .c) with its recorded numbers (vectors.h), and example.c. `ticks`,
-        at least one, have been recorded from the controller in Python for the test, `last_state` is the controller's
-        state after them. Raises `IndexError` without ticks, `TraceError` for a law that cannot be traced."""
+        """Contents of the C files by file name, NAME being the package's: the source NAME.c, its headers for C, NAME.h,
+        and C++, NAME.hpp, CMakeLists.txt, the test test_NAME.c with its recorded numbers, vectors.h, and example.c.
+        `ticks`, at least one, have been recorded from the controller in Python for the test, `last_state` is the
+        controller's state after them. Raises `IndexError` without ticks, `TraceError` for a law that cannot be
+        traced."""
         estimate = self.interface.estimate
         leaves = dict(zip((f.name for f in self.interface.memory), self.interface.memory_of(last_state), strict=True))
         recorded = {

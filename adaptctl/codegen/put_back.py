@@ -20,9 +20,9 @@ Before = Callable[[int, int], Place | None]
 
 
 class PutBack:
-    """Choices, in a `piece` of a `routine` (traced function), between the value that a result gets and the earlier one
-    that it replaces, an argument's: the piece can store all results as they are computed and copy the earlier values
-    back where a condition holds.
+    """Results of a `piece` of a `routine` (traced function) that are a choice, by a condition, between a new value and
+    an earlier one, an argument's, which it replaces. The piece can store the new values as they are computed, and copy
+    the earlier ones back at the end where the condition holds.
 
     `before(j, k)` is a callable that returns the indices (i, k') of the argument's scalar, k' of argument i, that
     scalar k of the result's part j replaces, None where it replaces none; all count from 0. `conditions` maps each

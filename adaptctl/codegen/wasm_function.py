@@ -61,9 +61,9 @@ class WasmCode:
         self._text[x.index] = text
 
     def call(self, x: Expression, called: Called, results: Iterable[Expression]) -> None:
-        """Write the call that the expression `x` is, of the function `called`: its arguments are stored to their places
-        in memory, and afterwards those of its results that are used, the expressions `results`, are read from theirs
-        into local variables. Raises `ValueError` where the function has another number of arguments."""
+        """Write a call, the expression `x`, of the function `called`: its arguments are stored at their addresses in
+        memory; after the call the results that are used, the expressions `results`, are read from their addresses into
+        local variables. Raises `ValueError` where the function has another number of arguments."""
         rest, routine = iter(x.operands), x.detail
         for at, size in zip(called.inputs, routine.inputs, strict=True):
             for k, y in enumerate(islice(rest, size)):

@@ -139,7 +139,7 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
 
 def joined(links: Column, motors: Column) -> Column:
     """The column (a + b,) of the numbers of `links` (a,), such as positions, followed by those of `motors` (b,), in the
-    units that they have."""
+    units that they have. Nothing is checked."""
     return Column((*links, *motors))
 
 

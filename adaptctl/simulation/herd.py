@@ -82,7 +82,7 @@ class Herd:
     def longest(self, *, record: bool) -> int:
         """The number of control periods that one native call takes at most, at least 1 and up to STRETCH (2000): as
         many as keep what it reads and writes, besides the arms' states, within MEMORY (2^23 bytes). With `record` the
-        samples of all periods count too."""
+        samples of all periods count too. Nothing is raised."""
         shapes, columns = self.arms.stepper.outputs, self.arms.stepper.columns
         numbers = sum(columns[Source.DRIVEN].values()) + (sum(map(math.prod, shapes)) if record else 0)
         return max(1, min(STRETCH, MEMORY // (8 * self.arms.members * numbers) if numbers else STRETCH))

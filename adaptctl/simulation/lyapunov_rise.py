@@ -44,7 +44,7 @@ class LyapunovRise(NamedTuple):
 def rise_sizes(law: SlotineLi | None) -> dict[str, int]:
     """Lengths, by name, of the columns "lyapunov" and "lyapunov_rise", the Lyapunov function V and its largest rise, J:
     1 each, or 0 where `law` is None. `law` is the controller of which V is computed, None where V is not known, as
-    `watched` returns it."""
+    `watched` returns it. Nothing is raised."""
     known = 0 if law is None else 1
     return LyapunovRise(known, known)._asdict()
 

@@ -199,7 +199,7 @@ class Plant(Tunable):
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
         """Mask (...) of configurations q (..., n), rad (m), of the tree's n joints: True where loops are away from
-        singularities and primary joints within the bounds in the robot's description; all True for a tree."""
+        singularities and primary joints within the bounds in the robot's description; for a tree all. Not checked."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))

@@ -209,7 +209,7 @@ def _require_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], p
 
 def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
     """The greatest number of control periods that an environment's episode takes: the least of `env.unwrapped.steps`
-    and `env.spec.max_episode_steps` that is a positive int, None where neither is."""
+    and `env.spec.max_episode_steps` that is a positive int, None where neither is. Nothing is raised."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
 

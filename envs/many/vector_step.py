@@ -26,7 +26,7 @@ class Facts(NamedTuple):
     joint's error passed its bound; `sure`, 1 if a mechanism's loops are surely away from singularities and positions
     within the conditions that its file states, or it has no loops, 0 where that must be computed exactly; `energy`,
     kinetic plus potential, J, with the inertial parameters of the period that ends; `clipped`, 1 if the torque was
-    clipped to its limits."""
+    clipped to its limits. Nothing is checked."""
 
     reward: Any
     """without what ending costs"""
@@ -86,9 +86,10 @@ class VectorStep:
         return compile_step(self.equation, state=sizes, held=self.held, name="vector_step", precision=precision)
 
     def compile_row(self) -> Kernel:
-        """The row of the reference as native code, a `Kernel`: called with the columns that the property `reference`
-        names, in that order, it returns (3r + r L,), the positions, velocities and accelerations of r joints now, then
-        the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic)."""
+        """The native code, a `Kernel`, of a reference's row of numbers: called with an array for each column in the
+        property `reference`, in that order and of the length there, it returns (3r + r L,), the positions, velocities
+        and accelerations of r joints now, then the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m
+        if prismatic)."""
 
         def row(**reference: Column) -> Column:
             return self.row(reference)

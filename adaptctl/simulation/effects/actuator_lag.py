@@ -37,7 +37,8 @@ class ActuatorLag(ActuatorEffect):
 
     def start(self, torque: Array, control_period: float) -> Array:
         """The initial memory (..., r) of the lag, the torques of r drives, N m (N for a prismatic joint): `torque`
-        (..., r) itself, not a copy, the torque that held the joints. `control_period` (s) is not used."""
+        (..., r) itself, not a copy, the torque that held the joints. `control_period` (s) is not used. Nothing is
+        checked."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:

@@ -88,15 +88,16 @@ class PlantEffects:
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., m) of all actuator effects, m numbers one effect after another, after the r joints
-        of arms were held by `torque` (..., r), N m (N for a prismatic joint); `control_period` is in s. Without
-        actuator effects m is 0."""
+        """The initial memory (..., m) of all actuator effects: the m numbers of the effects, one effect after another
+        in the order in which a torque passes them, after the r joints of arms were held by `torque` (..., r), N m (N
+        for a prismatic joint); `control_period` is in s. Without actuator effects m is 0. Nothing is checked."""
         return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial memory (..., m) of all sensor effects, m numbers one effect after another, before the first
-        measurement of arms of r joints at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s;
-        `control_period` is in s. Without sensor effects m is 0."""
+        """The initial memory (..., m) of all sensor effects: the m numbers of the effects, one effect after another in
+        the order in which measurements pass them, before the first measurement of arms of r joints at positions p (...,
+        r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period` is in s. Without sensor effects m is 0.
+        Nothing is checked."""
         return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
