@@ -25,9 +25,9 @@ class ErrorSums(NamedTuple):
     `squares` (r,), rad^2 (m^2), are sums of the errors' squares, and `final_squares` (r,) those of the periods at the
     run's end over which its final error is taken; `largest` (r,), rad (m), are the errors' largest magnitudes.
     `outside` (1,) is the number of periods up to and including the last one with an error larger than its bound
-    `within`, rad (m), (r,), 0 where there was none; `diverged` (1,) that up to and including the one in which the run
-    diverged, 0 where it did not; `joint` (1,) the number, from 1, of the first joint whose error made it diverge, else
-    0.
+    `within`, rad (m), (r,), 0 where there was none; `diverged` (1,) is the number of periods up to and including the
+    one in which the run diverged, 0 where it did not; `joint` (1,) is the number, from 1, of the first joint whose
+    error made it diverge, 0 where none did.
     """
 
     squares: Any

@@ -47,9 +47,9 @@ class SampledForm:
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
-        """The reference point of a control period, whose parts are the columns of these names in `columns`, unchanged:
-        positions "reference_p", rad (m), velocities "reference_v" and accelerations "reference_a", the same per s and
-        s^2, (r,) each for r = `size` joints. Raises `KeyError` where one is missing."""
+        """The reference point of a control period, made of three entries of `columns`, unchanged: "reference_p",
+        positions, rad (m), "reference_v", velocities, and "reference_a", accelerations, the same per s and s^2, (r,)
+        each for r = `size` joints. Raises `KeyError` where one is missing."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 

@@ -116,9 +116,10 @@ class Rollouts:
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of bools, True for each of M runs whose `largest_error` is finite: those that did not diverge, and
-        runs whose error stayed finite but passed the bound `beyond` (rad or m) given to `simulate_many`. `diverged_at`
-        (M,), s, tells these apart: it is NaN for a run that did not diverge."""
+        """Mask (M,) of bools, True for each of M runs whose `largest_error` is finite: those that did not diverge and,
+        if any bound `beyond` (rad or m) given to `simulate_many` was finite, those that did too, as their
+        `largest_error` is of the time before. `diverged_at` (M,), s, tells these apart: it is NaN for a run that did
+        not diverge."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
