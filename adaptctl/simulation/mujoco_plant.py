@@ -108,9 +108,9 @@ class MuJoCoPlant(Plant):
         and held.
 
         `parameters` (P,), SI units, are the P true inertial ones in this period, None for those of the last call that
-        gave any, at first the mechanism's own; `noise` is not used. Raises `InputError` on a wrong shape, for
-        parameters that no rigid bodies have and for parameters of friction other than viscous and Coulomb,
-        `NonFiniteError` on NaN or infinity in torque or parameters and where the motion runs away.
+        gave any, at first the mechanism's own; `noise` is not used. Raises `InputError` on a wrong shape and for
+        parameters of no rigid bodies or of friction other than viscous and Coulomb, `NonFiniteError` on NaN or infinity
+        in torque or parameters and where the motion runs away.
         """
         given = self._finite(torque)
         applied = self.limited(given)
