@@ -27,9 +27,9 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     copy is driven, without the wrappers, and `env` stays as it is. The names are "zero torque"; "PD", without gravity
     compensation; "PD with gravity", compensated with the true parameters; "Slotine-Li from nothing", Slotine and Li's
     adaptive law from an estimate of zero; and "computed torque" with the true parameters. Their gains are those that
-    `tune` designs for a `bandwidth` of 8 rad/s and a `hold` of 1, no unit: the greatest product allowed of control
-    period and damping gain over inertia. The mean is over as many episodes as `episodes` says; episode k, from 0, has
-    the seed `seed` + k.
+    `tune` designs for a `bandwidth` of 8 rad/s and a `hold` of 1, no unit, the bound of T lambda_max((M + T B)^-1 K): T
+    is the control period, s, lambda_max the largest eigenvalue, M the mass matrix, B viscous friction and K the damping
+    gains. The mean is over as many episodes as `episodes` says; episode k, from 0, has the seed `seed` + k.
 
     Raises `InputError` for another environment, for `episodes` and a `seed` that are no whole numbers of at least 1 and
     0, and where `tune` finds no gains, as for a control period above 0.1 s; `NonFiniteError` for a motion that runs

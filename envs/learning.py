@@ -37,9 +37,10 @@ class NormalisedView:
     position from the middle of the joint's range, velocity, the reference's acceleration, and for each time ahead how
     far the reference then is from the reference now; rad, rad/s, rad/s^2 (m, m/s, m/s^2).
 
-    `slices` are the environment's `observation_slices`, a mapping from names such as `p` to their places in an
-    observation; `middle` (r,) are the middles of the joints' ranges, rad (m); `scale` (n,) are the c, each in its x's
-    unit: the x that is seen as 1/2. Made by `NormalisedView.of`; nothing is checked.
+    `slices` are the environment's `observation_slices`, which map p, v, reference_p, reference_v, reference_a and
+    look_ahead, in this order, to their places in an observation; `middle` (r,) are the middles of the joints' ranges,
+    rad (m); `scale` (n,) are the c, each in its x's unit: the x that is seen as 1/2. Made by `NormalisedView.of`;
+    nothing is checked.
     """
 
     slices: Mapping[str, slice]
@@ -49,9 +50,10 @@ class NormalisedView:
 
     @classmethod
     def of(cls, env: TrackingEnv) -> NormalisedView:
-        """The `NormalisedView` of the observations of `env`, a `TrackingEnv`: errors are scaled by a tenth of half the
-        joint's range or of the error bound, whichever is less, velocity errors by 5/s times that, and the rest by half
-        the range, a joint without one having 1 rad (m). Nothing is checked."""
+        """The `NormalisedView` of the observations of `env`, a `TrackingEnv`. With h half a joint's range (1 rad or m
+        where it has none) and e = 0.1 min(h, the error bound), the scales c are e for position errors and for the
+        reference's way to each time ahead, 5/s times e for velocity errors, and h, h/s and h/s^2 for positions,
+        velocities and accelerations. Nothing is checked."""
         lower, upper = motion_ranges(env.mechanism)
         half = 0.5 * (upper - lower)
         error = PRECISION * np.minimum(half, env.error_bound)

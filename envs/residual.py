@@ -117,8 +117,9 @@ class ResidualVectorEnv(ControlledVectorEnv):
 
 
 def parts_of(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> list[slice]:
-    """The places in an observation of what a `controller` is given, a list of five slices: positions p, velocities v,
-    and the reference's positions, velocities and accelerations. `env` is a single-arm environment, in wrappers or not.
+    """The places in an observation of what a `controller` is given, a list of five slices in the order p, v,
+    reference_p, reference_v, reference_a: positions, velocities, and the reference's positions, velocities and
+    accelerations. `env` is a single-arm environment, in wrappers or not.
 
     Raises `InputError` for what is no `Controller`, for an environment whose `unwrapped` has no `observation_slices`
     with these names or no `control_period`, for another number of joints than the controller's, and where wrappers have

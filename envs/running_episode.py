@@ -14,8 +14,9 @@ from adaptctl.simulation.sampled_references import Preview
 @dataclass
 class RunningEpisode:
     """The changing parts of a running episode: the plant's P true inertial `parameters` (P,), SI units, without what
-    effects load; the `preview` of the reference at each step; the plant's `state`; the number of the `step`, from 0;
-    how many steps' torques were `clipped`; and `over`, True once it has ended. Nothing is checked."""
+    effects load; `preview`, the `Preview` of its reference; `state`, the `PlantState`; `step`, the number of control
+    periods since its start; `clipped`, the number of these in which a torque was clipped; and `over`, True once it has
+    ended. Nothing is checked."""
 
     parameters: Array
     preview: Preview

@@ -76,11 +76,11 @@ def as_builtins(
     mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None = None
 ) -> dict[str, Any]:
     """A robot's fundamental basis (base parameters) in JSON's types: `robot`; `dof`, its degrees of freedom, and number
-    of `links`; `rank`, the number k of its P inertial parameters, `parameters`, that are independent; `independent`,
-    the names of those kept, and `columns`, their indices, from 0, among the P; `regrouping`, the matrix K (k, P), SI
-    units, that gives their values K D from all P values D; `singular_values` (P,) of the energy differences between
-    states, J per SI unit, `gap`, the ratio of those before and after the rank, no unit, and `certificate`, the proof of
-    the rank.
+    of `links`; `parameters`, the number P of its inertial parameters, and `rank`, the number k of these that are
+    independent; `independent`, the names of those kept, and `columns`, their indices, from 0, among the P;
+    `regrouping`, the matrix K (k, P), SI units, that gives their values K D from all P values D; `singular_values` (P,)
+    of the energy differences between states, J per SI unit, `gap`, the ratio of those before and after the rank, no
+    unit, and `certificate`, the proof of the rank.
 
     Friction, which enters no energy, is in none of them. With a `reduction` to essential components, of which the
     parameters are a sum (None by default: without it), it has an entry of that name: `components`, how many are kept,

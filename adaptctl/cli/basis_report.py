@@ -49,7 +49,7 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
     """Heading of the report of a basis, a group of texts of the package rich: the robot with its numbers of links,
     joints' degrees of freedom and inertial parameters, how many of these are independent, the certificate that proves
     this number, and notes, where there are any: on the certificate, on parameters that nearly depend on others, and on
-    friction's, which are kept besides."""
+    friction's, which are kept besides. Nothing is raised."""
     parameters, friction = len(space.parameter_names), len(mechanism.parameter_names) - len(space.parameter_names)
     first = Text.assemble(
         (mechanism.name, "bold"),
@@ -69,9 +69,9 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
 
 
 def spectrum(space: EssentialSpace) -> Table:
-    """Table, of the package rich, of the singular values of a mechanism's energy differences between states, those of
-    its essential `space`, J per SI unit: each with its number from 1 and a bar of "#", on a logarithmic scale. It has
-    the first two, six on either side of the gap at the rank (the number of independent inertial parameters), and the
+    """Table, of the package rich, of the singular values, J per SI unit, that an essential `space` has of a mechanism's
+    energy differences between states: each with its number from 1 and a bar of "#", on a logarithmic scale. It has the
+    first two, six on either side of the gap at the rank (the number of independent inertial parameters), and the
     last."""
     values, k = space.singular_values, space.rank
     table = Table(box=None, show_header=False, pad_edge=False)
@@ -91,7 +91,7 @@ def spectrum(space: EssentialSpace) -> Table:
 def grid(mechanism: Mechanism, basis: FundamentalBasis, width: int) -> list[Table]:
     """Tables, of the package rich, of the inertial parameters that a basis keeps: kinds, such as m (mass) or I_xx
     (moment of inertia), in rows, links in columns, an x where a parameter is kept. There are several where the links
-    need more than `width` characters."""
+    need more than `width` characters. Nothing is raised."""
     links, tables = list(mechanism.links), []
     while links:
         count = 1
@@ -117,7 +117,8 @@ def equations(basis: FundamentalBasis) -> Group:
 
 def energy_error(reduction: Reduction) -> Text:
     """Sentence, a text of the package rich, on a model reduction: how many of all essential components, of which the
-    inertial parameters are a sum, keep the energy to what error, in percent, and over which motions."""
+    inertial parameters are a sum, keep the energy to what error, in percent, and over which motions. Nothing is
+    raised."""
     return Text(
         f"{reduction.kept} of {len(reduction.weights)} components keep the energy within "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "

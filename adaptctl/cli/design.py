@@ -54,8 +54,9 @@ def design(
 
     The costs are of random motions within the joints' limits, at speeds of `speed` sqrt(g/L), g being the gravity and L
     the largest distance from a joint to the next or to its link's frame. Components are combinations of inertial
-    parameters, counted that keep the energy to an error of `energy_error` percent; coupling is the mass matrix off its
-    diagonal. Masses may be in a box about a link's joints and centre of mass, widened by `beyond` of its diagonal.
+    parameters: those are counted that are needed to keep the error of the energy to `energy_error` percent. Coupling is
+    the mass matrix off its diagonal. Masses may be in a box about a link's joints and centre of mass, widened by
+    `beyond` of its diagonal.
 
     Raises `InputError` for unknown links and objectives, numbers out of range, `at` without `link` and places outside
     the link's box; `NotFoundError` for an unknown robot or body, `FileError` for a robot's file that cannot be used and

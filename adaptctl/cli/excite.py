@@ -92,10 +92,10 @@ def _each(given: Numbers) -> Any:
 def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast, collisions: bool) -> dict[str, Any]:
     """The forecast of an identification in JSON's types: `durations`, s, of the `motions` by name;
     `self_collision_checked`, which is `collisions`, True where that was done; the `condition` number of the scaled
-    regressor; for each base parameter its standard `deviation`, SI units, and `relative`, that over the value in the
-    robot's file, None where this is 0; and `combinations` of parameters in words, the least excited first, with their
-    `strength` (no unit), the range that is plausible before the motion over the deviation after it. `robot` is the
-    robot as given."""
+    regressor; for each base parameter its standard `deviation`, SI units, and `relative`, the deviation divided by the
+    size of the value in the robot's file, None where that is 0; and `combinations` of parameters in words, the least
+    excited first, with their `strength` (no unit): the range plausible before the motion divided by the deviation to be
+    expected after it. `robot` is the robot as given."""
     from math import isfinite
 
     columns = zip(predicted.model.names, predicted.deviations.tolist(), predicted.relative.tolist(), strict=True)

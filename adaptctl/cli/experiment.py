@@ -136,8 +136,8 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
 
 def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
     """Outcome of an experiment in JSON's types: its `experiment` name, whether it is `complete`, the `verdict` on its
-    controller, the `headline` and `facts` in words, and the `folder` of its files; numbers are in summary.json
-    there."""
+    controller, the `headline` and `facts` in words, and the `folder` of its files; numbers are in summary.json there.
+    Nothing is raised."""
     from adaptctl.recording.fact import answers
 
     return {

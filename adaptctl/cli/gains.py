@@ -68,12 +68,12 @@ def gains(
 
 def as_builtins(design: GainDesign) -> dict[str, Any]:
     """A gain design in JSON's types. Each of the `joints` has the typical `inertia`, kg m^2 (kg if prismatic), for
-    which its loop is designed, and `least_inertia`, the least over configurations, all other joints free, over it, no
-    unit; `stiffness`, 1/s^2, and `rate`, 1/s, of the error's feedback, e'' = -stiffness e - rate e'; its natural
-    frequency `bandwidth`, rad/s, and `damping_ratio`, no unit; the gains of Slotine and Li's law,
-    `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m), None where poles are not real;
-    `gain_margin` (no unit), `phase_margin` (rad), `delay_margin` (s) and `crossover` (rad/s), None for infinite or
-    none.
+    which its loop is designed, and `least_inertia`, no unit, the least inertia of the joint at any of 200 random
+    configurations while all other joints are free, divided by `inertia`; `stiffness`, 1/s^2, and `rate`, 1/s, of the
+    error's feedback, e'' = -stiffness e - rate e'; its natural frequency `bandwidth`, rad/s, and `damping_ratio`, no
+    unit; the gains of Slotine and Li's law, `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m),
+    None where poles are not real; `gain_margin` (no unit), `phase_margin` (rad), `delay_margin` (s) and `crossover`
+    (rad/s), None for infinite or none.
 
     For all joints it has `method`, `period`, s, and `delay`, in periods; `sampled_gain`, the period times the largest
     eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K, at the worst configuration found,

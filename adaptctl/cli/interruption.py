@@ -67,8 +67,8 @@ class Interruption:
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal of this `number`, in the manner of Python's signal handlers; `frame` is what was running.
-        Notes it in `asked` and raises `KeyboardInterrupt`, in the midst of an import a moment later; but for the first
-        one after `hold`, while results are being written, which only prints a line on stderr."""
+        Sets `asked` to True and raises `KeyboardInterrupt`, in the midst of an import a moment later. The first signal
+        after `hold`, while results are being written, raises nothing: it prints a line on stderr."""
         self.asked = True
         if self._held:
             self._held = False

@@ -58,10 +58,10 @@ def sweep(
     run has its rows, whatever they say.
 
     Raises `NotFoundError` for an unknown experiment, study or setting, `InputError` for values of a wrong form, a
-    `shard` that is not from 1 to 100000, more than 20000 runs that were not agreed to, a folder of something else, TLS
-    files that are not all there, and a scheduler that cannot be reached, `FileError` for files that cannot be read or
-    written, `MissingExtraError` without the extra `sweep` or `search`, `KeyboardInterrupt` on Ctrl-C, which leaves what
-    a sweep has computed in its folder.
+    `shard` that is not from 1 to 100000, more than 20000 runs without `yes`, a folder that holds another sweep or other
+    files, TLS files of which some are not given, and a scheduler that cannot be reached, `FileError` for files that
+    cannot be read or written, `MissingExtraError` without the extra `sweep` or `search`, `KeyboardInterrupt` on Ctrl-C,
+    which leaves what a sweep has computed in its folder.
     """
     from adaptctl.sweeps.cluster import Cluster
     from adaptctl.sweeps.folder import Folder

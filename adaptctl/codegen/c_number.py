@@ -37,9 +37,9 @@ class CNumber:
         return "" if self.kind == "double" else "f"
 
     def rounded(self, x: float) -> float:
-        """The float that stands for `x` in this kind of number: `x` itself for double; for float the nearest, where
-        finite numbers stay finite and what is not 0 stays so, from about 1.2e-38 to 3.4e38 in size. Nothing is
-        raised."""
+        """The float that stands for `x` in this kind of number: `x` itself for double; for float the nearest
+        single-precision number, the magnitude being first clipped to between about 1.2e-38 and 3.4e38. Zero, NaN and
+        infinities stay as they are. Nothing is raised."""
         return x if self.kind == "double" else single(x)
 
     def constant(self, x: float) -> str:

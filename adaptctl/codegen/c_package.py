@@ -36,8 +36,8 @@ class CPackage:
     Made of `interface`, the controller's `Interface` (arguments, memory and gains by name); `name`, which begins all
     names in the code, a C identifier; and `kind`, the kind of number, "double" or "float". `number` is the `CNumber`,
     `start` the `Start` of the memory, `memory` its fields that are not empty, and `stack` about how many bytes of stack
-    a tick takes, 0 until `functions` has been asked for. Raises `InputError` where the memory begins with the arm's
-    position in a way that is not known, `TraceError` where what computes its first values cannot be traced.
+    a call of the law takes, 0 until `functions` has been asked for. Raises `InputError` where the memory begins with
+    the arm's position in a way that is not known, `TraceError` where what computes its first values cannot be traced.
     """
 
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
@@ -49,10 +49,11 @@ class CPackage:
         self.stack = 0
 
     def files(self, ticks: Sequence[RecordedTick], last_state: Any) -> dict[str, str]:
-        """Contents of the C files by name: source, header and a C++ header (the package's name and .c, .h, .hpp),
-        CMakeLists.txt, a test (test_ and that name, .c) with its recorded numbers (vectors.h), and example.c. `ticks`,
-        at least one, have been recorded from the controller in Python for the test, `last_state` is the controller's
-        state after them. Raises `IndexError` without ticks, `TraceError` for a law that cannot be traced."""
+        """Contents of the C files by file name, NAME being the package's: the source NAME.c, its headers for C, NAME.h,
+        and C++, NAME.hpp, CMakeLists.txt, the test test_NAME.c with its recorded numbers, vectors.h, and example.c.
+        `ticks`, at least one, have been recorded from the controller in Python for the test, `last_state` is the
+        controller's state after them. Raises `IndexError` without ticks, `TraceError` for a law that cannot be
+        traced."""
         estimate = self.interface.estimate
         leaves = dict(zip((f.name for f in self.interface.memory), self.interface.memory_of(last_state), strict=True))
         recorded = {
@@ -93,16 +94,17 @@ class CPackage:
     @cached_property
     def hash(self) -> str:
         """Hash, 16 hexadecimal digits, of the code's functions, the memory's fields and first values, and the names of
-        its status bits: a state that was begun by other code is told by it. Raises `TraceError` for a law that cannot
-        be traced."""
+        its status bits: by it the code recognises a state that other code has begun. Raises `TraceError` for a law that
+        cannot be traced."""
         starts = [field.name + str(field.dimensions) + self._array(field.values) for field in self.memory]
         text = "\n".join([self.functions, *starts, str(self.interface.marks), str(self.start.configurations)])
         return hashlib.sha256(text.encode()).hexdigest()[:16].upper()
 
     @cached_property
     def rules(self) -> tuple[GainRule, ...]:
-        """Rules, a `GainRule` each, that the gains must satisfy that a tick reads, in their order: the C code's
-        function that checks gains applies them. They are found by asking the law itself for many gains, once."""
+        """Rules, a `GainRule` each, for the gains that the law reads in a control period, in their order: the C code's
+        function that checks gains applies them. They are found once, by asking the controller in Python for many gains.
+        Raises `TraceError` for a law that cannot be traced."""
         return gain_rules(self.interface.controller, self.interface.gains)
 
     @property

@@ -29,10 +29,10 @@ def _nothing(_part: int, _k: int) -> None:
 @dataclass(frozen=True)
 class Signature:
     """Signature of a C function that computes a routine (traced function): its `name`; its `parameters`, C texts of
-    their declarations; and three callables of the numbers of an argument or of a part of the result and of a scalar in
-    it: `given` returns the C text of an argument's scalar, `place` that of where a result's scalar goes, and `before`
-    the numbers of the argument's scalar whose place in memory the result's takes in the next call, None, as by default,
-    where there is none. Nothing is checked."""
+    their declarations; and three callables, whose indices count from 0. `given(i, k)` returns the C text of scalar k of
+    argument i, `place(j, k)` the C text of the place where scalar k of the result's part j is stored. `before(j, k)`
+    returns the indices (i, k') of the argument's scalar that this result replaces in the next call, None where it
+    replaces none, as by default. Nothing is checked."""
 
     name: str
     parameters: tuple[str, ...]
@@ -68,9 +68,9 @@ class CProgram:
         self._stacks: dict[Routine, int] = {}
 
     def source(self, routine: Routine, signature: Signature) -> CSource:
-        """The `CSource`, text and stack, of a `routine` (traced function) as a C function with the `signature` given,
-        after those of the routines it calls, but for those that were written before. Nothing is checked: the signature
-        must fit the routine."""
+        """The `CSource`, text and stack, of a `routine` (traced function) as a C function with the given `signature`.
+        The functions of the routines that it calls stand before it, unless an earlier call returned them. Nothing is
+        checked: the signature must fit the routine."""
         texts = [self._called(inner) for inner in _callees(routine) if inner not in self._symbols]
         text, stack = self._functions(routine, signature)
         return CSource("\n".join([*texts, text]), stack)

@@ -104,10 +104,11 @@ class Exported:
 
     The manifest has "schema", "name", "adaptctl", "numpy" (versions), "spdx" (licence), "law", "adaptation" (names of
     classes), "guarded", "period" (s), "mechanism" and "basis" (names and hashes), "joints", "gains" (by name, SI
-    units), "gains_sha256", "flops" and "operations" (of a control period, in floating point), "state_numbers" (how many
-    the memory has), "scalar", "language", "check" (outcome of the simulation, None without), "tolerance" (of torques,
-    in parts of the largest) and "files" (their SHA-256); in C also "state_bytes", "stack_bytes_about", "vectors" (ticks
-    recorded) and "abi_hash", in WebAssembly "wasm_bytes".
+    units), "gains_sha256", "flops" (the number of additions, subtractions, multiplications, divisions and negations in
+    a control period), "operations" (the number of each kind), "state_numbers" (how many numbers the memory has),
+    "scalar", "language", "check" (outcome of the simulation, None without), "tolerance" (of torques, in parts of the
+    largest) and "files" (their SHA-256); in C also "state_bytes", "stack_bytes_about", "vectors" (ticks recorded) and
+    "abi_hash", in WebAssembly "wasm_bytes".
     """
 
     directory: Path

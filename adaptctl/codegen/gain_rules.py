@@ -44,10 +44,10 @@ class GainRule:
 
 
 def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[GainRule, ...]:
-    """The rules, a `GainRule` each, that a `controller`'s gains must satisfy, for each of `fields`, the gains that a
-    tick reads, in their order. They are found by asking the controller for gains of 0, of the other sign, and of up to
-    1e4 times the values; beyond that a gain counts as unlimited. Not checked: the fields must be those of the
-    controller's gains."""
+    """The rules, a `GainRule` each, that a `controller`'s gains must satisfy, one for each of `fields`, the gains that
+    its law reads in a control period, in their order. They are found by asking the controller for gains of 0, of the
+    other sign, and of up to 1e4 times the values; beyond that a gain counts as unlimited. Not checked: the fields must
+    be those of the controller's gains."""
     return tuple(_rule(controller, field) for field in fields)
 
 

@@ -146,14 +146,14 @@ class Interface:
 
     @cached_property
     def started(self) -> list[Array]:
-        """The controller's memory before the first tick, at its home positions and at rest: a list of float64 arrays,
-        one for each of the memory's fields, in SI units."""
+        """The controller's memory before the first control period, at its home positions and at rest: a list of float64
+        arrays, one for each of the memory's fields, in SI units."""
         return [np.asarray(x, dtype=np.float64) for x in leaves(self.controller._blank)]
 
     @cached_property
     def memory(self) -> tuple[Field, ...]:
-        """The fields of the controller's memory between ticks, empty ones too, a `Field` each, with the values before
-        the first tick at home and at rest, in SI units."""
+        """The fields of the controller's memory between control periods, empty ones too, a `Field` each, with their
+        values before the first one, at home and at rest, in SI units."""
         paths = [path.removeprefix("state.").replace(".", "_") for path in self.controller._memory_sizes]
         found = zip(paths, self.started, strict=True)
         return tuple(Field(name, values, self._labels(name, values.size)) for name, values in found)
@@ -168,8 +168,8 @@ class Interface:
 
     @cached_property
     def gains(self) -> tuple[Field, ...]:
-        """The controller's gains that a tick reads, a `Field` each, with their values, in SI units. Raises `TraceError`
-        for a law that cannot be traced."""
+        """The controller's gains that its law reads in a control period, a `Field` each, with their values, in SI
+        units. Raises `TraceError` for a law that cannot be traced."""
         used = self._gain_places
         return tuple(field for field, places in self._gain_fields() if used & places)
 
@@ -181,8 +181,8 @@ class Interface:
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Names of the marks that the controller's guards set in the memory in each tick, such as "torque_limited" or
-        "stopped"; empty without guards."""
+        """Names of the marks that the controller's guards set in the memory in each control period, such as
+        "torque_limited" or "stopped"; empty without guards."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
 
     def memory_of(self, state: Any) -> list[Array]:

@@ -78,8 +78,9 @@ class LiveLoop:
 
     def equation(self, time: Column, friction: Column, **columns: Column) -> tuple[Column, ...]:
         """The columns of `state` after one control period, in order, followed by the law's torque (r,), N m (N if
-        prismatic), not yet clipped, the errors of the positions and the reference's positions, (r,) each, rad (m), and
-        the origins of the N links (3N,), m, in the world frame at its beginning.
+        prismatic), not yet clipped, the tracking errors (positions minus the reference's) and the reference's
+        positions, (r,) each, rad (m), and the origins of the N links in the world frame (3N,), m: x, y and z of the
+        first link first. Torque, errors, reference and origins are those at the period's beginning.
 
         `time` (1,) is in s, `friction` (r,) is viscous friction of the r joints besides the plant's, N m s/rad (N s/m);
         `columns` are the others of `arguments`, SI units: "q", "v", "drives" and "sensors" of the plant, "memory_0",

@@ -20,14 +20,14 @@ Before = Callable[[int, int], Place | None]
 
 
 class PutBack:
-    """Choices, in a `piece` of a `routine` (traced function), between the value that a result gets and the earlier one
-    that it replaces, an argument's: the piece can store all results as they are computed and copy the earlier values
-    back where a condition holds.
+    """Results of a `piece` of a `routine` (traced function) that are a choice, by a condition, between a new value and
+    an earlier one, an argument's, which it replaces. The piece can store the new values as they are computed, and copy
+    the earlier ones back at the end where the condition holds.
 
-    `before` is a callable from the numbers of a part of the result and of a scalar in it to those of the argument's
-    scalar that it replaces, None where there is none. `conditions` maps each comparison to pairs of places, (part,
-    number): the result's, and the argument's that goes there where it holds. The attribute `piece` is the piece without
-    these choices. Nothing is checked.
+    `before(j, k)` is a callable that returns the indices (i, k') of the argument's scalar, k' of argument i, that
+    scalar k of the result's part j replaces, None where it replaces none; all count from 0. `conditions` maps each
+    comparison to a list of pairs ((j, k), (i, k')): where it holds, the argument's scalar is copied to the result's.
+    The attribute `piece` is the piece without these choices. Nothing is checked.
     """
 
     def __init__(self, routine: Routine, piece: Piece, before: Before) -> None:

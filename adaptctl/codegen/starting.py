@@ -23,13 +23,14 @@ ASIDE = 0.02
 
 @dataclass(frozen=True)
 class Walk:
-    """Way on which exported code closes a mechanism's loops, in small steps from home to the r primary joints' first
-    positions.
+    """Routines and data by which exported code closes a mechanism's kinematic loops, in small steps from home to the
+    first positions of the r primary (independent) joints.
 
-    `step`, a traced `Routine`, has the closed configuration (n,) of the tree's n joints, rad (m if prismatic), at
-    positions p (r,), from one nearby, q (n,); `regular`, another, is 1 where the loops at q are closed and surely away
-    from singularities, else 0. `home` (n,) is the configuration at home, `primary` has the indices of the primary
-    joints among the n, `looped` those, among the r, that move a loop. Nothing is checked.
+    `step`, a traced `Routine` of p (r,) and q (n,), returns the closed configuration (n,) of the tree's n joints, rad
+    (m if prismatic), at the primary joints' positions p, from one nearby, q; `regular`, a traced `Routine` of q (n,),
+    returns 1 where the loops at q are closed and surely away from singularities, else 0. `home` (n,) is the
+    configuration at home, `primary` has the indices of the primary joints among the n, `looped` those, among the r,
+    that move a loop. Nothing is checked.
     """
 
     step: Routine

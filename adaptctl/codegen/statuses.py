@@ -44,7 +44,8 @@ def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
 
 def status_of(interface: Interface, state: Any) -> int:
     """The status of a tick, an integer, as far as a controller's guards decide it: the sum of the status bits whose
-    marks are set in `state`, the controller's memory after the tick in Python; 0 without guards. Faults are not among
-    them. Raises `ValueError` for a state with other marks than the `interface` of its controller has."""
+    marks are set in `state`, the controller's memory after the tick in Python; 0 without guards. Faults, such as
+    NOT_FINITE, are not among them. Raises `ValueError` for a state with other marks than the `interface` of its
+    controller has."""
     bits = status_bits(interface)[len(FAULTS) :]
     return sum(bit.value for bit, mark in zip(bits, guards(state), strict=True) if mark[0] > 0.5)

@@ -24,10 +24,10 @@ STRETCH = 10_000
 
 def vouched(interface: Interface, reference: Reference, duration: float = DURATION) -> dict[str, Any]:
     """Outcome, in JSON's types, of a simulation of the controller of an `interface` on its own mechanism along
-    `reference`, a function of time (s), for `duration` s, 600 unless given, as a dict: "duration", s; "reference", as
-    `stated` gives it; "finite", True; and "rms_error_first_10_s" and "rms_error_last_10_s", the root mean square over
-    all joints of the errors of their positions, rad (m if prismatic), in the first and the last 10 s, None where the
-    reference is not one of joints.
+    `reference`, a function of time (s), for `duration` s, 600 unless given, as a dict: "duration", s; "reference", a
+    dict of its class's name and, for `Sinusoids`, their numbers; "finite", True; and "rms_error_first_10_s" and
+    "rms_error_last_10_s", the root mean square of the position errors of all joints together, rad (m if prismatic), in
+    the first and the last 10 s, None where the reference is not one of joints.
 
     Raises `InputError` where the run becomes not finite or guards stop it, where no mechanism is known or it has more
     than 100 links, and for a reference for another number of coordinates; `NonFiniteError` for a reference that is not

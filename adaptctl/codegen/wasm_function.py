@@ -30,9 +30,9 @@ class WasmCode:
     types of its local variables, WebAssembly's byte for each.
 
     Made of `body`, all expressions to be written, which tells what is used more than once; `outputs`, the expressions
-    and constants that are its results; `given`, a callable that returns the code which puts an input on the stack, from
-    the numbers of the argument and of the scalar in it; and `parameters`, how many arguments the function has itself, 0
-    unless given: the first variables. Nothing is checked.
+    and constants that are its results; `given`, a callable `given(i, k)` that returns the code which puts scalar k of
+    argument i, both from 0, on the stack; and `parameters`, the number of WebAssembly parameters that the function has
+    (0 unless given), whose indices come before those of the local variables. Nothing is checked.
     """
 
     def __init__(
@@ -61,9 +61,9 @@ class WasmCode:
         self._text[x.index] = text
 
     def call(self, x: Expression, called: Called, results: Iterable[Expression]) -> None:
-        """Write the call that the expression `x` is, of the function `called`: its arguments are stored to their places
-        in memory, and afterwards those of its results that are used, the expressions `results`, are read from theirs
-        into local variables. Raises `ValueError` where the function has another number of arguments."""
+        """Write a call, the expression `x`, of the function `called`: its arguments are stored at their addresses in
+        memory; after the call the results that are used, the expressions `results`, are read from their addresses into
+        local variables. Raises `ValueError` where the function has another number of arguments."""
         rest, routine = iter(x.operands), x.detail
         for at, size in zip(called.inputs, routine.inputs, strict=True):
             for k, y in enumerate(islice(rest, size)):

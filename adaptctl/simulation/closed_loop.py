@@ -93,8 +93,8 @@ class ClosedLoop:
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the columns that stay the same in a run, by name: "parameters", the plant's P inertial parameters,
-        and, where there are any, "gains", the controller's g tunable gains."""
+        """Lengths, by name, of the columns that stay the same in a run: P for "parameters", the plant's inertial
+        parameters, and, where there are any, g for "gains", the controller's tunable gains."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property

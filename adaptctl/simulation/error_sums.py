@@ -25,9 +25,9 @@ class ErrorSums(NamedTuple):
     `squares` (r,), rad^2 (m^2), are sums of the errors' squares, and `final_squares` (r,) those of the periods at the
     run's end over which its final error is taken; `largest` (r,), rad (m), are the errors' largest magnitudes.
     `outside` (1,) is the number of periods up to and including the last one with an error larger than its bound
-    `within`, rad (m), (r,), 0 where there was none; `diverged` (1,) that up to and including the one in which the run
-    diverged, 0 where it did not; `joint` (1,) the number, from 1, of the first joint whose error made it diverge, else
-    0.
+    `within`, rad (m), (r,), 0 where there was none; `diverged` (1,) is the number of periods up to and including the
+    one in which the run diverged, 0 where it did not; `joint` (1,) is the number, from 1, of the first joint whose
+    error made it diverge, 0 where none did.
     """
 
     squares: Any
@@ -68,7 +68,7 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
     (r,), "outside", "diverged" and "joint" (1,), and what errors are judged by: the bounds "within" and "beyond" (r,),
     rad (m), and "final" (1,), the index of the first period whose errors are final. An error that is NaN or larger than
     `beyond` makes the run diverge: from this period on all sums stay. Raises `KeyError` where a column is missing,
-    `IndexError` or `ValueError` for bounds that are too short.
+    `IndexError` where "beyond" is too short, `ValueError` where "within" or "largest" has another length.
     """
     before = ErrorSums(*(columns[name] for name in ErrorSums._fields))
     sizes = Column(map(absolute, error))
@@ -96,11 +96,12 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
 class ErrorSummary(NamedTuple):
     """Summaries of the tracking errors, positions less the reference's, of M runs of r joints. Nothing is checked.
 
-    (M, r), rad (m): `rms_error`, root mean square; `largest_error`, largest magnitude; `final_rms_error`, root mean
-    square over the last SETTLED (2) s; NaN where they are not known. (M,): `return_time`, s, after which every error
-    stayed within the bounds asked for, NaN where the last one did not or the run diverged; `diverged_at`, s, at which
-    an error was first not finite or beyond the bound for divergence, NaN where none was; `diverged_joint`, the index
-    from 0 of the first joint whose error that was, else -1.
+    (M, r), rad (m): `rms_error`, root mean square, and `largest_error`, largest magnitude, both NaN in a run that
+    diverged if no joint's bound for divergence was finite; `final_rms_error`, root mean square over the last SETTLED
+    (2) s, NaN in shorter runs and those that diverged before. (M,): `return_time`, s, after which every error stayed
+    within the bounds asked for, NaN where the last one did not or the run diverged; `diverged_at`, s, at which an error
+    was first not finite or beyond the bound for divergence, NaN where none was; `diverged_joint`, the index from 0 of
+    the first joint with such an error, -1 where none was.
     """
 
     rms_error: Array
@@ -117,9 +118,9 @@ def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Arra
     and divergence, s.
 
     Errors count as final from the period of index `final` on. `beyond` (r,), rad (m), are the bounds by which runs
-    diverged: where all are infinite, `rms_error` and `largest_error` of runs that diverged are NaN; else they are of
-    the time before. The final error is NaN where a run diverged before its end began, or is shorter than 2 s. Nothing
-    is checked.
+    diverged. In a run that diverged, `rms_error` and `largest_error` are NaN if all bounds are infinite; else they are
+    of the time before. `final_rms_error` is NaN where a run diverged before the period `final` and where it is shorter
+    than 2 s. Nothing is checked.
     """
     joint = sums.joint[:, 0].astype(np.int64) - 1
     lost = joint >= 0

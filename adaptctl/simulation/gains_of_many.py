@@ -35,12 +35,12 @@ class GainsOfMany:
         given: Mapping[str, ArrayLike],
         own: Mapping[str, Array] = NONE,
     ) -> GainsOfMany:
-        """Gains of many arms: those `given`, by their names in `controller.numbers`, in the shape that they have there
-        or with a leading axis of M arms; or `own`, with that axis, the numbers of M controllers made and checked
-        before, none unless given.
+        """The `GainsOfMany` of M arms, from either of two mappings whose keys are names in `controller.numbers`:
+        `given`, arrays in the shapes that they have there or with a leading axis of M; or `own`, arrays with that axis,
+        the numbers of M controllers that were made before, which are not checked again (none by default).
 
-        Every arm's set of those given is checked as that of a new controller is. Raises `InputError` where both are
-        given and for arrays of another shape or of no numbers, `NotFoundError` for a name that is not there, and what
+        With `given`, each arm's gains are checked as those of a new controller are. Raises `InputError` where neither
+        mapping is empty and for arrays of another shape or of no numbers, `NotFoundError` for an unknown name, and what
         the controller's class raises for its numbers, such as `GainError`.
         """
         if own and given:
@@ -106,10 +106,11 @@ class GainsOfMany:
 
 
 def alike(given: Controller[Any] | Sequence[Controller[Any]]) -> tuple[Controller[Any], dict[str, Array]]:
-    """One controller that stands for all: the first of a sequence of M, and a dict of their tunable numbers, such as
-    gains, by name, arrays (M, ...) in the shapes and units of `Controller.numbers`; of a controller that is given
-    alone, itself and {}. Raises `InputError` for an empty sequence, for what is no controller, and where controllers
-    differ in more than these numbers."""
+    """One controller that stands for all those `given`, and a dict of their own tunable numbers, such as gains. For a
+    sequence of M controllers it is the first, and the dict maps the names in `Controller.numbers` to arrays (M, ...), a
+    row for each in the shape and unit that the number has there; for one controller alone it is that one and {}. Raises
+    `InputError` for an empty sequence, for what is no controller, and where controllers differ in more than these
+    numbers."""
     if isinstance(given, Controller):
         return given, {}
     controllers = list(given) if isinstance(given, Sequence) else []

@@ -61,8 +61,9 @@ def held_motion(
     q, rad (m), are positions of all n joints of the spanning tree, v, rad/s (m/s), velocities of the r primary
     (independent) joints, the torque is in N m (N), the parameters are in SI units. The period is integrated by
     `integrator` in `substeps` equal steps. `friction` are effects that brake the joints, none unless given;
-    `transmission` has the springs of elastic joints, None for rigid ones: with it the motors' positions (r,) follow the
-    joints' in q, and their velocities (r,) in v. Loops are closed again in every step. Nothing is checked here.
+    `transmission` has the springs of elastic joints, None for rigid ones: with it q is (n + r,), the joints' positions
+    and then the motors', and v is (2r,), the joints' velocities and then the motors'. Kinematic loops are closed again
+    in every step. Nothing is checked here.
     """
     dt, several = control_period / substeps, integrator.stages > 1
     fewer = fundamental_motion(mechanism) if transmission is None else None
@@ -138,7 +139,7 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
 
 def joined(links: Column, motors: Column) -> Column:
     """The column (a + b,) of the numbers of `links` (a,), such as positions, followed by those of `motors` (b,), in the
-    units that they have."""
+    units that they have. Nothing is checked."""
     return Column((*links, *motors))
 
 

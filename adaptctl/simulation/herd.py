@@ -47,10 +47,10 @@ class Herd:
         self.arms = stepper.ensemble(len(parameters))
 
     def begin(self, p: Array, v: Array, memory: Any, tuned: GainsOfMany) -> None:
-        """Put the arms at positions `p`, rad (m), and velocities `v`, rad/s (m/s), (M, r) of M arms of r joints.
-        `memory` is the controllers' first memory, arrays (M, length), or (length,) for all arms alike; None for that of
-        new controllers at what the sensors measure, whose noise is drawn. `tuned` has the gains of all arms simulated,
-        of which those of this group are taken.
+        """Put the M arms of this group, of r joints each, at positions `p`, rad (m), and velocities `v`, rad/s (m/s),
+        (M, r) each. `memory` is the controllers' first memory, arrays (M, length), or (length,) for all arms alike;
+        None for that of new controllers, begun at the first measurement, whose noise is drawn here. `tuned` has the
+        gains of all arms simulated, of which this group takes its own.
 
         Raises `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError`
         on NaN or infinity.
@@ -82,7 +82,7 @@ class Herd:
     def longest(self, *, record: bool) -> int:
         """The number of control periods that one native call takes at most, at least 1 and up to STRETCH (2000): as
         many as keep what it reads and writes, besides the arms' states, within MEMORY (2^23 bytes). With `record` the
-        samples of all periods count too."""
+        samples of all periods count too. Nothing is raised."""
         shapes, columns = self.arms.stepper.outputs, self.arms.stepper.columns
         numbers = sum(columns[Source.DRIVEN].values()) + (sum(map(math.prod, shapes)) if record else 0)
         return max(1, min(STRETCH, MEMORY // (8 * self.arms.members * numbers) if numbers else STRETCH))

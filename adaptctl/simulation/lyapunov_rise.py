@@ -43,16 +43,17 @@ class LyapunovRise(NamedTuple):
 
 def rise_sizes(law: SlotineLi | None) -> dict[str, int]:
     """Lengths, by name, of the columns "lyapunov" and "lyapunov_rise", the Lyapunov function V and its largest rise, J:
-    1 each, or 0 where `law`, the controller as the function `watched` returns it, is None, so that V is not known."""
+    1 each, or 0 where `law` is None. `law` is the controller of which V is computed, None where V is not known, as
+    `watched` returns it. Nothing is raised."""
     known = 0 if law is None else 1
     return LyapunovRise(known, known)._asdict()
 
 
 def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
-    """Lengths, by name, of the constant columns that the Lyapunov function of `law`, a controller as the function
-    `watched` returns it, is computed from: "truth", the true values of its k adapted parameters, and, where the
-    adaptation gain Gamma is a whole matrix (k, k), "metric", the k (k + 1)/2 numbers of the upper triangle of its
-    inverse. Empty where `law` is None, so that the function is not known."""
+    """Lengths, by name, of the constant columns from which a Lyapunov function V is computed: k for "truth", the true
+    values of the k adapted parameters, and, where the adaptation is gradient descent with a matrix (k, k) as gain
+    Gamma, k (k + 1)/2 for "metric", the upper triangle of its inverse. `law` is the controller of which V is computed,
+    as `watched` returns it: None where V is not known, which gives {}. Nothing is checked."""
     if law is None:
         return {}
     k = len(law.model.names)
@@ -61,13 +62,13 @@ def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
 
 @lru_cache(maxsize=8)  # asked for by every herd of arms
 def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
-    """The controller of a closed loop where its Lyapunov function V can be computed in the run from joints, estimate
-    and true parameters alone; None where it cannot. The answers for the 8 loops used last are kept.
+    """The controller of a closed `loop`, if its Lyapunov function V can be computed in the run from joints, estimate
+    and true parameters alone; else None. The answers for the 8 loops used last are kept.
 
-    It can for Slotine and Li's law itself, without adaptation or with an adaptation law whose term of V depends on the
-    estimate alone, on a plant of rigid joints, without loads that come and go, whose equations are those of the
-    controller's model, and without linear constraints that fix parameters. In `precision` "single" it never can, for
-    rises would be those of round-off; the other is "double". Nothing is raised.
+    It can if all of this holds: the controller is Slotine and Li's law itself, without adaptation or with an adaptation
+    law whose term of V depends on the estimate alone; the plant has rigid joints and no loads that come and go, and its
+    equations of motion are those of the controller's model; no linear constraint fixes parameters; and `precision`,
+    that of the run, is "double", not "single", in which rises would be round-off. Nothing is raised.
     """
     law, plant = loop.controller, loop.plant
     if precision == "single":
@@ -86,13 +87,14 @@ def first_rise(
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """The columns of a Lyapunov function V's rise before the first control period, and its constant columns, two dicts
     by name for M arms: "lyapunov", the largest finite number, from which nothing rises, and "lyapunov_rise", 0; then
-    "truth" (M, k), the true values of the k adapted parameters in SI units, and, where the adaptation gain Gamma is a
-    whole matrix, "metric" (M, k (k + 1)/2), the upper triangle of its inverse, row by row, with half its diagonal.
+    "truth" (M, k), the true values of the k adapted parameters in SI units, and, where the adaptation is gradient
+    descent with a matrix (k, k) as gain Gamma, "metric" (M, k (k + 1)/2), the upper triangle of its inverse, row by
+    row, with half its diagonal.
 
-    `law` is the controller as the function `watched` returns it; where it is None, both dicts are empty. `parameters`
-    (M, P) are the P true inertial ones, SI units; `gains` has arms' own tunable numbers, (M, ...), by name, of which
-    "adaptation.gain" (M, k, k) is read, the controller's where missing. Raises `numpy.linalg.LinAlgError` for a gain
-    that is singular.
+    `law` is the controller of which V is computed, as `watched` returns it: None where V is not known, which gives two
+    empty dicts. `parameters` (M, P) are the P true inertial ones, SI units; `gains` has arms' own tunable numbers, (M,
+    ...), by name, of which "adaptation.gain" (M, k, k) is read, the controller's where missing. Raises
+    `numpy.linalg.LinAlgError` for a gain that is singular.
     """
     if law is None:
         return {}, {}

@@ -67,11 +67,12 @@ def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
 
 def clear_of_contacts(plant: MuJoCoPlant, drawn: Sinusoids) -> Sinusoids:
     """A reference, sums of sinusoids, on which the arm of a MuJoCo `plant` touches neither itself nor the scene at any
-    of 201 times over the first 20 s: `drawn` itself or, where it touches, one drawn in towards the arm's posture in the
-    model's initial state, its centre nearer to that and its amplitudes smaller, by a factor of 0.8 in each of up to 19
-    trials.
+    of 201 times over the first 20 s: `drawn` itself or, where the arm touches on it, a copy that stays nearer to the
+    arm's posture q_0 in the model's initial state. Trial k, from 1 to 19, has the centre q_0 + 0.8^k (center - q_0) and
+    amplitudes 0.8^k times as large; the first one clear of contacts is returned.
 
-    Raises `InputError` where the last trial touches something still.
+    Raises `InputError` where the arm touches something in the last trial too, `ValueError` for another number of
+    joints.
     """
     if not contacts_along(plant, drawn):
         return drawn

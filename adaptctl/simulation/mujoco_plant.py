@@ -89,8 +89,8 @@ class MuJoCoPlant(Plant):
         else in the scene is as the model has it at its start. `parameters` (P,), SI units, are the arm's P true
         inertial ones, None for the mechanism's own; `noise` is not used, for there are no sensors.
 
-        Raises `InputError` on a wrong shape and for parameters of no rigid bodies or of friction other than viscous and
-        Coulomb, `NonFiniteError` on NaN or infinity.
+        Raises `InputError` on a wrong shape, for parameters that no rigid bodies have and for parameters of friction
+        other than viscous and Coulomb, `NonFiniteError` on NaN or infinity.
         """
         p, v = (self._vector(x, what).astype(np.float64) for x, what in ((p, "p"), (v, "v")))
         scene = self._scene.having(parameters)
@@ -132,7 +132,7 @@ class MuJoCoPlant(Plant):
     @cached_property
     def arm(self) -> MujocoArm:
         """The part of the MuJoCo model that is the arm, a `MujocoArm`: its root body, and its bodies and joints by
-        their indices in the model. What may be wrong with it was raised when the plant was made."""
+        their indices in the model. Raises nothing: the arm was checked when the plant was made."""
         from adaptctl.description.readers.mujoco_model import MujocoArm
 
         return MujocoArm.of(self.model, self.body)

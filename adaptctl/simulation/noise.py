@@ -52,7 +52,7 @@ class Noise:
 
     def drawn(self, steps: int) -> Array:
         """Standard normal numbers (steps, M, size), without a unit, of the next `steps` control periods of M arms,
-        `size` for each arm in a period. Each call draws new ones."""
+        `size` for each arm in a period. Each call draws new ones. Raises `ValueError` for `steps` below 0."""
         if self.size == 0:
             return np.zeros((steps, self.members, 0))
         if len(self.generators) == 1:

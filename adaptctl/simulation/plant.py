@@ -127,7 +127,7 @@ class Plant(Tunable):
         units, None for the mechanism's own with the effects' loads; it stretches elastic joints' springs, whose motors
         move as the links do. `noise` (..., 2r) is the first measurement's, standard normal, None for zero. Raises
         `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN
-        or infinity; `parameters` are read with actuator effects or elastic joints alone, `noise` with sensors."""
+        or infinity; `parameters` are used only with actuator effects or elastic joints, `noise` only with sensors."""
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
         p, v = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
@@ -198,7 +198,7 @@ class Plant(Tunable):
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
         """Mask (...) of configurations q (..., n), rad (m), of the tree's n joints: True where loops are away from
-        singularities and primary joints within the bounds in the robot's description; all True for a tree."""
+        singularities and primary joints within the bounds in the robot's description; for a tree all. Not checked."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -207,8 +207,8 @@ class Plant(Tunable):
     @cached_property
     def equation(self) -> ControlPeriod:
         """The equation of a control period, a `ControlPeriod`: a function over scalars of any kind (floats, arrays,
-        symbols) from columns in SI units to a `PeriodOutcome`. They are "q" (n,), the spanning tree's n joints, "v" and
-        "torque" (r,), of the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), empty without
+        symbols) from columns, SI units, to a `PeriodOutcome`: "q" (n,), the tree's n joints, "v" and "torque" (r,), of
+        the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), standard normal, empty without
         sensors, and memories "drives" and "sensors" of effects. It raises `KeyError` where one is missing."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)

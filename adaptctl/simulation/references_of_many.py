@@ -47,9 +47,9 @@ class SampledForm:
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
-        """The reference point of a control period, whose parts are the columns of these names in `columns`, unchanged:
-        positions "reference_p", rad (m), velocities "reference_v" and accelerations "reference_a", the same per s and
-        s^2, (r,) each for r = `size` joints. Raises `KeyError` where one is missing."""
+        """The reference point of a control period, made of three entries of `columns`, unchanged: "reference_p",
+        positions, rad (m), "reference_v", velocities, and "reference_a", accelerations, the same per s and s^2, (r,)
+        each for r = `size` joints. Raises `KeyError` where one is missing."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
@@ -65,8 +65,8 @@ class SinusoidForm:
     @property
     def held(self) -> dict[str, int]:
         """Lengths, by name, of the columns that each arm keeps through a run, the numbers of its sinusoids for r =
-        `size` joints and h = `terms` terms: r for "center" (rad or m), h r for "amplitude" (rad or m), "frequency" (Hz)
-        and "phase" (rad), 1 for "start_time" (s)."""
+        `size` joints and h = `terms` terms: r for "center" (rad or m); h r for "amplitude" (rad or m), "frequency" (Hz)
+        and "phase" (rad), each with the r numbers of the first term first; 1 for "start_time" (s)."""
         wave = self.size * self.terms
         return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict()
 
@@ -83,22 +83,22 @@ class SinusoidForm:
         return {}
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
-        """The reference point of an arm's sums of sinusoids, at the time in `columns`, or `ahead` (s) of it, 0 unless
-        given: columns (r,) for r = `size` joints of positions, rad (m), velocities, rad/s (m/s), and accelerations,
-        rad/s^2 (m/s^2), over scalars of any kind (floats, arrays, or symbols to be compiled).
+        """The reference point of an arm's sums of sinusoids, at the time in `columns` plus `ahead` (s), 0 unless given:
+        columns (r,) for r = `size` joints of positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2
+        (m/s^2), over scalars of any kind (floats, arrays, or symbols to be compiled).
 
         `columns` has by name "time" (1,), s, and the numbers of h = `terms` sinusoids a joint: "center" (r,) and
-        "amplitude" (h r,), rad (m), "frequency" (h r,), Hz, "phase" (h r,), rad, and "start_time" (1,), s. Raises
-        `KeyError` where one is missing.
+        "amplitude" (h r,), rad (m), "frequency" (h r,), Hz, "phase" (h r,), rad, with the r numbers of the first
+        sinusoid first, and "start_time" (1,), s. Raises `KeyError` where one is missing.
         """
         numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
         return sinusoids_at(columns["time"][0] + ahead, numbers)
 
     def numbers(self, references: Sequence[Reference | None]) -> SinusoidNumbers:
         """The numbers of the M `references`, all of them `Sinusoids`, for r = `size` joints and h = `terms` terms:
-        center (M, r) and amplitude (M, h r), rad or m, frequency, Hz, and phase, rad, (M, h r) each, and start_time (M,
-        1), s. Sums of fewer than `terms` sinusoids are filled up with terms of amplitude 0. Raises `KeyError` for what
-        is no `Sinusoids`, `ValueError` for sums of more terms."""
+        center (M, r) and amplitude (M, h r), rad or m, frequency, Hz, and phase, rad, (M, h r) each, with the r numbers
+        of the first term first, and start_time (M, 1), s. Sums of fewer than `terms` sinusoids are filled up with terms
+        of amplitude 0. Raises `KeyError` for what is no `Sinusoids`, `ValueError` for sums of more terms."""
         known: dict[int, SinusoidNumbers] = {}
         for one in references:
             if isinstance(one, Sinusoids) and id(one) not in known:
@@ -152,7 +152,8 @@ class ReferencesOfMany:
     def held(self) -> Mapping[str, Array]:
         """The columns, by name, that each of M arms keeps through a run: the numbers of its `Sinusoids`, of h terms for
         each of r joints: "center" (M, r) and "amplitude" (M, h r), rad or m, "frequency", Hz, and "phase", rad, (M, h
-        r) each, and "start_time" (M, 1), s; empty where references are sampled."""
+        r) each, with the r numbers of the first term first, and "start_time" (M, 1), s; empty where references are
+        sampled."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:

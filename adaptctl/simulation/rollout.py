@@ -45,8 +45,9 @@ def rollout(
     and `time` (s); in their place the torque commanded, NaN, 0 and the periods counted from zero are taken. It may have
     the true positions `p` and velocities `v`, and `marks`, a mapping from names of events to numbers; the controller's
     state may have a NamedTuple `marks` of arrays (1,), as `Guarded` has. `progress`, if given, is called about a
-    hundred times with the share done, 0 to 1, where the run's length is known. The run has one sample of `every` so
-    many control periods, and with `last` (s) only the last so many seconds, None for all: memory for no more is taken.
+    hundred times with the share done, 0 to 1, where the run's length is known. The run has a sample of one in `every`
+    control periods, the first one included, and only those of its last `last` seconds, None for the whole run: memory
+    for no more is taken.
 
     Ctrl-C ends the run but keeps what was computed, marked `complete=False`. Raises `InputError` for an environment
     that cannot be driven or has another number of joints than the controller, an `every` that is no whole number of at
@@ -208,7 +209,7 @@ def _require_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], p
 
 def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
     """The greatest number of control periods that an environment's episode takes: the least of `env.unwrapped.steps`
-    and `env.spec.max_episode_steps` that is a positive int, None where neither is."""
+    and `env.spec.max_episode_steps` that is a positive int, None where neither is. Nothing is raised."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
 

@@ -100,7 +100,7 @@ class Rollout:
 
     @property
     def spacing(self) -> float:
-        """Time between successive samples, s."""
+        """Time between successive samples, s: `every` control periods."""
         return self.every * self.control_period
 
     @property

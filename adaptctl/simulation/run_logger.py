@@ -86,7 +86,8 @@ class RunLogger:
 
         `applied` (r,) is the torque applied, N m (N), None where that is the one commanded; `estimate` (k,) is the
         controller's k parameter estimates, SI units, which may be left out only where k = 0. A sample with an array of
-        another length or with NaN or infinity never stops a loop: it is left out and counted in `faulty`.
+        another length or with NaN or infinity never stops a loop: it is left out and counted in `faulty`. Nothing is
+        raised.
         """
         row = self._sample
         try:

@@ -89,9 +89,10 @@ def _curves(axes: Axes, time: Array, values: Array, label: str) -> None:
 
 
 def run_html(run: DrawnRun) -> str:
-    """HTML of a `run` for a notebook, as text: a line with its length, number of joints, end and RMS tracking error
-    (mrad or mm) over the last LAST (2) s, and the figure of the run as a PNG image, left out where there are no
-    samples. Raises `ModuleNotFoundError` without matplotlib, where there are samples."""
+    """HTML, as text for a notebook, of a closed-loop `run` such as a `Rollout`: a line with its number of samples,
+    control period, number of joints, end (to the end, stopped by an error or cut off) and RMS tracking error of all
+    joints together, mrad (mm), over the last LAST (2) s; and its figure, as `run_figure` draws it, as a PNG image, left
+    out where there are no samples. Raises `ModuleNotFoundError` without matplotlib, where there are samples."""
     last = run.error[run.time >= run.time[-1] - LAST] if len(run.time) else run.error
     rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
     end = (

@@ -22,9 +22,9 @@ BLOCK = 128
 
 
 def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
-    """The points of a `reference` of `size` coordinates (joints) at T times (T,), s: positions, velocities and
-    accelerations (T, size) each, rad (m) and the same per s and s^2, views of a new array (T, 3, size) or of `out`,
-    unless that is None: one of that shape, which is written to.
+    """The points of a `reference` of `size` coordinates (joints) at `times` (T,), s: positions, velocities and
+    accelerations, (T, size) each, rad (m) and the same per s and s^2. They are views of one array (T, 3, size): `out`,
+    which is overwritten, or a new one where `out` is None. The shape of `out` is not checked.
 
     Raises `InputError` where the reference returns no reference point or one of another shape, `NonFiniteError` for NaN
     or infinity in it; what the reference itself raises goes through.

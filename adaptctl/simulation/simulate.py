@@ -53,10 +53,10 @@ def simulate(
     environment is left where `rollout` leaves it. `seed` and `options` are passed to `env.reset`, None for its own
     defaults.
 
-    The run has one sample of `every` so many control periods, and only those of the `last` so many seconds, None for
-    the whole run: however long it is, it takes no more memory than these. `stream` is the path of a Parquet file, None
-    for none, to which all samples that `every` chooses are written as they come, also those before the `last`. It
-    appears when the run ends, and `Rollout.load` reads it.
+    The run has a sample of one in `every` control periods, the first one included, and only those of its last `last`
+    seconds, None for the whole run: however long it is, it takes no more memory than these. `stream` is the path of a
+    Parquet file, None for none, to which all samples that `every` chooses are written as they come, also those before
+    the `last`. It appears when the run ends, and `Rollout.load` reads it.
 
     It takes a `TrackingEnv`, or another environment that hands over its `Episode`, in no wrappers but those of
     `gymnasium.make`; a controller that has a `law` and no `step` of its own; and at most LARGEST_COMPILED (100) links.

@@ -116,9 +116,10 @@ class Rollouts:
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of bools, True for each of M runs whose `largest_error` is finite: those that did not diverge, and
-        runs whose error stayed finite but passed the bound `beyond` (rad or m) given to `simulate_many`. `diverged_at`
-        (M,), s, tells these apart: it is NaN for a run that did not diverge."""
+        """Mask (M,) of bools, True for each of M runs whose `largest_error` is finite: those that did not diverge and,
+        if any bound `beyond` (rad or m) given to `simulate_many` was finite, those that did too, as their
+        `largest_error` is of the time before. `diverged_at` (M,), s, tells these apart: it is NaN for a run that did
+        not diverge."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -157,10 +158,11 @@ def simulate_many(
 
     Every `every`-th control period is recorded as a sample, the first one included; None records no samples. Summaries
     of the errors are of all control periods. `within` (rad or m, a number or (r,), infinite unless given) bounds the
-    errors for `return_time`; a run counts as diverged where an error is not finite or beyond `beyond` (the same).
-    `threads` share the arms. `precision` is "double" or "single": twice as many arms then fit a register, but the rise
-    of the Lyapunov function is not known, for it would be round-off's. `progress`, if given, is called in between with
-    the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing ends a run early.
+    errors for `return_time`; a run counts as diverged once an error is not finite or larger than `beyond` (rad or m, a
+    number or (r,), infinite unless given). `threads` share the arms. `precision` is "double" or "single": in single
+    precision twice as many arms fit a register, but `lyapunov_rise` is NaN, since round-off would hide it. `progress`,
+    if given, is called in between with the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing ends a run
+    early.
 
     Raises `InputError` for a duration that is below a control period or infinite, an `every`, `threads` or `members`
     that is no whole number of at least 1, a `seed` that is none of at least 0, shapes or numbers of rows that do not

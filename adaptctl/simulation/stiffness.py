@@ -34,8 +34,8 @@ MOST_FOR_SPRINGS = 2000
 
 def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> float:
     """The fastest decay rate of a velocity by friction, 1/s: the largest eigenvalue magnitude of M^-1 B, M (r, r) the
-    mass matrix, B (r, r) the slope of the friction torque over velocity at rest, N m s/rad (N s/m), where it is
-    steepest, over 200 random configurations within the limits of the r joints. 0 without friction.
+    mass matrix, B (r, r) the slope of the friction torque over velocity at rest, where it is steepest, N m s/rad (N
+    s/m), at the worst of 200 random configurations within the limits of the r joints. 0 without friction.
 
     Friction is that of the `mechanism`'s drives and of `effects` in the joints, none unless given. Raises `InputError`
     where the mass matrix is singular, for settings of effects that do not fit r joints, and where loops reach none of

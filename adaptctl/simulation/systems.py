@@ -144,10 +144,12 @@ def closed_loop_system(
     Inputs are the reference's positions, velocities and accelerations, rad (m) and per s and s^2, ``reference_p[0]``,
     ..., ``reference_v[0]``, ..., ``reference_a[0]``, ..., r each for r joints (or as many as a task space has, in m);
     outputs are positions ``p[0]``, ..., rad (m), and velocities ``v[0]``, ..., rad/s (m/s), r each. The state is the
-    plant's, p and v (2r,), then all that the controller remembers, such as its estimate. Raises `InputError` where
-    plant and controller are for different numbers of joints or, where the controller has a period of its own, for
-    different periods, and for a plant with effects other than in the joints, and `MissingExtraError` without
-    python-control; an evaluation raises what those of `plant_system` and `controller_system` raise.
+    plant's, p and v (2r,), then all that the controller remembers, such as its estimate.
+
+    Raises `InputError` where plant and controller differ in their number of joints or, if the controller has a period
+    of its own, in their period, and for a plant with effects other than those in the joints, such as friction;
+    `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` for NaN or infinity and where the
+    motion runs away, `SingularityError` where loops cannot be closed or nearly lock.
     """
     import control
 

@@ -125,7 +125,8 @@ class Transmission:
 
     def links(self, parameters: Column) -> Column:
         """Inertial parameters (P,) of the links alone, SI units: the mechanism's P `parameters` (P,) with the rotors'
-        inertias replaced by zero, over scalars of any kind (floats, arrays, or symbols to be compiled)."""
+        inertias replaced by zero, over scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is
+        checked."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
@@ -149,9 +150,9 @@ class Transmission:
         return motors.theta - Column(q[i] for i in self.primary)
 
     def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
-        """The fastest oscillation of the springs, rad/s, and the fastest decay by the dampers, 1/s, two floats, over
-        positions p (samples, r), rad (m), of the `mechanism`'s r primary (independent) joints. Raises `InputError`
-        where the mass matrix without rotors is singular."""
+        """The fastest oscillation of the springs, rad/s, and the fastest decay by the dampers, 1/s, two floats, at any
+        of k positions p (k, r), rad (m), of the `mechanism`'s r primary (independent) joints. Raises `InputError` where
+        the mass matrix without rotors is singular."""
         own = column(mechanism.inertial_parameters)
         links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
         mass = links.mass_matrix(p)

@@ -55,9 +55,10 @@ class ArmReferences:
 
     def numbers(self, arms: Steps, terms: int) -> SinusoidNumbers:
         """The `SinusoidNumbers` of the arms of indices `arms` (k,), r joints each: center (k, r), rad (m), amplitude,
-        rad (m), frequency, Hz, and phase, rad, each (k, r `terms`), and start_time (k, 1), s. Each reference has as
-        many sinusoids a joint as `terms` says, the missing ones with amplitude 0. All k arms must have `Sinusoids`,
-        else `KeyError` is raised; `ValueError` for fewer `terms` than one of them has."""
+        rad (m), frequency, Hz, and phase, rad, each (k, r `terms`) with the r numbers of the first sinusoid first, and
+        start_time (k, 1), s. Each reference has as many sinusoids a joint as `terms` says, the missing ones with
+        amplitude 0. All k arms must have `Sinusoids`, else `KeyError` is raised; `ValueError` for fewer `terms` than
+        one of them has."""
         return SinusoidForm(self._dof, terms).numbers([self.of[arm] for arm in arms.tolist()])
 
     def rows(self, arms: Steps, steps: Steps) -> Array:

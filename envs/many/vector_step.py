@@ -26,7 +26,7 @@ class Facts(NamedTuple):
     joint's error passed its bound; `sure`, 1 if a mechanism's loops are surely away from singularities and positions
     within the conditions that its file states, or it has no loops, 0 where that must be computed exactly; `energy`,
     kinetic plus potential, J, with the inertial parameters of the period that ends; `clipped`, 1 if the torque was
-    clipped to its limits."""
+    clipped to its limits. Nothing is checked."""
 
     reward: Any
     """without what ending costs"""
@@ -62,7 +62,8 @@ class VectorStep:
     def reference(self) -> dict[str, int]:
         """Lengths, by name, of the columns from which the reference follows: {"row": 3r + r L}, samples for r joints
         and L look-ahead times, where references are given by samples; else "time" (1) and the numbers of h sinusoids a
-        joint: "center" (r), "amplitude", "frequency" and "phase" (r h each) and "start_time" (1)."""
+        joint: "center" (r), "amplitude", "frequency" and "phase" (r h each, with the r numbers of the first sinusoid
+        first) and "start_time" (1)."""
         if not self.sinusoids.terms:
             return {"row": (3 + len(self.look_ahead)) * self.plant.dof}
         return self.sinusoids.shared | self.sinusoids.held
@@ -77,16 +78,18 @@ class VectorStep:
 
     def compile(self, precision: Precision = "double") -> Stepper:
         """The step as native code, a `Stepper`, in the given `precision` of numbers, "double" or "single", which works
-        on as many arms at once as suit the processor's SIMD registers. Its state has the columns "q", "v", "drives" and
-        "sensors" of the plant, its held columns, which a step leaves as they are, "torque", "noise", "parameters" and
-        the reference's, as in the property `held`. Raises `InputError` for another precision."""
+        on as many arms at once as suit the processor's SIMD registers. Its state columns, which a step changes, are the
+        plant's "q", "v", "drives" and "sensors"; its held columns, which a step leaves as they are, are "torque",
+        "noise", "parameters" and the reference's, with the lengths in the property `held`. Raises `InputError` for
+        another precision."""
         sizes = self.plant.sizes
         return compile_step(self.equation, state=sizes, held=self.held, name="vector_step", precision=precision)
 
     def compile_row(self) -> Kernel:
-        """The row of the reference as native code, a `Kernel`: called with the columns that the property `reference`
-        names, in that order, it returns (3r + r L,), the positions, velocities and accelerations of r joints now, then
-        the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic)."""
+        """The native code, a `Kernel`, of a reference's row of numbers: called with an array for each column in the
+        property `reference`, in that order and of the length there, it returns (3r + r L,), the positions, velocities
+        and accelerations of r joints now, then the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m
+        if prismatic)."""
 
         def row(**reference: Column) -> Column:
             return self.row(reference)
@@ -106,8 +109,8 @@ class VectorStep:
         """The results of a control period as a tuple of seven `Column`s over scalars of any kind, SI units: the plant's
         new state, `q` (n,) of the tree's n joints, `v` (r,) of the r primary ones and the memories `drives` and
         `sensors`; the observation (5r + r L,), measured positions and velocities and the reference's row; the six
-        `Facts` and the plant's m marks (6 + m,); and the true positions and velocities and the torque that reached the
-        joints (3r,).
+        numbers of `Facts` (reward, finite, lost, sure, energy, clipped) and the plant's m marks (6 + m,); and the true
+        positions and velocities and the torque that reached the joints (3r,).
 
         `columns` are, by name, the state before it, "q", "v", "drives" and "sensors", and those of the property `held`:
         "torque" (r,), "noise", "parameters" (P,) and the reference's; one that is missing raises `KeyError`.

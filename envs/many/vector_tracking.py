@@ -329,7 +329,8 @@ class Puma560VectorTrackingEnv(VectorTrackingEnv):
     """Vector environment of N PUMA 560 arms, six joints each: `VectorTrackingEnv` with the arguments and defaults of
     `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42): positions, velocities, the
     reference's positions, velocities and accelerations, and its positions 0.05 and 0.2 s ahead, six each, rad, rad/s,
-    rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for unknown names."""
+    rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, of these `NotFoundError` for an
+    unknown built-in robot, render mode or reset option and `FileError` for a bad file."""
 
     kind = Puma560TrackingEnv
 
@@ -338,8 +339,8 @@ class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     """Vector environment of N semi-direct-drive arms, three primary joints each: `VectorTrackingEnv` with the arguments
     and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21): positions,
     velocities, the reference's positions, velocities and accelerations, and its positions 0.05 and 0.2 s ahead, three
-    each, rad, rad/s, rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, `NotFoundError` for
-    unknown names."""
+    each, rad, rad/s, rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, of these
+    `NotFoundError` for an unknown built-in robot, render mode or reset option and `FileError` for a bad file."""
 
     kind = SemiDirectDriveTrackingEnv
 

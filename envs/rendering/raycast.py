@@ -29,7 +29,8 @@ class ConvexPart:
 
 class Hits(NamedTuple):
     """First hits of rays with a solid: `distance` (...), m, along each ray, infinite where it does not meet the solid,
-    and `normal` (..., 3), the solid's outward unit normal there, without meaning where there is no hit."""
+    and `normal` (..., 3), the solid's outward unit normal there, without meaning where there is no hit. Nothing is
+    checked."""
 
     distance: Array
     normal: Array

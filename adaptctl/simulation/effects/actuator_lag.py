@@ -37,15 +37,16 @@ class ActuatorLag(ActuatorEffect):
 
     def start(self, torque: Array, control_period: float) -> Array:
         """The initial memory (..., r) of the lag, the torques of r drives, N m (N for a prismatic joint): `torque`
-        (..., r) itself, not a copy, the torque that held the joints. `control_period` (s) is not used."""
+        (..., r) itself, not a copy, the torque that held the joints. `control_period` (s) is not used. Nothing is
+        checked."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The mean (r,) of the lagging torque of r joints over one control period (s), which they get, and the memory
-        (r,) after it, the lagging torque at the period's end; all N m (N for a prismatic joint).
+        """The torque (r,) that r joints get, which is the mean of the drives' lagging torque x over one
+        `control_period` (s), and the memory (r,) after it, x at the period's end; all N m (N for a prismatic joint).
 
-        `torque` (r,) is the one commanded, held over the period, `memory` (r,) the lagging torque at its start. Raises
-        `ValueError` where these differ in length; the period is taken to be positive.
+        `torque` (r,) is the one commanded, u, held over the period, and `memory` (r,) is x at its start: time_constant
+        dx/dt = u - x. Raises `ValueError` where these differ in length. Not checked: the period must be positive.
         """
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio

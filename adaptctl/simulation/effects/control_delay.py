@@ -46,7 +46,7 @@ class ControlDelay(ActuatorEffect):
     def start(self, torque: Array, control_period: float) -> Array:
         """The initial memory (..., ticks r): the torques on their way to the r joints, the oldest first, `ticks` times
         `torque` (..., r), the torque that held the joints, N m (N for a prismatic joint). `control_period` (s) is not
-        used."""
+        used. Nothing is checked."""
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:

@@ -113,8 +113,9 @@ class LoadEffect(Effect):
         raised."""
 
     def until(self, time: float) -> float:
-        """The time (s) until which the load at `time` (s) stays as it is, infinity if for ever: `time` itself, as for a
-        load that changes continuously, unless a subclass overrides it. Nothing is raised."""
+        """The time (s) until which the load stays as it is at `time` (s). This base class returns `time` itself, as for
+        a load that changes continuously; a subclass whose load stays constant returns a later one, infinity if for
+        ever. Nothing is raised."""
         return time
 
     @abstractmethod

@@ -52,7 +52,7 @@ class Encoder(SensorEffect):
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
         """An empty memory (0,), one for all arms: encoders remember nothing. Positions `p` and velocities `v` (..., r)
-        of the r joints and `control_period` (s) are not used."""
+        of the r joints and `control_period` (s) are not used. Nothing is raised."""
         return np.zeros(0)
 
     def measure(

@@ -47,8 +47,8 @@ class FilteredDifferences(SensorEffect):
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
         """The filter's initial memory (..., 2r) for arms of r joints at positions p (..., r), rad or m, with velocities
-        v (..., r), rad/s or m/s: the positions one `control_period` (s) earlier, p - control_period v, then the settled
-        velocity estimate, v."""
+        v (..., r), rad/s or m/s: first the positions (..., r) one `control_period` (s) earlier, p - control_period v,
+        then the velocity estimate (..., r), which is v. Shapes are not checked."""
         return np.concatenate((p - control_period * v, v), axis=-1)
 
     def measure(

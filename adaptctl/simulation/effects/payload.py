@@ -77,9 +77,9 @@ class Payload:
         not.
 
         The parameters begin with ten a link: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg
-        m^2 about the origin of the link's frame. Raises `InputError` for parameters that are no numbers or too few to
-        include that link's, and for an index that is no whole number of at least 0; NaN and infinity among the
-        parameters pass.
+        m^2 about the origin of the link's frame; the drives', if any, follow. Raises `InputError` for parameters that
+        are no numbers or too few to include that link's, and for an index that is no whole number of at least 0; NaN
+        and infinity among the parameters pass.
         """
         loaded = numbers(parameters, "payload: parameters").copy()
         whole_number(link, "payload: link", 0, (loaded.shape[-1] if loaded.ndim else 0) // 10 - 1)

@@ -79,24 +79,25 @@ class PlantEffects:
         `parameters` (..., P), SI units, those without loads; these themselves where there is no load.
 
         The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame. While a payload is held,
-        raises `NotFoundError` where its link is not among `links`, `InputError` for parameters that are no numbers or
-        too few to include that link's.
+        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives', if any, follow.
+        While a payload is held, raises `NotFoundError` where its link is not among `links`, `InputError` for parameters
+        that are no numbers or too few to include that link's.
         """
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., m) of all actuator effects, m numbers one effect after another, after the r joints
-        of arms were held by `torque` (..., r), N m (N for a prismatic joint); `control_period` is in s. Without
-        actuator effects m is 0."""
+        """The initial memory (..., m) of all actuator effects: the m numbers of the effects, one effect after another
+        in the order in which a torque passes them, after the r joints of arms were held by `torque` (..., r), N m (N
+        for a prismatic joint); `control_period` is in s. Without actuator effects m is 0. Nothing is checked."""
         return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial memory (..., m) of all sensor effects, m numbers one effect after another, before the first
-        measurement of arms of r joints at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s;
-        `control_period` is in s. Without sensor effects m is 0."""
+        """The initial memory (..., m) of all sensor effects: the m numbers of the effects, one effect after another in
+        the order in which measurements pass them, before the first measurement of arms of r joints at positions p (...,
+        r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period` is in s. Without sensor effects m is 0.
+        Nothing is checked."""
         return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:

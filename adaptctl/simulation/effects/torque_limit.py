@@ -36,7 +36,7 @@ class TorqueLimit(ActuatorEffect):
 
     def start(self, torque: Array, control_period: float) -> Array:
         """An empty memory (0,), one for all arms: a limit remembers nothing. The `torque` (..., r) on the r joints and
-        `control_period` (s) are not used."""
+        `control_period` (s) are not used. Nothing is raised."""
         return np.zeros(0)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:

@@ -36,7 +36,7 @@ class TorqueRateLimit(ActuatorEffect):
 
     def start(self, torque: Array, control_period: float) -> Array:
         """The initial memory (..., r): `torque` (..., r) itself, not a copy, the torque that held the r joints, N m (N
-        for a prismatic joint). `control_period` (s) is not used."""
+        for a prismatic joint). `control_period` (s) is not used. Nothing is checked."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
