@@ -98,8 +98,8 @@ class MjcfBody:
 @dataclass(frozen=True, eq=False)
 class MjcfBodies:
     """The bodies of an MJCF file that a writer of inertias needs: `of_links` has, by the index of each link with mass,
-    the body at its joint; `from_geoms` is true if the file has inertias computed from geoms, and its inertials
-    ignored."""
+    the body at its joint; `from_geoms` is True if the file's setting inertiafromgeom is true, by which inertias are
+    computed from geoms and <inertial> elements are ignored."""
 
     of_links: dict[int, MjcfBody]
     from_geoms: bool
