@@ -233,8 +233,8 @@ class Description:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P inertial parameters: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, mass times
-        centre, inertia) of links that are not massless, as in ``link3.I_xx``, then the drives', ``joint2.viscous``."""
+        """Names of the P inertial parameters: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, first
+        moment, inertia) of links not massless, ``link3.I_xx``, then those of `drive_parameters`, ``joint2.viscous``."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven

@@ -119,8 +119,8 @@ class ConstrainedMechanism(Mechanism):
     @property
     def geometry_sha256(self) -> str:
         """SHA-256 hash (hexadecimal) of what decides which parameters are identifiable: gravity, joints, frames, link
-        names, loops, drive terms and the linear constraints, but not of free parameters' values. Numbers are rounded to
-        1e-12 before."""
+        names, loops, drive terms and the linear constraints, numbers rounded to 1e-12. Values of free parameters do not
+        count."""
         N, known = self.parametrisation.matrix, self.parametrisation.known
         numbers = [[round(x, 12) + 0.0 for x in array.ravel().tolist()] for array in (N, known)]
         content = [self.whole.geometry_sha256, list(self.parametrisation.left), numbers]

@@ -137,9 +137,9 @@ class Mechanism:
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: ten of each body, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as
-        `link3.I_xx`, then all drives' rotor_inertia, viscous, coulomb, square_root, stribeck, offset, as
-        `joint2.viscous`."""
+        """Names of the P parameters: ten of each body, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as in
+        `link3.I_xx`, then the drives', as in `joint2.viscous`, kind by kind: rotor_inertia, viscous, coulomb,
+        square_root, stribeck, offset."""
         return self.description.parameter_names
 
     @cached_property
@@ -172,7 +172,7 @@ class Mechanism:
     @property
     def geometry_sha256(self) -> str:
         """SHA-256 hash (hexadecimal) of what decides which parameters are identifiable: gravity, joints, frames, link
-        names, loops, drive terms, constraints, but not of parameters' values. Numbers are rounded to 1e-12 before."""
+        names, loops, drive terms, constraints, numbers rounded to 1e-12; parameters' values do not count."""
         return self.description.geometry_sha256
 
     @cached_property
@@ -191,9 +191,9 @@ class Mechanism:
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
-        """The `ArrayEquation` of a regressor, "torque_regressor" or "slotine_li_regressor", of the k parameters of
-        indices `columns` alone: its `call` takes (p, v, a) or (p, v, v_r, a_r), arrays (..., r), rad, rad/s, rad/s^2
-        (m), and returns (..., r, k), N m (N) per unit. Raises `InputError` for another name or a wrong index."""
+        """The `ArrayEquation` of `regressor`, "torque_regressor" or "slotine_li_regressor", for k parameters, those of
+        indices `columns`: its `call` takes (p, v, a) or (p, v, v_r, a_r), (..., r) of r primary joints, rad, rad/s,
+        rad/s^2 (m), returns (..., r, k), N m (N) per unit. Raises `InputError` for another name or a wrong index."""
         asked = required_columns(columns, len(self.parameter_names), self.name)
         return self._arrays.on_columns(regressor, tuple(asked))
 
@@ -328,8 +328,8 @@ class Mechanism:
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
         """Write at `path` the URDF or MJCF file `original` with the inertias of this mechanism's links; the rest,
         drives included, stays byte for byte. `root` names its first body in an MJCF scene; None: the one root body that
-        moves. Raises `FileError` for another mechanism's file, one not readable or writable, inertias without mass and,
-        in MJCF, of no rigid body, `InputError` for another suffix or a `root` for a URDF."""
+        moves. Raises `FileError` for a file of another mechanism or not readable or writable, inertias without mass
+        and, in MJCF, of no rigid body, `InputError` for another suffix or a `root` for a URDF."""
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)

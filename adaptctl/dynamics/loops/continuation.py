@@ -51,11 +51,12 @@ class Continuation:
     def follow(self, p: Array, start: Array | None = None) -> Array:
         """Closed configurations (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of the r
         primary joints, rad (m), reached from the closed configurations `start` (..., n) along straight lines in p, in
-        steps of at most 0.05 rad (m); None starts at the reference configuration.
+        steps of at most 0.05 rad (m); None starts at the reference configuration. `start` may be one for all samples.
 
         Raises `SingularityError` where the way comes near a configuration in which the loops lock, the smallest
         singular value of the closure Jacobian by the dependent joints being below 0.05 of that at the reference, or
-        where the loops do not close, and `InputError` where `start` does not broadcast to the samples of p.
+        where the loops do not close, and `InputError` where `start` does not broadcast to the samples of p. Other
+        shapes are not checked.
         """
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:

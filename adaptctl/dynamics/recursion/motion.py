@@ -82,8 +82,8 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """The motion of a link in its own axes, by the acceleration of its points: that of the point at u (3), m, is acc +
-    lever u, m/s^2, less gravity's acceleration. Its velocity terms are bilinear in two angular velocities w and r of
+    """The motion of a link in its own axes, by the acceleration of its points, from which gravity's is subtracted: acc
+    + lever u, m/s^2, for the point at u (3), m. Its velocity terms are bilinear in two angular velocities w and r of
     the link, the actual one and one of a reference motion; for an ordinary motion r is w.
 
     Made of `products`, the symmetric products of w and r, rad^2/s^2; `alpha` (3), the angular acceleration, rad/s^2;

@@ -26,9 +26,9 @@ def turned_back(turn: AxisRotation, tensor: Mat) -> Mat:
     """The product R' T R (3, 3) of a rotation R about a coordinate axis, `turn`, its transpose R' and a `tensor` T (3,
     3) in any unit: if T is in the axes after the turn, the product is in those before it.
 
-    Let c and s be the cosine and sine of the turn, [[a, b], [e, d]] the entries of T of the two other axes, and t = s
-    (a - d) + c (b + e). Then those entries of the product are [[a - s t, c t - e], [c t - b, d + s t]]: four
-    multiplications, where two products of matrices take twelve.
+    Let c and s be the cosine and sine of the turn, [[a, b], [e, d]] the entries of T of the two other axes, in cyclic
+    order (z, x for y), and t = s (a - d) + c (b + e). Then those entries of the product are [[a - s t, c t - e], [c t -
+    b, d + s t]]: four multiplications, where two products of matrices take twelve.
     """
     k, c, s = turn.axis, turn.cosine, turn.sine
     i, j = (k + 1) % 3, (k + 2) % 3

@@ -28,10 +28,10 @@ class Settings:
 
     `degrees` is True for angles in degrees, False for rad; `eulerseq` has the three axes of Euler angles, x, y or z for
     axes that turn with the frame, X, Y or Z for fixed ones; `autolimits` is True where a range alone limits a joint,
-    with no attribute limited. `inertia_from_geoms` says which bodies' inertias come from geoms: "true" all that have
-    geoms, "false" none, "auto" those without an <inertial>; `inertia_groups` are the first and the last group of geoms
-    that count for them. `classes` has the attributes that elements inherit, by the name of the default class and the
-    elements' tag, with those that the class inherits itself. Nothing is checked at construction.
+    without the attribute ``limited``. `inertia_from_geoms` says which bodies' inertias come from geoms: "true" all that
+    have geoms, "false" none, "auto" those without an <inertial>; `inertia_groups` are the first and the last group of
+    geoms that count for them. `classes` has the attributes that elements inherit, by the name of the default class and
+    the elements' tag, with those that the class inherits itself. Nothing is checked at construction.
     """
 
     degrees: bool = True
