@@ -79,7 +79,7 @@ class Limits:
 class Joint:
     """A joint called `name`, of one coordinate, about or along `axis` (3,), by default z, in the joint's frame, of any
     length and made a unit vector. It has a `kind`, by default revolute, `limits`, by default none, and a `drive`, by
-    default without rotor and friction. Raises `InputError` for an axis of another shape, below 1e-9 or not finite."""
+    default without rotor and friction. Raises `InputError` for an axis not (3,), shorter than 1e-9 or not finite."""
 
     name: str
     kind: JointKind = JointKind.REVOLUTE
@@ -219,8 +219,8 @@ class Description:
 
     @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
-        """Pairs (index of a link, parameter of its joint's drive) of all drive parameters that are modelled, in their
-        order behind the links' inertial parameters: kind by kind, rotors first, then friction."""
+        """Pairs (index of a link, parameter of its joint's drive) of all modelled drive parameters, in their order:
+        rotor inertias, viscous, Coulomb, square-root, Stribeck friction, offsets, each for all links in their order."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
@@ -233,8 +233,8 @@ class Description:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P inertial parameters: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, mass times
-        centre, inertia) of links that are not massless, as in ``link3.I_xx``, then the drives', ``joint2.viscous``."""
+        """Names of the P inertial parameters: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, first
+        moment, inertia) of links not massless, ``link3.I_xx``, then those of `drive_parameters`, ``joint2.viscous``."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
@@ -249,8 +249,8 @@ class Description:
     @cached_property
     def inertial_parameters(self) -> Array:
         """The P inertial parameters (P,), read-only: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of the
-        links that are not massless (kg, kg m, kg m^2, about their frames' origins), then the drives' rotors and
-        friction, SI."""
+        links that are not massless (kg, kg m, kg m^2, about their frames' origins), then the drives' terms, SI units,
+        in the order of `drive_parameters`."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])

@@ -54,8 +54,9 @@ class Closure:
 class Coupling:
     """A coupling of two joints' positions through gears or a mimic joint: follower = ratio leader + offset (rad or m).
 
-    `follower` and `leader` are joint names; by default `ratio` is 1 (no unit, or m/rad) and `offset` 0. Raises
-    `InputError` for a joint that follows itself, a ratio that is zero, and numbers that are not finite.
+    `name` is the coupling's own, `follower` and `leader` are joint names; by default `ratio` is 1 (no unit, or m/rad or
+    rad/m) and `offset` 0. Raises `InputError` for a joint that follows itself, a ratio that is zero, and numbers that
+    are not finite.
     """
 
     name: str

@@ -32,9 +32,9 @@ def link_end(link: Link) -> Array:
 
 def attachments(description: Description) -> list[list[Array]]:
     """The attachment points of every link of a mechanism, in the links' order: a list of points (3,) for each, m in the
-    link's frame. They are where other links' joints or loop closures attach. The link's end, its frame's origin or,
-    where that is at its joint, its centre of mass, is one of them where it is farther from the joint than the others,
-    unless these are all at the joint, or where there are no others."""
+    link's frame. They are the places where the joints of other links and loop closures attach. The link's end is added
+    where it is farther from the link's own joint than all of these, unless they all are at that joint, and where there
+    are none. The end is the frame's origin or, where that is at the joint, the centre of mass."""
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
@@ -62,7 +62,8 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
 def chain_reach(links: Sequence[Link], index: int) -> float:
     """The length (m) of the chain from the joint of the link on the ground to the end of the link of this `index`, from
     0: the sum of the distances from joint to joint, and to the link's end (its frame's origin or, where that is at its
-    joint, its centre of mass). `links` are all links of a tree."""
+    joint, its centre of mass). `links` are all links of a tree. Not checked: an index beyond them raises
+    `IndexError`."""
     length = _length(links[index])
     while (parent := links[index].parent) != GROUND:
         length += _step(links, index)

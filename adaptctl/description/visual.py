@@ -79,8 +79,8 @@ class Visual:
     color: Color | None = None
 
     def on(self, link: int, pose: Pose) -> Visual:
-        """A copy of this shape fixed to the link of index `link`, from 0, or to the ground, -1. `pose` is that of the
-        frame it was fixed to, in the new link's frame."""
+        """A copy of this shape fixed to the link of index `link`, from 0, or to the ground, -1. `pose` (m) is that of
+        the frame of the link to which it was fixed before, in the new link's frame."""
         return replace(self, link=link, pose=pose @ self.pose)
 
 

@@ -44,7 +44,8 @@ class ConstrainedMotion(Motion):
         """The powers (Y N)' s (k,), W per unit of each, for the k of Z free parameters whose indices `columns` are, at
         rates s (r,) of the r primary joints, rad/s (m/s if prismatic). Y N (r, Z), whose transpose is (Y N)', is the
         Slotine-Li regressor in the free parameters z, which is not formed; by linear constraints all P parameters are D
-        = D0 + N z. Raises `IndexError` for an index of Z or more; negative ones are not refused."""
+        = D0 + N z. Raises `IndexError` for an index of Z or more, `IndexError` or `ValueError` for too short an s;
+        negative indices are not refused."""
         needed = self.equations.needed(columns)
         return self.equations.combined(dict(zip(needed, self.whole.powers(s, needed), strict=True)), columns)
 
@@ -58,8 +59,8 @@ class ConstrainedMotion(Motion):
 @dataclass(frozen=True)
 class ConstrainedEquations(Equations):
     """Equations of motion in the Z parameters z that linear constraints leave free, all P inertial and friction
-    parameters being D = D0 + N z. Regressors are those of z alone, Y N; torques and accelerations include the share of
-    D0.
+    parameters being D = D0 + N z. Regressors are those of z alone: Y N, for a regressor Y (r, P) of D. Torques and
+    accelerations include the share of D0.
 
     `whole` are the equations without constraints; `spread` has for each of the Z columns of N its entries other than
     zero, as pairs (index from 0 to P - 1, entry), each in the unit of its D per unit of its z; `known` is D0 (P,), SI
@@ -104,7 +105,8 @@ class ConstrainedEquations(Equations):
     def projected(self, q: Column) -> Column:
         """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary joints' positions of q
         (n,) and the loops closed: exactly where a closed form exists, else by one Newton step from q, which is near a
-        closed one; q itself for a tree. Constraints on parameters do not change it. Nothing is checked."""
+        closed one; q itself for a tree. Constraints on parameters do not change it. Not checked: with loops, too short
+        a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:
@@ -158,8 +160,8 @@ class ConstrainedEquations(Equations):
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
     def weightless(self) -> ConstrainedEquations:
-        """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential
-        energy."""
+        """New equations of the same mechanism, sizes and constraints without gravity: there is no gravity torque and no
+        potential energy."""
         return replace(self, whole=self.whole.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
@@ -198,12 +200,12 @@ class ConstrainedEquations(Equations):
         return self.combined(dict(enumerate(entries)), range(self.parameters))
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
-        """Derivatives (k,) of a quantity, such as an energy or a torque, by the k of Z free parameters z whose indices
-        `columns` are, a `Column`: entries of N' y from its derivatives y by all P parameters D = D0 + N z, N' being the
-        transpose of N (P, Z), in y's unit times N's.
+        """Derivatives (k,) of one scalar, such as an energy or a joint's torque, by k of the Z free parameters z, from
+        its derivatives y (P,) by all P parameters D = D0 + N z: those entries of N' y, N' being the transpose of N (P,
+        Z), that `columns` has as indices. Their unit is that of y times that of N.
 
         `entries` has y's entries by index from 0 to P - 1, those of `needed(columns)` at least, else `KeyError` is
-        raised; a column of Z or more raises `IndexError`.
+        raised; an index in `columns` of Z or more raises `IndexError`.
         """
         return Column(_sum([(weight, entries[place]) for place, weight in self.spread[c]]) for c in columns)
 

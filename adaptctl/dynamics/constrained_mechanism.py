@@ -46,14 +46,14 @@ class Parametrisation:
 
 
 class ConstrainedMechanism(Mechanism):
-    """A mechanism under linear constraints on its inertial and friction parameters: all P are D = D0 + N z of the Z
-    that are left free, z. A `Mechanism`, whose parameters, names, regressors (..., r, Z) and energy regressors (..., Z)
-    are those of z; made by `constrained`.
+    """A mechanism under linear constraints on its inertial and friction parameters D (P,): D = D0 + N z, of which the
+    parameters z (Z,) are free. It is a `Mechanism` whose parameters, names, regressors (..., r, Z) and energy
+    regressors (..., Z) are those of z; `adaptctl.identifiability.constrained` makes it.
 
     `whole` is the mechanism without constraints, whose values of z are taken over, and `parametrisation` the map from z
     to D. Regressors times z leave out the share of D0 (`known_torque`); torques, energies and accelerations include it.
-    Raises `InputError` for a mechanism that is constrained already and for parameters that its description refuses,
-    such as rotors below 0.
+    Raises `InputError` for a mechanism that is constrained already and for parameters that its description refuses: not
+    finite, above 1e20 in size, rotors, viscous or Coulomb friction below 0.
     """
 
     def __init__(self, whole: Mechanism, parametrisation: Parametrisation) -> None:
@@ -112,20 +112,22 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def energetic(self) -> int:
-        """Number of free parameters that enter the energy, the first of all Z: all but friction, which comes last."""
+        """Number of the free parameters that enter the energy: all but friction terms. They are the first of the Z free
+        parameters; free friction terms come after them."""
         return sum(i < self.whole.energetic for i in self.parametrisation.left)
 
     @property
     def geometry_sha256(self) -> str:
         """SHA-256 hash (hexadecimal) of what decides which parameters are identifiable: gravity, joints, frames, link
-        names, loops, drive terms and the linear constraints, but no free parameters' values. Numbers count to 1e-12."""
+        names, loops, drive terms and the linear constraints, numbers rounded to 1e-12. Values of free parameters do not
+        count."""
         N, known = self.parametrisation.matrix, self.parametrisation.known
         numbers = [[round(x, 12) + 0.0 for x in array.ravel().tolist()] for array in (N, known)]
         content = [self.whole.geometry_sha256, list(self.parametrisation.left), numbers]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def with_parameters(self, parameters: ArrayLike) -> ConstrainedMechanism:
-        """The same mechanism under the same constraints with other values (Z,) of its free parameters, SI units, in the
+        """A new mechanism under the same constraints with other values (Z,) of its free parameters, SI units, in the
         order of `parameter_names`. Raises `InputError` for another number of them, values not finite, and where any of
         all P parameters is above 1e20 in size or a rotor, viscous or Coulomb friction below 0."""
         whole = self.whole.with_parameters(self.parametrisation.expanded(parameters))

@@ -65,10 +65,10 @@ class Equations(ABC):
     in floats. A system that is exactly singular, as of locked loops or no inertia, raises `ZeroDivisionError` in floats
     and gives infinity or NaN in arrays.
 
-    Families: `TreeEquations`; `LoopEquations`, of a tree with closures; `ConstrainedEquations`, of either under linear
-    constraints, by which all parameters are D0 + N z. There the free parameters z take the place of D, P is their
-    number, and D0 is the known share. A family says how its links move and what they weigh; torque regressors and
-    torques follow here.
+    Subclasses: `TreeEquations`, of a tree; `LoopEquations`, of a tree with closures; `ConstrainedEquations`, of either
+    under linear constraints, by which all parameters are D0 + N z. There the free parameters z take the place of D, P
+    is their number, and D0 is the known share. Subclasses define the motion, energies, mass and damping matrices;
+    torque regressors, torques and accelerations follow from these.
     """
 
     @property
@@ -176,7 +176,7 @@ class Equations(ABC):
 
     @abstractmethod
     def weightless(self) -> Equations:
-        """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential
+        """New equations of the same mechanism and sizes without gravity: there is no gravity torque and no potential
         energy."""
 
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:

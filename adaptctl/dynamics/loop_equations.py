@@ -153,7 +153,7 @@ class LoopEquations(Equations):
     def posture(self, q: Column) -> Posture:
         """The `Posture` of a closed configuration q (n,) of the tree's n joints, rad (m if prismatic): the links'
         placements, the factored closure Jacobian, and with it the Jacobian J (n, r) of all joints by the primary ones.
-        Not checked: exactly locked loops raise `ZeroDivisionError` in floats."""
+        Not checked: too short a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
@@ -218,7 +218,7 @@ class LoopEquations(Equations):
         return inertia.solved(torque - bias)
 
     def weightless(self) -> LoopEquations:
-        """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential
+        """New equations of the same mechanism and sizes without gravity: there is no gravity torque and no potential
         energy."""
         return replace(self, tree=self.tree.weightless())
 

@@ -138,13 +138,14 @@ class Mechanism:
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the P parameters: ten of each body, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as in
-        `link3.I_xx`, then the drives', as in `joint2.viscous`, kind by kind, rotors first."""
+        `link3.I_xx`, then the drives', as in `joint2.viscous`, kind by kind: rotor_inertia, viscous, coulomb,
+        square_root, stribeck, offset."""
         return self.description.parameter_names
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The inertial parameters D (P,), read-only: of each body m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
-        I_zz (kg, kg m, kg m^2) about its link frame's origin, then the drives' rotors and friction, in SI units."""
+        """The P inertial parameters D (P,), read-only: of each body m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
+        I_zz (kg, kg m, kg m^2) about its link frame's origin, then drives', SI, in the order of `parameter_names`."""
         return self.description.inertial_parameters
 
     @property
@@ -165,13 +166,13 @@ class Mechanism:
 
     @property
     def energetic(self) -> int:
-        """Number of parameters that enter the energy, the first of all P: all but friction, which comes last."""
+        """Number of parameters that enter the energy, the first of all P: ten a body, then rotors. Friction is last."""
         return self.description.energetic
 
     @property
     def geometry_sha256(self) -> str:
         """SHA-256 hash (hexadecimal) of what decides which parameters are identifiable: gravity, joints, frames, link
-        names, loops, drive terms and constraints, but no parameters' values. Numbers count to 1e-12."""
+        names, loops, drive terms, constraints, numbers rounded to 1e-12; parameters' values do not count."""
         return self.description.geometry_sha256
 
     @cached_property
@@ -185,28 +186,28 @@ class Mechanism:
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
-        """The same mechanism with other values (P,) of its `inertial_parameters`, SI units. Raises `InputError` for
+        """A new mechanism with other values (P,) of the `inertial_parameters`, SI units. Raises `InputError` for
         another number, values not finite or above 1e20 in size, and rotors, viscous or Coulomb friction below 0."""
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
-        """The `ArrayEquation` of a regressor, "torque_regressor" or "slotine_li_regressor", of the k parameters of
-        indices `columns` alone: its `call` takes the arrays of the method of that name and returns (..., r, k) for r
-        primary joints. Raises `InputError` for another name and a wrong index."""
+        """The `ArrayEquation` of `regressor`, "torque_regressor" or "slotine_li_regressor", for k parameters, those of
+        indices `columns`: its `call` takes (p, v, a) or (p, v, v_r, a_r), (..., r) of r primary joints, rad, rad/s,
+        rad/s^2 (m), returns (..., r, k), N m (N) per unit. Raises `InputError` for another name or a wrong index."""
         asked = required_columns(columns, len(self.parameter_names), self.name)
         return self._arrays.on_columns(regressor, tuple(asked))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
-        """The same mechanism with other rotors and friction in its tree's n joints, one drive for all or one each, in
-        the order of `links`. Each term of a drive is a parameter like the others; `Drive()` has none. Raises
-        `InputError` for another number of drives and for one that turns with unknown joints."""
+        """A new mechanism, without constraints on parameters, with other rotors and friction: one drive for all n
+        joints of the tree or one each, in the order of `links`. Each term of a drive is a parameter; `Drive()` has
+        none. Raises `InputError` for another number of drives and for one that turns with unknown joints."""
         return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
-        """The energy regressor E (..., P), J per unit of each of P parameters, at positions p and velocities v (..., r)
-        of r primary joints, rad, rad/s (m): E @ D is kinetic plus potential energy, D (P,) the `inertial_parameters`
-        (Sheu and Walker 1991, section 2.2). `out`, float64, is filled and returned, None for a fresh array. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """Energy regressor E (..., P), J per unit of each of P parameters, at positions p and velocities v (..., r) of
+        r primary joints, rad, rad/s (m): E @ D is kinetic plus potential energy, D (P,) the `inertial_parameters` (Sheu
+        and Walker 1991, section 2.2). `out`, float64 (..., P), is filled and returned; None for a new one. Raises
+        `InputError` on wrong shapes, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
@@ -256,9 +257,9 @@ class Mechanism:
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
         """Torque (..., r), N m (N), of the r primary joints that gives the accelerations a, rad/s^2 (m/s^2), at
-        positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and friction. `out`, float64, is
-        filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity, `SingularityError` near locked loops."""
+        positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and friction. `out`, float64
+        (..., r), is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError`
+        on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
@@ -273,9 +274,9 @@ class Mechanism:
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
         """Accelerations (..., r), rad/s^2 (m/s^2), of the r primary joints under torques (..., r), N m (N), gravity and
-        friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (..., r). `out`, float64, is filled and
-        returned, None for a fresh array. Raises `InputError` on a wrong shape or a tree's links without mass to be
-        accelerated, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (..., r). `out`, float64 (..., r), is
+        filled and returned, None for a fresh array. Raises `InputError` on a wrong shape and for a tree's last links
+        without mass or rotor, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
@@ -289,8 +290,8 @@ class Mechanism:
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
         """The mass matrix (..., r, r), kg m^2 (kg between prismatic joints, kg m mixed), at positions p (..., r), rad
-        (m), of the r primary joints. `out`, float64, is filled and returned, None for a fresh array. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        (m), of the r primary joints. `out`, float64 (..., r, r), is filled and returned, None for a fresh array. Raises
+        `InputError` on wrong shapes, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
@@ -317,9 +318,9 @@ class Mechanism:
     @classmethod
     @needed("Mechanism.from_pinocchio")
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
-        """A mechanism from a Pinocchio model, its joints put depth first: find them by name. Raises `InputError` for
-        joints not revolute or prismatic, no joints and angular gravity, `MissingExtraError` without Pinocchio. Warns
-        (`SimplificationWarning`) of limits of zero, taken as none."""
+        """A mechanism from a Pinocchio model. Its joints are put in depth-first order: look them up by name. Raises
+        `InputError` for joints that are neither revolute nor prismatic, no joints and gravity with an angular part,
+        `MissingExtraError` without Pinocchio. Warns (`SimplificationWarning`) of limits of zero, taken as no limits."""
         from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
         return cls(from_pinocchio(model))
@@ -327,8 +328,8 @@ class Mechanism:
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
         """Write at `path` the URDF or MJCF file `original` with the inertias of this mechanism's links; the rest,
         drives included, stays byte for byte. `root` names its first body in an MJCF scene; None: the one root body that
-        moves. Raises `FileError` for another mechanism's file, one not readable or writable, inertias without mass and,
-        in MJCF, of no rigid body, `InputError` for another suffix or a `root` for a URDF."""
+        moves. Raises `FileError` for a file of another mechanism or not readable or writable, inertias without mass
+        and, in MJCF, of no rigid body, `InputError` for another suffix or a `root` for a URDF."""
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)
@@ -344,8 +345,9 @@ class Mechanism:
 
     @needed("Mechanism.to_mujoco")
     def to_mujoco(self) -> mujoco.MjModel:
-        """The same tree as a MuJoCo model, a motor (N m, N) a joint. Raises `InputError` for loops, drives of several
-        joints, inertias of no rigid body, friction not viscous or Coulomb, `MissingExtraError` without MuJoCo."""
+        """The tree as a MuJoCo model, with a motor (N m, N) at each joint. Raises `InputError` for loops, drives that
+        turn with several joints, inertias that no rigid body has, and friction other than viscous and Coulomb's,
+        `MissingExtraError` without MuJoCo."""
         from adaptctl.description.writers.mujoco_model import to_mujoco
 
         return to_mujoco(self.description)
@@ -354,10 +356,10 @@ class Mechanism:
     @needed("Mechanism.from_mujoco")
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
         """A mechanism from a MuJoCo model, which may hold a whole scene: the body named `body` and all that hangs on
-        it; None for the one root body on which joints turn or slide. Raises `InputError` for ball and free joints,
-        equality constraints on it, a `body` on one that moves and, for None, not one moving root, `NotFoundError` for
-        an unknown name, `MissingExtraError` without MuJoCo. Warns (`SimplificationWarning`) of springs, gravity
-        compensation (left out), non-torque actuators."""
+        it; None for the one root body on which joints turn or slide. Raises `InputError` for no joint, ball and free
+        joints, nonlinear damping, active equality constraints, over 256 links, a `body` that a moving one carries and,
+        for None, several moving roots, `NotFoundError` for an unknown name, `MissingExtraError` without MuJoCo. Warns
+        (`SimplificationWarning`) of springs and gravity compensation, left out, and of non-torque actuators."""
         from adaptctl.description.readers.mujoco_model import from_mujoco
 
         return cls(from_mujoco(model, body))
@@ -378,12 +380,13 @@ def load(
 ) -> Mechanism:
     """A mechanism by a built-in's name (`puma560`, ...), from a file (.toml, .urdf, .xml, .mjcf), or from a Pinocchio
     or MuJoCo model. With `floating_base`, a URDF file's root link floats, not fixed to the ground; its meshes are shown
-    from its package and the folders `mesh_folders`. With `snap`, angles between joint axes within 1e-3 rad of right
-    ones are made exact. `root` names the body of an MJCF scene, or of a MuJoCo model, that the mechanism begins with;
-    None for the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError`
-    for a file that cannot be used, `InputError` for other sources, a floating base or mesh folders of no URDF file, and
-    a root of what has none, `LoopError` where loops do not fit together. Warns (`PhysicalConsistencyWarning`) of links
-    whose inertia no rigid body can have, and (`SimplificationWarning`) of what is left out."""
+    from its package and the folders `mesh_folders`. With `snap`, angles between successive joint axes within 1e-3 rad
+    of a multiple of 90 degrees are made exact. `root` names the mechanism's first body in an MJCF scene or a MuJoCo
+    model; None for the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model,
+    `FileError` for a file that cannot be used, `InputError` for a model that cannot, other objects, a floating base or
+    mesh folders without URDF, a `root` without MJCF or MuJoCo, `LoopError` where a file's loops do not fit together.
+    Warns (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, (`SimplificationWarning`) of
+    what is left out."""
     from adaptctl.description.readers.registry import read, read_model
 
     options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}

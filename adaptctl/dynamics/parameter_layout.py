@@ -27,8 +27,8 @@ class ParameterLayout(NamedTuple):
 
     @property
     def driven(self) -> int:
-        """Index of the drives' first parameter among all P: ten times the number of bodies, whose parameters come
-        before."""
+        """Index, from 0, of the drives' first parameter among all P: ten times the number of bodies, the links with
+        inertial parameters, which come before."""
         return 10 * len(self.bodies)
 
     @property
@@ -37,16 +37,18 @@ class ParameterLayout(NamedTuple):
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """Two dicts, by parameter index, that sort the parameters of indices `columns`, from 0 to P - 1, into those of
-        bodies and those of drives: the first has a body parameter's index among 10 N, ten for each of the N links,
-        massless ones too; the second has the index in `drives` of a drive parameter's term. Nothing is checked."""
+        """Two dicts that sort parameters, whose indices from 0 to P - 1 are `columns`, into those of bodies and those
+        of drives; the keys of both are these indices. The first has a body parameter's index among 10 N, ten for each
+        of the N links, massless ones too. The second has the index in `drives` of a drive parameter's term. Nothing is
+        checked."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
     def tens(self, parameters: Column) -> Column:
-        """The ten inertial parameters of each of the N links (10 N,), link by link, from all `parameters` (P,): m,
-        mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Those of
-        massless links are exact zeros, which cost nothing in compiled equations. Nothing is checked."""
+        """The ten inertial parameters of each of the N links (10 N,), link by link: m, mc_x, mc_y, mc_z, I_xx, I_xy,
+        I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). They are taken from all `parameters`
+        (P,), which have ten for each link that is not massless, then the drives'. Those of massless links are exact
+        zeros, which cost nothing in compiled equations. Nothing is checked."""
         if len(self.bodies) == self.links:
             return Column(parameters.of[: self.driven]) if self.drives else parameters
         tens: list[Scalar] = [0.0] * (10 * self.links)

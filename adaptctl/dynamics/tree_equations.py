@@ -150,9 +150,10 @@ class TreeEquations(Equations):
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:
-        """Energy regressor (P,), J per unit of each of P parameters, the drives' included, from that of the inertial
-        parameters alone, `tens` (10 n,), ten for each of n links, and the velocities v (n,) of the joints, rad/s (m/s
-        if prismatic). The entry of a rotor is s^2/2 at its shaft's speed s, that of friction 0. Nothing is checked."""
+        """Energy regressor (P,), J per unit of each of all P parameters, the drives' too, from `tens` (10 n,), the
+        energy regressor of ten inertial parameters of each of the n links, massless ones too, and the velocities v (n,)
+        of the joints, rad/s (m/s if prismatic). The entry of a rotor is s^2/2 at its shaft's speed s, that of friction
+        0. Nothing is checked."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
@@ -241,6 +242,6 @@ class TreeEquations(Equations):
         return sum(depths) >= ARTICULATED * len(depths) and not coupled
 
     def weightless(self) -> TreeEquations:
-        """The same equations without gravity, of the same sizes, as new ones: no gravity torque and no potential
+        """New equations of the same mechanism and sizes without gravity: there is no gravity torque and no potential
         energy."""
         return replace(self, gravity=ZERO)

@@ -56,9 +56,10 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: the drive of a joint, as `Drive` has it: the rotor inertia seen at the joint (kg m^2, or
-    kg) and friction terms (N m for speeds in rad/s, or N and m/s). `turns_with` gives, by the names of other joints
-    that turn the same motor shaft, the ratio of their velocities in the shaft's.
+    """An entry of a TOML file: the drive of a joint, as `Drive` has it: `rotor_inertia`, seen at the joint (kg m^2),
+    and the friction terms `viscous` (N m s/rad), `square_root` (N m (s/rad)^(1/2)), `coulomb`, `stribeck` and `offset`
+    (N m); for a prismatic joint kg, and N for N m, m for rad. `turns_with` gives, by the names of other joints that
+    turn the same motor shaft, the ratio of their velocities in the shaft's.
 
     A term that is left out, None, is not modelled; one that is given, zero too, is a parameter. Nothing is checked at
     construction.
@@ -82,7 +83,8 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """An entry of a TOML file: one link with the joint before it. `name` is the link's, `joint` the joint's, by default
-    numbered; `type` is the joint's, by default revolute.
+    by the entry's number in the file, from 1, as in ``link2`` and ``joint2``; `type` is the joint's, by default
+    revolute.
 
     Position limits are `range` (rad or m), `range_deg` (degrees), or `lower` and `upper` (rad or m), of which one alone
     may be given; `velocity` is the greatest speed (rad/s or m/s), `effort` the greatest torque or force (N m or N);

@@ -69,8 +69,9 @@ def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
 
 def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], stacklevel: int = 3) -> None:
     """Warn, by a `SimplificationWarning` that names them, of angles in a file at `path` that are read as rad but look
-    like degrees: position limits of `links`' turning joints above 3 turns and up to 3600 rad in size, and the `frames`,
-    already found to be such, by name. `stacklevel` is that of `warnings.warn`, by default 3, the caller's caller."""
+    like degrees: position limits of `links`' turning joints above 3 turns and up to 3600 rad in size, and those of
+    `frames`, the names of frames in which the caller found such angles. `stacklevel` is that of `warnings.warn`, by
+    default 3, the caller's caller."""
     joints = [f"limits of {link.joint.name}" for link in links if _may_be_degrees(link)]
     if names := [*joints, *frames]:
         text = "angles are read as radians, and these look like degrees"

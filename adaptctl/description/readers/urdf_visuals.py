@@ -32,9 +32,9 @@ def materials(robot: Element) -> dict[str, Color]:
 
 
 def visuals(body: Element, meshes: Meshes, colors: Mapping[str, Color]) -> Iterator[Visual]:
-    """The shapes to draw of `body`, a URDF <link> element, in its frame (m), on link -1 until the reader puts them
-    where they belong. `meshes` finds mesh files, `colors` has the file's colours by material name. Shapes that are
-    wrong or whose mesh is not found are left out; nothing is raised."""
+    """The shapes to draw of `body`, a URDF <link> element, each at its pose in that link's frame (m). Their link index
+    is -1 for now; the caller sets it by `Visual.on`. `meshes` finds mesh files, `colors` has the file's colours by
+    material name. Shapes that are wrong or whose mesh is not found are left out; nothing is raised."""
     for element in body.findall("visual"):
         try:
             solid = _solid(element, meshes)

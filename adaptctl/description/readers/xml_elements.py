@@ -28,8 +28,8 @@ class ElementError(InputError):
 
 
 class LineElement(Element):
-    """An XML element that knows, as `line`, the line of its file where it begins, from 1; 0 where it is in no file. It
-    is made as `Element` is, of a tag and attributes."""
+    """An XML element with the attribute `line`, the line of its file where it begins, from 1. It is made as `Element`
+    is, of a tag and attributes; then `line` is 0, for no file, until the parser sets it."""
 
     line = 0
 

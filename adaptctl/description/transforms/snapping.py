@@ -41,10 +41,10 @@ def snapped(description: Description, within: float = WITHIN) -> Description:
 
 
 def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
-    """Triples of a link, the name of the joint before its own, and both joints' axes, two unit vectors (3,), the
-    earlier first, in the frame of the link between them (the link's parent), in the links' order. For a link on the
-    ground, the name is "gravity", the axis its direction, and the frame the ground's; such a link is left out where
-    gravity is zero."""
+    """Triples (link, name, axes) in the links' order: a link, the name of the joint before its own, and the axes of
+    that joint and of its own, two unit vectors (3,), in the frame of the link's parent, which is between them. For a
+    link on the ground the name is "gravity", the first axis is gravity's direction, and the frame is the ground's;
+    without gravity such a link is left out."""
     for link in description.links:
         carrier = _carrier(description, description.links, link)
         if carrier is not None:

@@ -24,11 +24,11 @@ def write_mjcf(
     `before` is the description that the original gives, read with the same `root`, the name of the mechanism's first
     body, None for the one root body that moves.
 
-    A link's inertia is that of all bodies fixed to each other. The body at its joint gets what the others leave, and an
-    <inertial> where it had geoms only: MuJoCo prefers it to them. Raises `FileError` for a file that cannot be read or
-    written, where no rigid body has the inertia that a body would get, where that body stands in an included file, and
-    where the compiler setting inertiafromgeom is true, so that inertials are ignored; `ValueError` for descriptions
-    with different numbers of links.
+    A link's inertia is that of all bodies fixed to each other: the body at its joint takes the whole change, the others
+    keep theirs. That body gets an <inertial> where it had geoms only; MuJoCo prefers it to them. Raises `FileError` for
+    a file that cannot be read or written, where no rigid body has the inertia that a body would get, where that body
+    stands in an included file, and where the compiler setting inertiafromgeom is true, so that inertials are ignored;
+    `ValueError` for descriptions with different numbers of links.
     """
     data = read_bytes(original)
     try:

@@ -93,10 +93,10 @@ def set_parameters(arm: MujocoArm, before: Description, after: Description) -> N
     """Change the MuJoCo model of `arm` in place to the inertias, rotor inertias, viscous and Coulomb friction of the
     description `after`. `before` describes the model as it is; a link whose inertia is the same in both stays as it is.
 
-    The body at a link's last joint gets what the bodies fixed to it leave of the link's inertia. Raises `InputError`
-    where what is left has no positive mass, and for loops, motor shafts that turn with several joints and other
-    friction terms in `after`, before anything is changed, `ValueError` for descriptions with different numbers of
-    links.
+    The body at a link's last joint gets the link's inertia less that of the other bodies fixed to it, which stay.
+    Raises `InputError` where that difference has no positive mass, and for loops, motor shafts that turn with several
+    joints and other friction terms in `after`, before anything is changed, `ValueError` for descriptions with different
+    numbers of links.
     """
     import mujoco
 

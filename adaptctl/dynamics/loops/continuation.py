@@ -51,11 +51,12 @@ class Continuation:
     def follow(self, p: Array, start: Array | None = None) -> Array:
         """Closed configurations (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of the r
         primary joints, rad (m), reached from the closed configurations `start` (..., n) along straight lines in p, in
-        steps of at most 0.05 rad (m); None starts at the reference configuration.
+        steps of at most 0.05 rad (m); None starts at the reference configuration. `start` may be one for all samples.
 
         Raises `SingularityError` where the way comes near a configuration in which the loops lock, the smallest
         singular value of the closure Jacobian by the dependent joints being below 0.05 of that at the reference, or
-        where the loops do not close, and `InputError` where `start` does not broadcast to the samples of p.
+        where the loops do not close, and `InputError` where `start` does not broadcast to the samples of p. Other
+        shapes are not checked.
         """
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
@@ -71,9 +72,9 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
-        """True or False (m,) for each of m primary positions p (m, r), rad (m if prismatic): True where `follow`
-        reaches it from the reference along a straight line without coming near a singularity. It raises no error for
-        those out of reach."""
+        """Mask (m,) of m primary positions p (m, r), rad (m if prismatic): True where `follow` reaches a position from
+        the reference along a straight line without coming near a configuration in which the loops lock, False where
+        not. Positions out of reach raise no error; shapes are not checked."""
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
@@ -106,14 +107,15 @@ class Continuation:
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
-        """Indicator, 1.0 or 0.0 as a scalar of the kind of q: 1.0 where the `regularity`, the smallest singular value
-        of the closure Jacobian over that at the reference, at a configuration q (n,) of the tree's n joints, rad (m if
-        prismatic), is at least 0.05 beyond doubt, by a lower bound on that singular value. `lost` is the closure
-        residual, m or rad, from which on the loops count as open, which gives 0.0; 1e-9 by default, more is needed in
-        single precision.
+        """Indicator of a regular configuration q (n,) of the tree's n joints, rad (m if prismatic), a scalar of the
+        kind of q: 1.0 where the loops are closed and the `regularity`, the smallest singular value of the closure
+        Jacobian over that at the reference, is surely at least 0.05; else, and beyond a configuration in which the
+        loops lock, 0.0. Loops count as closed where no entry of the closure residual reaches `lost`, m or rad: 1e-9 by
+        default, more is needed in single precision.
 
-        The bound is 1/|A^-1|, by Frobenius' norm, A (d, d) being the closure Jacobian by the d dependent joints; it is
-        at least 1/sqrt(d) of the singular value. An exactly singular A raises `ZeroDivisionError` in floats.
+        The singular value is judged by a lower bound on it, 1/|A^-1| with Frobenius' norm, A (d, d) being the closure
+        Jacobian by the d dependent joints. The bound is at least 1/sqrt(d) of the value, so that 0.0 may be given to a
+        regularity up to 0.05 sqrt(d). An exactly singular A raises `ZeroDivisionError` in floats.
         """
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
@@ -131,7 +133,7 @@ class Continuation:
         """Check of configurations q (..., n) of the tree's n joints, rad (m if prismatic); nothing is returned. Raises
         `SingularityError`, with the worst one's primary positions, where the `regularity`, which is 1 at the reference
         configuration and 0 where the loops lock, is below 0.05: near or beyond a configuration in which the loops lock,
-        or with loops left open."""
+        or with loops left open. Raises `InputError` for another number of joints."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return

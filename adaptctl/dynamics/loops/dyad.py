@@ -75,14 +75,15 @@ class Links(NamedTuple):
 
 @dataclass(frozen=True)
 class Dyad:
-    """A dyad of three revolute joints (RRR) with parallel axes: two links between two outer pivots and a middle one, of
-    which one is where the loop was cut. Two of its joints depend on the others: where these have put the outer pivots,
-    the links' lengths fix the middle one, but for the side of their connecting line, that of a nearby configuration.
+    """A dyad of three revolute joints (RRR) with parallel axes: two links between two outer pivots and a middle one.
+    The loop was cut at one of these pivots. The joints at the other two depend on all others of the loop: where these
+    put the outer pivots, the links' lengths leave two places for the middle one, on either side of the line between the
+    outer pivots, and that of a nearby configuration is taken.
 
     `sides` are the loop's: each ends with a link of the dyad, or the first with both; `joints` the indices of the two
     dependent joints; `plane` two orthogonal unit vectors (3) across the axes, in the axes of the link at which the
-    sides part; `squares` the links' squared lengths, m^2; `sense` is 1 where positive angles of both joints turn the
-    same way in the plane, else -1.
+    sides part; `squares` the two links' squared lengths, m^2; `sense` is 1 where positive angles of both joints turn
+    the same way in the plane, else -1.
     """
 
     sides: tuple[ClosureSide, ClosureSide]
@@ -143,7 +144,8 @@ Rule: TypeAlias = Dyad | Follower
 
 def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple[Rule, ...]:
     """The closed-form rules, `Dyad`s and `Follower`s (couplings), by which all dependent joints of a mechanism follow
-    from its primary ones, each after those that it needs; empty where a joint has no such rule.
+    from its primary ones, each after those that it needs. The tuple is empty where any dependent joint has no such
+    rule.
 
     `closing` has the loops, couplings and primary joints; `links` the geometry of the tree's n links; `reference` (n,)
     is a configuration of its joints, rad (m if prismatic), that closes all loops. A `reference` of another length

@@ -46,9 +46,9 @@ class Factored:
     """A QR factorisation A = Q R of a matrix A (m, n), m >= n, given by its n columns (m,), by modified Gram-Schmidt
     without pivoting, so that no code branches on a value.
 
-    The columns of Q are orthogonal and keep their lengths, R has ones on its diagonal: so there are no square roots,
-    and one division a column. Exactly dependent columns raise `ZeroDivisionError` in floats and give infinity or NaN in
-    arrays.
+    The columns of Q are orthogonal but are not made unit vectors, and R has ones on its diagonal: so there are no
+    square roots, and one division a column. Exactly dependent columns raise `ZeroDivisionError` in floats and give
+    infinity or NaN in arrays; columns of different lengths raise `ValueError`.
     """
 
     def __init__(self, columns: Sequence[Column]) -> None:

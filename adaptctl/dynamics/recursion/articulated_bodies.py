@@ -57,17 +57,17 @@ class ArticulatedBody(NamedTuple):
 
     def moved_origin(self, offset: Vec) -> ArticulatedBody:
         """This articulated-body inertia (6, 6), of a link with all that hangs on it by free joints, about another
-        point, in the same axes: the point from which its own is at `offset` (3), m."""
+        point, in the same axes; `offset` (3), m, leads from that other point to its present one."""
         arm = _crossing(offset)
         coupling = self.coupling + product(arm, self.mass)
         spread = product(arm, self.coupling.T) + product(coupling, arm.T)
         return ArticulatedBody(_symmetric(self.inertia + spread), coupling, self.mass)
 
     def raised(self, place: Placement, rotor: Scalar) -> ArticulatedBody:
-        """This articulated-body inertia (6, 6) of a link, once its own joint is free too (`without`), about the parent
-        link's origin and in the parent's axes. `place` is the link's placement in its parent, `rotor` the inertia of
-        the joint itself, kg m^2 (kg if prismatic); a float 0.0 lets entries that are zero but for round-off be exact
-        zeros."""
+        """This articulated-body inertia (6, 6) of a link, about the link's origin and in its axes, moved to the parent
+        link's origin and axes. The link's own joint must be free too: it is what `without` gives. `place` is the link's
+        placement in its parent, `rotor` the inertia of the joint itself, kg m^2 (kg if prismatic); if that is the float
+        0.0, entries that are zero but for round-off may be made exact zeros."""
         near = place.segment.near
         if place.segment.whole is not None and any(place.shift):  # far from right angles one way costs less than two
             return self.turned_up(place).moved_origin(near + place.up(place.shift))
@@ -77,10 +77,10 @@ class ArticulatedBody(NamedTuple):
         return at_joint.turned_up(place).moved_origin(near)
 
     def free_along(self, place: Placement) -> ArticulatedBody:
-        """This articulated-body inertia (6, 6) of a link whose joint is free and has no rotor, about the joint's
-        origin, with exact zeros, in place of round-off, in the row and the column of the motion along the joint's axis,
-        which takes no load. The axis must be a coordinate axis; for others it is unchanged. `place` is the link's
-        placement in its parent."""
+        """This articulated-body inertia (6, 6) of a link whose joint is free and has no rotor, with round-off made
+        exact zeros: such a body takes no load along the joint's axis, so that the matrix's row and column of that
+        motion are zero. It is about the joint's origin, in the link's axes; `place` is the link's placement in its
+        parent. Where the joint's axis is no coordinate axis of the link it is returned unchanged."""
         still = [abs(x) != 1.0 for x in place.segment.axis]
         if all(still):
             return self

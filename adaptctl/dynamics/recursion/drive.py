@@ -48,10 +48,11 @@ class DriveTerm(NamedTuple):
         """Torque about the drive's shaft, N m (N if prismatic), per unit of the term's parameter, at velocities v,
         rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), both (n,), of the tree's n joints.
 
-        With the shaft's speed s and |s| = sqrt(s^2 + 0.01^2), which smooths the sign: its acceleration for a rotor's
-        inertia, s for viscous friction, s/|s| for Coulomb's, s/sqrt|s| for the square root, s/|s| / (1 + (s/0.1)^2) for
-        Stribeck's and 1 for a constant offset (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2). Not
-        checked: too short a v or a raises `IndexError` where it is read.
+        With the shaft's speed s, rad/s (m/s), and |s| = sqrt(s^2 + 0.01^2), which smooths the sign: the shaft's
+        acceleration for a rotor's inertia, s for viscous friction, s/|s| for Coulomb's, s/sqrt|s| for the square root,
+        s/|s| / (1 + (s/0.1)^2) for Stribeck's and 1 for a constant offset; 0.01 and 0.1 are speeds in rad/s (m/s)
+        (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2). Not checked: too short a v or a raises
+        `IndexError` where it is read.
         """
         match self.kind:
             case DriveParameter.ROTOR_INERTIA:

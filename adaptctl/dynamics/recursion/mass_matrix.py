@@ -36,16 +36,18 @@ def body(ten: Sequence[Scalar]) -> Body:
 
 
 def raised(place: Placement, link: Body) -> Body:
-    """A link's rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about its parent link's origin and
-    in the parent's axes, from that in its own frame, `link`. `place` is the link's placement in its parent."""
+    """A link's rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about the origin and in the axes of
+    its parent link. `link` is that body about the origin and in the axes of the link itself, and `place` the link's
+    placement in its parent."""
     at_joint = moved_origin(link, place.shift)
     turned = Body(link.mass, place.up(at_joint.moment), symmetric_up(place, at_joint.inertia))
     return moved_origin(turned, place.segment.near)
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """The same rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about another point, in the same
-    axes: the point from which its own origin is at `offset` (3), m."""
+    """The same rigid body, as a `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2), about another point, in
+    the same axes. `link` is the body about its present origin, to which `offset` (3), m, leads from that other
+    point."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)
@@ -106,12 +108,12 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
 
 def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
     """The solution x (n,) of M x = b for a symmetric positive definite matrix M (n, n), given by its n `rows`, and a
-    right side b (n,), in the unit of b over that of M, by the factorisation M = L' D L (Featherstone 2008, section
-    6.5).
+    right side b (n,), in the unit of b over that of M, by the factorisation M = L' D L (Featherstone 2008, section 6.5)
+    with L lower triangular, D diagonal and L' the transpose of L.
 
     It goes from the last row to the first, so that zeros of a tree's mass matrix between branches stay zeros and cost
     nothing in compiled equations. A pivot that is exactly zero raises `ZeroDivisionError` in floats, gives infinity or
-    NaN in arrays.
+    NaN in arrays. Not checked: too short a b raises `ValueError`, too long a one `IndexError`.
     """
     return factorised(rows).solved(right)
 
@@ -125,7 +127,7 @@ class Factors(NamedTuple):
 
     def solved(self, right: Column) -> Column:
         """The solution x (n,) of M x = b for the factorised matrix M (n, n) and a right side b (n,), in the unit of b
-        over that of M."""
+        over that of M. Not checked: too short a b raises `ValueError`, too long a one `IndexError`."""
         n, x, lower = len(right), list(right), self.lower
         for k in reversed(range(n)):
             for i in range(k):

@@ -27,15 +27,16 @@ class MomentumTerms(NamedTuple):
 
 
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
-    """Regressors of the momenta of r primary joints, and of the generalised forces besides the torque that change them,
-    as `MomentumTerms`: r rows (k,) each, N m s and N m (N s and N if prismatic) per unit of each of the k of P
-    parameters whose indices `columns` are, from 0 to P - 1.
+    """Regressors, as `MomentumTerms`, of the momenta M v of r primary joints and of all generalised forces but the
+    torque that change these momenta: r rows (k,) each, N m s and N m (N s and N if prismatic) per unit of each of the k
+    of P parameters whose indices `columns` are, from 0 to P - 1.
 
-    `equations` are the mechanism's; q (n,) is a configuration of the tree's n joints, rad (m), and v (r,) the
-    velocities of the primary ones, rad/s (m/s). The force C' v is M_dot v - C v for the Christoffel matrix C, since
-    M_dot = C + C'; M_dot v comes from dual numbers along the motion. Raises `InputError` for equations whose linear
-    constraints fix parameters at values other than zero, for which regressors have no columns, and `IndexError` for an
-    index of P or more.
+    `equations` are the mechanism's, with mass matrix M and Christoffel (Coriolis) matrix C; q (n,) is a configuration
+    of the tree's n joints, rad (m), and v (r,) the velocities of the primary ones, rad/s (m/s). Of the forces C' v - g
+    - friction, g being gravity's torque, C' v is M_dot v - C v, since the rate M_dot of M along v is C + C'; M_dot v
+    comes from dual numbers along the motion. Raises `InputError` for equations whose linear constraints fix parameters
+    at values other than zero, for which regressors have no columns, and `IndexError` for an index of P or more. Columns
+    too short raise `IndexError` or `ValueError`.
     """
     if equations.has_known_share:
         raise InputError("learning from filtered torques needs relations without known values other than zero")

@@ -82,9 +82,9 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """The motion of a link in its own axes, with accelerations that are bilinear in two of its angular velocities, w
-    and r, such as that of the actual motion and that of a reference motion: its point at u (3), m, accelerates by acc +
-    lever u, m/s^2, gravity's acceleration subtracted.
+    """The motion of a link in its own axes, by the acceleration of its points, from which gravity's is subtracted: acc
+    + lever u, m/s^2, for the point at u (3), m. Its velocity terms are bilinear in two angular velocities w and r of
+    the link, the actual one and one of a reference motion; for an ordinary motion r is w.
 
     Made of `products`, the symmetric products of w and r, rad^2/s^2; `alpha` (3), the angular acceleration, rad/s^2;
     and `acc` (3), the acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2,

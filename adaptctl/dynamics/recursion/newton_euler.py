@@ -52,9 +52,9 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
     mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), Y D = M a_r + C
     v_r + g, M the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
 
-    `places` has the links' placements in their parents, parents before children; `moving` their motions under v, v_r
-    and a_r, a `LinkMotion` each; `columns` the k indices in D. An index of 10 n or more raises `IndexError`; negative
-    ones are not refused.
+    `places` has the links' placements in their parents, parents before children; `moving` a `LinkMotion` of each link,
+    made (by `motions`) under joint velocities v and the reference velocities v_r and accelerations a_r; `columns` the k
+    indices in D. An index of 10 n or more raises `IndexError`; negative ones are not refused.
     """
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
@@ -69,7 +69,8 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
 def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> dict[int, Twist]:
     """Twists of link number `i` under unit velocity of each joint that moves it, a `Twist` by joint index: the columns
     of the link's Jacobian in its own axes, rad/rad and m/rad (m/m for a prismatic joint's velocity). `place` is the
-    link's placement in its parent, `done` has the same dicts of the links before it."""
+    link's placement in its parent. `done` has the result of this function for every link of a lower index, in order,
+    the parent's among them; for a link on the ground it may be empty."""
     parent = place.segment.parent
     above = done[parent] if parent != GROUND else {}
     return {j: carried(place, twist) for j, twist in above.items()} | {i: moved(place, 1.0)}
@@ -89,10 +90,11 @@ def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column,
     """The powers Y' s (k,), W per unit of each of k inertial parameters, with the transpose Y' of the torque regressor
     Y (n, k) of a tree of n links, one joint each; Y is not formed, the time is linear in n.
 
-    `places` has the links' placements in their parents, parents before children; `moving` their motions, a `LinkMotion`
-    each; s (n,) are joint velocities, rad/s (m/s if prismatic); `columns` the k indices among the ten parameters of all
-    links (10 n), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin) of each. An index of 10 n or more, or too short an s, raises `IndexError`; negative indices are not refused.
+    `places` has the links' placements in their parents, parents before children; `moving` the motion of each that Y is
+    the regressor of, a `LinkMotion`; s (n,) are joint velocities, rad/s (m/s if prismatic); `columns` the k indices
+    among the ten parameters of all links (10 n), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
+    m^2, about the link frame's origin) of each. An index of 10 n or more, or too short an s, raises `IndexError`;
+    negative indices are not refused.
     """
     kept = kept_by_link(columns, len(places))
     sliding = zip(moving, twists(places, s), kept, strict=True)

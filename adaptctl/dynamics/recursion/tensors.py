@@ -23,11 +23,12 @@ def tensor_up(place: Placement, tensor: Mat) -> Mat:
 
 
 def turned_back(turn: AxisRotation, tensor: Mat) -> Mat:
-    """The product R' T R (3, 3) of a rotation R about a coordinate axis, `turn`, a tensor T (3, 3) in any unit, and the
-    transpose R': T in the axes in which it was before the turn.
+    """The product R' T R (3, 3) of a rotation R about a coordinate axis, `turn`, its transpose R' and a `tensor` T (3,
+    3) in any unit: if T is in the axes after the turn, the product is in those before it.
 
-    With the part of T across the axis [[a, b], [e, d]] and t = sin (a - d) + cos (b + e) it is, across the axis,
-    [[a - t sin, t cos - e], [t cos - b, d + t sin]]: four multiplications, where two products of matrices take twelve.
+    Let c and s be the cosine and sine of the turn, [[a, b], [e, d]] the entries of T of the two other axes, in cyclic
+    order (z, x for y), and t = s (a - d) + c (b + e). Then those entries of the product are [[a - s t, c t - e], [c t -
+    b, d + s t]]: four multiplications, where two products of matrices take twelve.
     """
     k, c, s = turn.axis, turn.cosine, turn.sine
     i, j = (k + 1) % 3, (k + 2) % 3

@@ -37,8 +37,8 @@ def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
 
 def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
     """Moments (3) about a link's origin, in its axes, that give the link its `motion`, for each of its inertias I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz: six vectors, N m per kg m^2. Their sum times the inertias is I alpha + (w x I r + r x
-    I w)/2 for the inertia tensor I, angular acceleration alpha, and the two angular velocities w and r of the
+    I_xy, I_yy, I_xz, I_yz, I_zz: six vectors, N m per kg m^2. The sum of each times its inertia is I alpha + (w x I r +
+    r x I w)/2 for the inertia tensor I, the angular acceleration alpha, and the two angular velocities w and r of the
     motion."""
     a, b, p = motion.alpha, motion.lever, motion.products
     return (
@@ -52,14 +52,14 @@ def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
 
 
 def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
-    """Powers, W per unit of each, of the wrenches that move a link with one of its ten inertial parameters at 1 and the
-    others at 0, at a `twist` of the link: a list of one scalar for each of the indices `keep`, from 0 to 9, of the
-    parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin).
+    """Powers of wrenches on a link at its `twist`, a list of one scalar for each index in `keep`, W per unit of the
+    parameter: the indices, from 0 to 9, are those of the ten inertial parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+    I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), and the wrench is the one that gives the link
+    its `motion` where that parameter is 1 and the others are 0.
 
-    `motion` is the link's `LinkMotion`, which these wrenches cause; `twist` has its angular velocity, rad/s, and its
-    origin's velocity, m/s, in the link's axes. At the twist of unit velocity of a joint, powers are entries of the
-    torque regressor, N m (N if prismatic) per unit of each parameter. Indices are not checked.
+    `motion` is a `LinkMotion`; `twist` has the link's angular velocity, rad/s, and its origin's velocity, m/s, in the
+    link's axes. For the twist under unit velocity of a joint, powers are entries of the torque regressor, N m (N if
+    prismatic) per unit of each parameter. Indices are not checked.
     """
     moments = inertia_moments(motion) if any(k >= 4 for k in keep) else ()
     levered = motion.lever.T @ twist.v + cross(motion.acc, twist.w) if any(1 <= k <= 3 for k in keep) else None

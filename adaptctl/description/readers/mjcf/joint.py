@@ -76,9 +76,10 @@ def unfolded(joint: Element, body: str) -> list[Element]:
 
 
 def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float, Pose]:
-    """The coordinate (rad or m) at which an MJCF file draws a joint, its attribute ref, and the pose (m) of the joint's
-    frame at coordinate zero in that frame as drawn. `moving` is the joint read from the element `joint`; `settings` say
-    how angles are written. Raises `ElementError` for a ref that is no finite number."""
+    """The pair of the coordinate (rad or m) at which an MJCF file draws a joint, its attribute ref, 0 without one, and
+    the pose (m) that the joint's frame has at coordinate zero, seen in that frame as drawn. `moving` is the joint read
+    from the element `joint`; `settings` say how angles are written. Raises `ElementError` for a ref that is no finite
+    number."""
     where = f"joint {moving.name!r}"
     ref = number(joint, "ref", where) if "ref" in joint.attrib else 0.0
     if moving.kind.turns:

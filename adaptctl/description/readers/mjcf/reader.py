@@ -88,7 +88,8 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
 class MjcfBody:
     """A body of an MJCF file: its `number` among the file's <body> elements, from 0, None where it stands in an
     included file; its ten inertial parameters `ten` (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg,
-    kg m, kg m^2), alone and in its frame; and `place`, that frame's pose in the link that carries it (m)."""
+    kg m, kg m^2), without the bodies fixed to it, about its frame's origin; and `place`, that frame's pose in the link
+    that carries it (m)."""
 
     number: int | None
     ten: Array
@@ -98,8 +99,8 @@ class MjcfBody:
 @dataclass(frozen=True, eq=False)
 class MjcfBodies:
     """The bodies of an MJCF file that a writer of inertias needs: `of_links` has, by the index of each link with mass,
-    the body at its joint; `from_geoms` is true if the file has inertias computed from geoms, and its inertials
-    ignored."""
+    the body at its joint; `from_geoms` is True if the file's setting inertiafromgeom is true, by which inertias are
+    computed from geoms and <inertial> elements are ignored."""
 
     of_links: dict[int, MjcfBody]
     from_geoms: bool

@@ -26,10 +26,11 @@ _SIMPLIFIED = {
 class Settings:
     """Settings of a whole MJCF file, of its <compiler> and <default> sections, by default MuJoCo's own.
 
-    `degrees` says that angles are in degrees, else in rad; `eulerseq` has the three axes of Euler angles, x, y or z for
-    axes that turn with the frame, X, Y or Z for fixed ones; `autolimits` that a range alone limits;
-    `inertia_from_geoms` ("auto", "true" or "false") whether geoms give inertias, and `inertia_groups` the first and
-    last geom group that does. `classes` has the attributes that elements inherit, by the name of the default class and
+    `degrees` is True for angles in degrees, False for rad; `eulerseq` has the three axes of Euler angles, x, y or z for
+    axes that turn with the frame, X, Y or Z for fixed ones; `autolimits` is True where a range alone limits a joint,
+    without the attribute ``limited``. `inertia_from_geoms` says which bodies' inertias come from geoms: "true" all that
+    have geoms, "false" none, "auto" those without an <inertial>; `inertia_groups` are the first and the last group of
+    geoms that count for them. `classes` has the attributes that elements inherit, by the name of the default class and
     the elements' tag, with those that the class inherits itself. Nothing is checked at construction.
     """
 
