@@ -38,9 +38,9 @@ class FunctionBody:
     function), for calls; `lanes`, the `Lanes`, how many numbers are computed at once and in what precision; `found`, by
     index of expression, the places of values that earlier functions of the same routine left in memory at the pointer
     `%passed`; and `same`, the `Invariants`, expressions that are the same in all steps of a loop, which are in memory
-    at `%same`, none unless given. Of its arguments, those of the numbers `uniform` have one number in
-    memory for all lanes. A place is an index in values of all lanes; the expression of index i is in the
-    register `%xi`. Nothing is checked.
+    at `%same`, none unless given. `uniform` has the indices of its arguments that have one number in memory for all
+    lanes, none unless given. A place is an index in values of all lanes; the expression of index i is in the register
+    `%xi`. Nothing is checked.
     """
 
     def __init__(

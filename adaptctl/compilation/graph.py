@@ -64,7 +64,7 @@ class Graph:
     `Routine`; the graph of a called function is given its caller's; None, the default, stands for an empty one. `sines`
     maps angles, expressions in rad, to the sine and cosine that are known of them. `passed`, None unless given, is for
     the graph of a called function: the number of the extra argument in which its caller passes sines and cosines, in
-    pairs; `turned` has the inputs that these are of, in their order.
+    pairs; `turned` lists the angles, inputs of the graph, whose sines and cosines these are, in the same order.
     """
 
     def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:

@@ -25,12 +25,12 @@ class Period(NamedTuple):
     """Data of one control period, which a control law hands to its adaptation law, for k parameters and r joints.
 
     `gradient` gives Y's (k,), in W per unit of each parameter, for any sliding variable s (r,), Y (r, k) the torque
-    regressor at the start of the period; `before` and `after` are s (r,) at its start and its end, in rad/s (m/s for a
-    prismatic joint); `torque` (r,) was held over it, in N m (N); `q` (n,) are the positions of the spanning tree's n
-    joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its length T_c in s,
-    `elapsed` the same, or 0 where nothing is to be learned: before the first control period, and while adaptation is
-    frozen. `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls as -s'Ks.
-    Nothing is checked.
+    regressor at the start of the period and a prime the transpose; `before` and `after` are s (r,) at its start and its
+    end, in rad/s (m/s for a prismatic joint); `torque` (r,) was held over it, in N m (N); `q` (n,) are the positions of
+    the spanning tree's n joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its
+    length T_c in s, `elapsed` the same, or 0 where nothing is to be learned: before the first control period, and while
+    adaptation is frozen. `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls
+    as -s'Ks. Nothing is checked.
     """
 
     gradient: Callable[[Column], Column]

@@ -83,16 +83,16 @@ class Natural(AdaptationLaw[NoMemory]):
         require_consistent(model, initial, "natural adaptation", "the first estimate")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (P,) of
-        all P parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic
-        joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in
-        s."""
+        """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
+        `initial` (P,) of all its P parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad
+        (m for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
+        control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (P,) of all P parameters of bodies and drives after a step down the gradient Y's, along the
-        geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y (r, P) is
-        the torque regressor, s (r,) the sliding variable of r joints.
+        """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a step down the gradient Y's,
+        along the geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y'
+        is the transpose of the torque regressor Y (r, P), s (r,) the sliding variable of r joints.
 
         `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.
@@ -186,8 +186,9 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
     drive's, which come after them, along that of a positive number.
 
     `slope` (P,), in the parameters' inverse units, is each one's rate in 1/J times the integral over the period of the
-    gradient Y's, in J per unit, with the torque regressor Y and the sliding variable s. Nothing is checked: parameters
-    that no rigid bodies have raise `ValueError` or `ZeroDivisionError` in floats, and give NaN in arrays.
+    gradient Y's, in J per unit, Y' being the transpose of the torque regressor Y and s the sliding variable. Nothing is
+    checked: parameters that no rigid bodies have raise `ValueError` or `ZeroDivisionError` in floats, and give NaN in
+    arrays.
     """
     links = 10 * bodies
     entries: list[Any] = []
@@ -249,8 +250,8 @@ def _decay_less_one(X: Matrix) -> Matrix:
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
     """The pseudo-inertia (4, 4), as rows of scalars, of a link's `ten` inertial parameters (m, mc_x, mc_y, mc_z, I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2): the integral of x x' over its mass, x = (position in m, 1). Raises
-    `ValueError` for another number of them."""
+    I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2): the integral over its mass of x x', x = (position in metres, 1) and
+    x' its transpose. Raises `ValueError` for another number of them."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     half = 0.5 * (xx + yy + zz)
     return [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]

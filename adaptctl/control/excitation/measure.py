@@ -28,9 +28,10 @@ class Excitation:
     run.
 
     Y (r, k) is Slotine and Li's regressor of r joints on the model's k parameters and S the diagonal matrix of their
-    prior ranges (greatest plausible errors), SI units, so that a kilogram and a kilogram square metre can be compared;
-    eigenvalues are in (N m)^2 s (N^2 s for prismatic joints). A motion excites persistently when the smallest stays
-    above a positive bound, for some window length (Ioannou and Sun 1996, section 4.3): only then do estimates converge.
+    prior ranges (greatest plausible errors), SI units, a prime the transpose, so that a kilogram and a kilogram square
+    metre can be compared; eigenvalues are in (N m)^2 s (N^2 s for prismatic joints). A motion excites persistently when
+    the smallest stays above a positive bound, for some window length (Ioannou and Sun 1996, section 4.3): only then do
+    estimates converge.
 
     `time` (w,) is the end of each window in s, from the run's start; `smallest` and `largest` (w,) its eigenvalues.
     `weakest` (k,) is the unit vector of parameters over their ranges that the whole run excites least; `window` is the
