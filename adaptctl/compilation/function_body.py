@@ -82,8 +82,8 @@ class FunctionBody:
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
         """Append the instructions that write `value`, an expression that has been computed or a constant, into memory:
-        into the place of index `k`, in values of all lanes, after the LLVM pointer of the name `pointer`, such as
-        "%out0". Nothing is checked."""
+        into the place of index `k`, counted in values of all lanes, after the LLVM pointer of the name `pointer`, such
+        as "%out0". Nothing is checked."""
         self._text.store(pointer, k, self._operand(value))
         if isinstance(value, Expression):
             self._stored.setdefault(value.index, (pointer, k))

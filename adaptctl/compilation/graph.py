@@ -43,8 +43,8 @@ class Expression:
 
     It is the operation `op`, an `Op`, on `operands`, a tuple of earlier expressions of the same `graph` and of
     constants, plain floats. `index` is its number in the graph, from 0. `detail` has what operands cannot say: of an
-    input, the numbers of the argument and of the scalar in it; of a call, the `Routine` (traced function) that is
-    called; of a result, the number of the part of the call's result and of the scalar in it; None for all others.
+    input, the indices, from 0, of the argument and of the scalar in it; of a call, the `Routine` (traced function) that
+    is called; of a result, the indices of the part of the call's result and of the scalar in it; None for all others.
     """
 
     __slots__ = ("detail", "graph", "index", "op", "operands")

@@ -105,8 +105,9 @@ class Natural(AdaptationLaw[NoMemory]):
         each over its adaptation rate (1/J), for an estimate (P,) of all P parameters and their true values (P,), in SI
         units.
 
-        D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias (4, 4), - 1 of numbers. Where either is no rigid
-        bodies' it is not a number on arrays, and floats raise `ValueError` or `ZeroDivisionError`.
+        D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias A and B (4, 4), and log(B/A) + A/B - 1 of drives'
+        parameters A and B. Where the estimate or the truth is not physically consistent, arrays give NaN, and floats
+        raise `ValueError` or `ZeroDivisionError`.
         """
         rates, bodies = each_rate(self.rate, model), 10 * len(model.mechanism.description.bodies)
         total: Scalar = 0.0
@@ -120,8 +121,9 @@ class Natural(AdaptationLaw[NoMemory]):
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """The parameters' term (...), in J, of the adaptation law's Lyapunov function at estimates (..., P) of all P
         parameters whose true values are `true`, (P,) or (..., P), in SI units: the sum of Bregman divergences of
-        pseudo-inertias over the rates. It is infinite where that is not a number at a finite estimate, as where the
-        true parameters are no rigid bodies'. Raises `InputError` for arrays of another shape or of no numbers."""
+        pseudo-inertias over the rates. Where that sum is NaN though the estimate is finite, as where the true
+        parameters are no rigid bodies', it is infinity. Raises `InputError` for arrays of another shape or of no
+        numbers."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)
@@ -222,10 +224,10 @@ def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
     after one step of natural adaptation from `ten`, along the geodesic of its pseudo-inertia; `slope` (10,), in the
     inverse units, is the rate times the integral of the gradient over the period.
 
-    With the pseudo-inertia G G', G lower triangular, the step goes to G Q Q G', Q positive definite. What is added to G
-    G' is computed by itself, so that small steps are rounded as small numbers are, and many of them do not wear an
-    estimate away. A `ten` that no rigid body has raises `ValueError` or `ZeroDivisionError` in floats, and gives NaN in
-    arrays.
+    With the pseudo-inertia G G', G lower triangular and G' its transpose, the step goes to G Q Q G', Q positive
+    definite. What is added to G G' is computed by itself, so that small steps are rounded as small numbers are, and
+    many of them do not wear an estimate away. A `ten` that no rigid body has raises `ValueError` or `ZeroDivisionError`
+    in floats, and gives NaN in arrays.
     """
     root = cholesky(pseudo(ten))
     X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
@@ -276,8 +278,8 @@ def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
 
 def cholesky(P: Matrix) -> Matrix:
     """The lower triangular Cholesky factor G (n, n), as rows of scalars of any kind, of a symmetric positive definite
-    matrix `P` (n, n) of any size n, given by rows: G G' = P. A matrix that is not positive definite raises `ValueError`
-    or `ZeroDivisionError` in floats, and gives NaN or infinity in arrays."""
+    matrix `P` (n, n) of any size n, given by rows: G G' = P, G' the transpose of G. A matrix that is not positive
+    definite raises `ValueError` or `ZeroDivisionError` in floats, and gives NaN or infinity in arrays."""
     G: Matrix = [[0.0] * len(P) for _ in P]
     for j in range(len(P)):
         for i in range(j, len(P)):

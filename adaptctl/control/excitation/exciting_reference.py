@@ -77,8 +77,9 @@ class MotionLimits:
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
         """Motion limits (r,) at a `share`, without a unit, above 0 and up to 1, of the own limits of the r joints in
         `model`: positions about the middle of their range, in rad (m for a prismatic joint), speeds in rad/s (m/s) and
-        torques in N m (N). A position limit that a joint lacks is taken as pi rad (1 m) from zero, or as far as makes
-        its range 2 pi rad (2 m). Raises `InputError` for another share."""
+        torques in N m (N). A lower position limit that a joint lacks is taken as the lesser of -pi and its upper limit
+        less 2 pi rad (-1 and 2 m), an upper one likewise; speeds and torques without a limit are infinite. Raises
+        `InputError` for another share."""
         _require_share(share)
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])

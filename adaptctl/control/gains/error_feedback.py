@@ -90,8 +90,8 @@ class ErrorFeedback:
 
         The weights `position`, `velocity` and `effort` are in 1/rad^2, s^2/rad^2 and s^4/rad^2 (m for rad at a
         prismatic joint); only their ratios count. By Bryson's rule each is one over the square of the largest value
-        that is acceptable. Raises `InputError` for weights that are not positive (of velocity: negative), or too far
-        apart for the period, and for a period that is not positive.
+        that is acceptable. Raises `InputError` for a `position` or `effort` that is not positive, a negative
+        `velocity`, weights too far apart for the period, and a period that is not positive.
         """
         for name, weight in (("position", position), ("velocity", velocity), ("effort", effort)):
             real_number(weight, f"weights: {name}")

@@ -107,9 +107,9 @@ class GainDesign:
         e the joint's error and primes derivatives in time; only their ratios count. `period` is the control period in
         s, `delay` that of the torque in whole periods.
 
-        Raises `InputError` for weights that are not positive (of velocity: negative) or too far apart for the period, a
-        period that is not positive, a delay other than 0 to 1000, and where a joint's typical inertia, the median of
-        its entry of the mass matrix's diagonal, is not positive.
+        Raises `InputError` for a `position` or `effort` that is not positive, a negative `velocity`, weights too far
+        apart for the period, a period that is not positive, a delay other than 0 to 1000, and where a joint's typical
+        inertia, the median of its entry of the mass matrix's diagonal, is not positive.
         """
         feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
         return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)

@@ -275,8 +275,8 @@ def require_hold(
     limits allow. Raises `InputError` unless damping and period are positive, the bandwidth at least 0 and all finite,
     and on a wrong shape.
 
-    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, alike to S + Lambda with S
-    = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
+    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, similar to S + Lambda with
+    S = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
     with K, for S becomes D S D, D >= 1 diagonal, and D^-1 u, u being the eigenvector of l, has a Rayleigh quotient of
     at least l, since l >= Lambda_i.
     """

@@ -69,8 +69,9 @@ class Worst(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """A workspace: `samples` (S, r), S positions of the r joints of a `mechanism`, and the bounds `lower` and `upper`
-    (S, r) within which the arm may come about each, all in rad or m. Nothing is checked."""
+    """A workspace: `samples` (S, r), S positions of the r joints of a `mechanism`, and `lower` and `upper` (S, r), the
+    bounds about each sample within which a search that starts there looks, all in rad (m if prismatic). Nothing is
+    checked."""
 
     mechanism: Mechanism
     samples: Array
