@@ -34,9 +34,9 @@ def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int =
 
 
 def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
-    """The least and the greatest position of each of the r joints of a `mechanism`, two arrays (r,), rad (m if
-    prismatic): its limits, and -pi and pi rad (-1 and 1 m) where it has none. Limits that are more than two turns (4 pi
-    rad, or m) apart count as none. Nothing is checked."""
+    """The least and the greatest position of each of the r joints, two arrays (r,), rad (m if prismatic): its limits,
+    and -pi and pi rad (-1 and 1 m) where it has none. Limits that are more than two turns (4 pi rad, or m) apart count
+    as none. Nothing is checked."""
     limits = [joint.limits for joint in mechanism.primary_joints]
     wide = [np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints]
     ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
