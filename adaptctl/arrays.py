@@ -144,8 +144,8 @@ def _is_number(value: object) -> TypeGuard[int | float | np.number[Any]]:
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
     """The `method`, which returns an array of any shape, wrapped to raise `NonFiniteError` where a number in that array
     is NaN or infinite, as where a mass matrix is singular or numbers are too large. For use as a decorator in a class
-    whose objects have a `name`, which the message has with the method's. NumPy's warnings of such numbers are silenced
-    meanwhile."""
+    whose objects have a `name`; the message has this and the method's name. NumPy's warnings of such numbers are
+    silenced during the call."""
 
     @wraps(method)
     def required(self: Named, /, *args: Given.args, **kwargs: Given.kwargs) -> Array:

@@ -95,9 +95,9 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
 
 def without_caches(instance: object) -> State:
-    """The state of an object for copying and pickling: a dict of its attributes by name, without the values of cached
-    properties, and the places of its read-only arrays, each a tuple of an attribute's name and, for an array within a
-    tuple, its index there. Raises `TypeError` for an object without a `__dict__`."""
+    """The state of an object, `instance`, for copying and pickling: a dict of its attributes by name, without the
+    values of cached properties, and the places of its read-only arrays, each a tuple of an attribute's name and, for an
+    array within a tuple, its index there. Raises `TypeError` for an object without a `__dict__`."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
@@ -105,8 +105,9 @@ def without_caches(instance: object) -> State:
 
 
 def restored(instance: object, state: State) -> None:
-    """Give an object, made without a call of its `__init__`, the attributes of a `state` of `without_caches`: a dict of
-    attributes by name and the places of the arrays that are to be read-only. The object is changed in place."""
+    """Give an object, made without a call of its `__init__`, the attributes of a `state` that `without_caches`
+    returned: a dict of attributes by name and the places of the arrays that are to be read-only. The object,
+    `instance`, is changed in place. Nothing is checked."""
     kept, paths = state
     vars(instance).update(_protected(kept, paths))
 

@@ -53,11 +53,12 @@ class NonFiniteError(InputError):
 
 
 class RankError(AdaptctlError):
-    """Error of a rank k, the number of identifiable parameters, that cannot be certified. `singular_values`, a tuple of
-    falling floats, no unit, holds the singular values of the scaled energy differences between random states: P of them
-    for P inertial parameters, or the 11 of the worst joint where a tree's rank was found joint by joint. It is empty,
-    the default, where the cause is another, such as a fundamental basis of another rank, or angles that are nearly, but
-    not exactly, right ones."""
+    """Error, with its `message`, of a rank k, the number of identifiable parameters, that cannot be certified.
+    `singular_values`, a tuple of falling floats, no unit, holds the singular values of the matrix of scaled energy
+    differences between random states: P of them for P inertial parameters, one a column, or, where a tree's rank was
+    found joint by joint, the 11 of the joint with the smallest gap between them, for its link's ten parameters and its
+    rotor inertia. It is empty, the default, where the cause is another, such as a fundamental basis of another rank, or
+    angles that are nearly, but not exactly, right ones."""
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
         super().__init__(message)
@@ -107,8 +108,8 @@ class SimplificationWarning(UserWarning):
 
 class LoopError(InputError):
     """Error of a mechanism's closed kinematic loops that do not close at the reference configuration, are redundant or
-    lock the mechanism, or of primary joints that do not determine the others. It is raised on loading, or when the
-    mechanism first computes; the message names the closure or the joints."""
+    lock the mechanism, or of primary (independent) joints that do not determine the others. It is raised on loading, or
+    when the mechanism first computes; the message names the closure or the joints."""
 
 
 class SingularityError(AdaptctlError):
@@ -125,7 +126,7 @@ class MissingExtraError(AdaptctlError, ImportError):
 
 class LostSamplesWarning(UserWarning):
     """Warning of a `RunLogger`, when its `with` block ends, that its log has not kept all samples it was given; the
-    message has the numbers of those overwritten and of those left out for a wrong length, NaN or infinity."""
+    message says how many were overwritten, and how many were left out for a wrong length, NaN or infinity."""
 
 
 class LiveViewWarning(UserWarning):

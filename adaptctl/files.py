@@ -100,8 +100,9 @@ def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
 
 
 def is_of_the_dead(name: str) -> bool:
-    """True where `name`, a file name made by `name_beside`, is of a process of this computer that runs no more; False
-    for other names, other computers and processes that still run."""
+    """True where `name` is a temporary file's name, as `name_beside` makes it of this computer's name, a process's
+    number and random digits, whose process runs no more; False for other names, for other computers' and where the
+    process still runs."""
     owner = re.search(rf"\.{re.escape(_HERE)}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
     if owner is None:
         return False
@@ -129,8 +130,9 @@ def write_text(path: str | Path, data: str) -> None:
 
 def write_json(path: str | Path, value: object) -> None:
     """Write `value` to the file at `path` as indented JSON, whole or not at all: dicts (keys in their order), lists,
-    dataclasses, msgspec Structs, NumPy arrays, numbers, texts and paths. Raises `FileError`, naming the element, for
-    NaN and infinity, which JSON does not have, and for values of other types and where the file cannot be written."""
+    dataclasses, msgspec Structs, NumPy arrays, numbers, booleans, None, texts and paths. Raises `FileError`, naming the
+    element, for NaN and infinity, which JSON does not have, and for values of other types and where the file cannot be
+    written."""
     try:
         plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
     except TypeError as error:

@@ -77,21 +77,22 @@ class Form(NamedTuple):
 
     @property
     def types(self) -> dict[int, int]:
-        """Places of the types of arguments that are tuples, a dict by the argument's index: the type's index in the
-        tuple of objects that the built-in function keeps, which begins with the function that it calls instead of
-        native code, at 0."""
+        """Dict from the index of each argument that is a tuple to the index of that tuple's type among the objects that
+        the built-in function keeps. They are kept in a tuple: first the function that it calls instead of native code,
+        at 0, then the types, then the bound arrays."""
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
-        """Index of the array that is the column of index `column`, one that the function is bound to, in the tuple of
-        objects that the built-in function keeps: after what it calls instead of native code, the types of tuples and
-        earlier bound arrays. For a column that comes from an argument it means nothing; nothing is checked."""
+        """Index of a bound array, the column of index `column`, in the tuple of objects that the built-in function
+        keeps: first the function that it calls instead of native code, at 0, then the types of tuples, then the bound
+        arrays. Not checked: for a column that comes from an argument it means nothing."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
     @property
     def spares(self) -> int:
         """Index of the first result array that is kept to be returned again, in the tuple of objects that the built-in
-        function keeps: after what it calls instead of native code, the types of tuples and the bound arrays."""
+        function keeps: first the function that it calls instead of native code, at 0, then the types of tuples, the
+        bound arrays, and these results."""
         return self.bound(len(self.places))
 
 
@@ -156,8 +157,8 @@ def builtin(
     unusual arguments it calls `instead` with them. Usual ones are as many as expected, contiguous float64 arrays of the
     expected lengths (in tuples of the expected types), finite where that is checked.
 
-    `name` is the function's. It is `bound` to the types of tuples and then to arrays, in the order that the code's
-    `Form` has them in. `results` is the number of its results that are arrays, 0 unless given: of each it keeps the
+    `name` is the new function's. `bound` are what it is bound to, in the order of the code's `Form`: the types of
+    tuples, then arrays. `results` is the number of its results that are arrays, 0 unless given: of each it keeps the
     last two, to return them again once nothing else refers to them. `has_builtins` must have been True. Errors are
     those of `instead`; nothing is checked here.
     """

@@ -15,8 +15,8 @@ from adaptctl.compilation.graph import Expression, Op
 
 def add(x: Any, y: Any) -> Any:
     """The sum `x + y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new or
-    earlier expression, the other operand where one is the float 0, and 0.0 where one is the other's negation. A negated
-    operand is subtracted. Raises `TraceError` for expressions of two graphs."""
+    earlier expression, the other operand where one is the float 0, and 0.0 where one is the other's negation. Instead
+    of x + (-z), the difference x - z is made. Raises `TraceError` for expressions of two graphs."""
     if _is(x, 0.0) or _is(y, 0.0):
         return y if _is(x, 0.0) else x
     if _does(y, Op.NEGATE):
@@ -29,7 +29,8 @@ def add(x: Any, y: Any) -> Any:
 def subtract(x: Any, y: Any) -> Any:
     """The difference `x - y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a
     new or earlier expression; 0.0 where both are the same, also for NaN and infinity; `x` or `-y` where the other is
-    the float 0. A negated operand and a constant are added. Raises `TraceError` for expressions of two graphs."""
+    the float 0. Instead of x - (-z) and x - c, with a float c, the sums x + z and x + (-c) are made. Raises
+    `TraceError` for expressions of two graphs."""
     if x is y:
         return 0.0
     if _is(x, 0.0):
@@ -42,9 +43,8 @@ def subtract(x: Any, y: Any) -> Any:
 
 
 def negate(x: Any) -> Any:
-    """The expression `-x` of an expression `x` (a symbolic scalar). No operation is added where `x` is a difference, a
-    negation or a multiple by a constant: operands change places, or the sign of the constant does. Nothing is
-    raised."""
+    """The expression `-x` of an expression `x` (a symbolic scalar). No negation is added where `x` is a difference a -
+    b, a negation -z or a multiple c z by a float c: it is b - a, z or (-c) z then. Nothing is raised."""
     if _does(x, Op.NEGATE):
         return x.operands[0]
     if _does(x, Op.SUBTRACT):
@@ -57,8 +57,8 @@ def negate(x: Any) -> Any:
 def multiply(x: Any, y: Any) -> Any:
     """The product `x * y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new
     or earlier expression, the float 0.0 where one is 0, also times NaN and infinity, or the other one or its negation
-    where one is 1 or -1. Signs move outwards, or into a constant factor. Raises `TraceError` for expressions of two
-    graphs."""
+    where one is 1 or -1. Instead of x (-z), -(x z) is made, or (-c) z where x is a float c. Raises `TraceError` for
+    expressions of two graphs."""
     x, y = _ordered(x, y)
     if isinstance(x, float) and abs(x) in (0.0, 1.0):
         return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
@@ -72,7 +72,8 @@ def multiply(x: Any, y: Any) -> Any:
 def divide(x: Any, y: Any) -> Any:
     """The quotient `x / y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new
     or earlier expression, the float 0.0 where `x` is 0, also by 0 and NaN, or `x` or its negation where `y` is 1 or -1.
-    Signs move outwards, or into a constant operand. Raises `TraceError` for expressions of two graphs."""
+    Instead of (-z)/y, -(z/y) is made, or z/(-c) where y is a float c, and likewise where `y` is negated. Raises
+    `TraceError` for expressions of two graphs."""
     if _is(x, 0.0):
         return 0.0
     if _is(y, 1.0) or _is(y, -1.0):
@@ -86,7 +87,7 @@ def divide(x: Any, y: Any) -> Any:
 
 def absolute(x: Any) -> Any:
     """The absolute value `|x|` of an expression `x` (a symbolic scalar), as an expression; `x` itself where it is an
-    absolute value. Signs within are dropped. Nothing is raised."""
+    absolute value. Of a negation -z it is that of z. Nothing is raised."""
     if _does(x, Op.NEGATE):
         return absolute(x.operands[0])
     return x if _does(x, Op.ABSOLUTE) else _make(Op.ABSOLUTE, x)

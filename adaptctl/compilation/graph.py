@@ -43,8 +43,8 @@ class Expression:
 
     It is the operation `op`, an `Op`, on `operands`, a tuple of earlier expressions of the same `graph` and of
     constants, plain floats. `index` is its number in the graph, from 0. `detail` has what operands cannot say: of an
-    input, the numbers of the argument and of the scalar in it; of a call, the `Routine` (traced function) that is
-    called; of a result, the number of the part of the call's result and of the scalar in it; None for all others.
+    input, the indices, from 0, of the argument and of the scalar in it; of a call, the `Routine` (traced function) that
+    is called; of a result, the indices of the part of the call's result and of the scalar in it; None for all others.
     """
 
     __slots__ = ("detail", "graph", "index", "op", "operands")
@@ -64,7 +64,7 @@ class Graph:
     `Routine`; the graph of a called function is given its caller's; None, the default, stands for an empty one. `sines`
     maps angles, expressions in rad, to the sine and cosine that are known of them. `passed`, None unless given, is for
     the graph of a called function: the number of the extra argument in which its caller passes sines and cosines, in
-    pairs; `turned` has the inputs that these are of, in their order.
+    pairs; `turned` lists the angles, inputs of the graph, whose sines and cosines these are, in the same order.
     """
 
     def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:

@@ -26,15 +26,15 @@ class Instructions:
         return name
 
     def load(self, name: str, pointer: str, k: int) -> str:
-        """Append the instructions that load the number in the place of index `k` after a `pointer`, a register's name,
-        into the LLVM register of the given `name`, such as "%x3". Returns that name."""
+        """Append the instructions that load the number in the place of index `k`, counted in values of all lanes, after
+        a `pointer`, a register's name, into the LLVM register of the given `name`, such as "%x3". Returns that name."""
         self.add(f"{name}.at = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name
 
     def broadcast(self, name: str, pointer: str, k: int) -> str:
-        """Append the instructions that load the one number in the place of index `k`, in single numbers, after a
-        `pointer`, a register's name, into every lane of the LLVM register of the given `name`. Returns that name."""
+        """Append the instructions that load the one number in the place of index `k`, counted in single numbers, after
+        a `pointer`, a register's name, into every lane of the LLVM register of the given `name`. Returns that name."""
         value, scalar, n = self.lanes.value, self.lanes.scalar, self.lanes.count
         self.add(f"{name}.at = getelementptr {scalar}, ptr {pointer}, i64 {k}")
         self.add(f"{name}.one = load {scalar}, ptr {name}.at, align {self.lanes.size}")
@@ -44,6 +44,6 @@ class Instructions:
 
     def store(self, pointer: str, k: int, value: str) -> None:
         """Append the instructions that write a `value`, a register's name or a constant's text, into the place of index
-        `k` after a `pointer`, another register's name."""
+        `k`, counted in values of all lanes, after a `pointer`, another register's name."""
         self.add(f"{pointer}.{k} = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"store {self.lanes.value} {value}, ptr {pointer}.{k}, align {self.lanes.size}")

@@ -31,9 +31,9 @@ class Invariants(NamedTuple):
 
     @classmethod
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
-        """The `Invariants` of a step's `routine` (its traced function), the arguments of whose numbers in `held`, from
-        0, are the same in all steps: the expressions that depend on these alone, but for calls and comparisons, which
-        are made in each step. Nothing is raised."""
+        """The `Invariants` of a step's `routine` (its traced function) whose arguments of the indices `held`, from 0,
+        are the same in all steps: the expressions that depend on these alone, but for calls and comparisons, which are
+        made in each step. Nothing is raised."""
         same = _same(routine.body, held)
         found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]

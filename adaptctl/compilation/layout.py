@@ -31,8 +31,8 @@ class Layout(NamedTuple):
 
     @property
     def places(self) -> tuple[slice, ...]:
-        """Slices of the parts (scalars, vectors, matrices) of the result in the sequence of all its scalars, one each,
-        in order."""
+        """Slices, one for each part (scalar, vector or matrix) of the result in order: where the part's scalars are in
+        the sequence of all the result's scalars."""
         return tuple(slice(end - size, end) for size, end in zip(self.sizes, accumulate(self.sizes), strict=True))
 
     @property

@@ -30,8 +30,8 @@ def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Co
 
     `same`, for a step of a loop, are the `Invariants`, which do not change from step to step, none unless given: the
     function then takes a further pointer to memory that has them, and another function, its name followed by ".before",
-    computes them. Arguments of the numbers `uniform` have one number in memory for all lanes, none unless given.
-    Nothing is checked.
+    computes them. `uniform` has the indices of arguments that have one number in memory for all lanes, none unless
+    given. Nothing is checked.
     """
     symbols = _symbols(routine)
     parts = {r: pieces(r.body) for r in symbols}

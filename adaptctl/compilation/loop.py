@@ -44,9 +44,9 @@ def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, S
 
     `symbol` is the name of the routine's own function; `columns` has the lengths of its arguments by `Source` (state,
     held, shared, driven), in that order; its first results are the new state, the others outputs. `same` is the number
-    of scalars that the function of the name `symbol` and ".before" computes before the steps of each block, 0, the
-    default, where there is none. Not checked: `columns` must have all four sources, with no lengths where there are no
-    arguments.
+    of scalars that are computed before the steps of each block, by a function whose name is `symbol` followed by
+    ".before"; 0, the default, where there is none. Not checked: `columns` must have all four sources, with no lengths
+    where there are no arguments.
     """
     results, states = routine.layout.sizes, len(columns[Source.STATE])
     count = {str(source): sum(lengths) for source, lengths in columns.items()}

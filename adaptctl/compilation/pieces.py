@@ -23,8 +23,8 @@ _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 class Piece(NamedTuple):
     """Piece of a long routine (traced function), compiled as a function of its own: `expressions`, to be computed in
     their order; `kept`, the places in memory, shared by all pieces, of those that later pieces need; and `found`, the
-    places there of what earlier pieces computed and this one needs. Places are indices, by expression index. Nothing is
-    checked."""
+    places there of what earlier pieces computed and this one needs. Both are dicts from an expression's index to its
+    place, an index in that memory. Nothing is checked."""
 
     expressions: Sequence[Expression]
     kept: dict[int, int]

@@ -30,8 +30,8 @@ class Processor(NamedTuple):
     @classmethod
     def host(cls) -> Processor:
         """The processor of this machine; where the environment variable ADAPTCTL_PROCESSOR is "sse2", "avx2" or
-        "avx512", no more than that level of it. Raises `InputError` for another level (but "native" or an empty one),
-        and one that the processor does not have."""
+        "avx512", it with the instruction sets of that level alone; all of them where the variable is "native", empty or
+        not set. Raises `InputError` for another value, and for a level that the processor lacks."""
         level = os.environ.get("ADAPTCTL_PROCESSOR", "")
         return _whole() if level in ("", "native") else _whole().limited(level)
 

@@ -42,8 +42,8 @@ class Routine:
     parts and their container.
 
     `sines` is for a function that is called within a trace (`outlined`), () for others: the indices, among the scalars
-    of all arguments, of those whose sines and cosines the caller computes. They are its last argument then, in pairs.
-    Nothing is checked.
+    of all arguments, of those whose sines and cosines the caller computes. These are then its last argument, a sine and
+    a cosine in turn. Nothing is checked.
     """
 
     name: str

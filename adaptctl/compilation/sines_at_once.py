@@ -22,9 +22,9 @@ class SinesAtOnce:
     """Sines and cosines of groups of angles, rad, as LLVM instructions appended to a function's `text`
     (`Instructions`), which leave them in memory, pair after pair.
 
-    Angles that are too large for the fast formula are left to the C library; a branch to it writes all that is in
-    registers to memory, so that each group has one branch alone. `operand` is a function that returns the name of an
-    expression's value. Nothing is checked.
+    Angles that are too large for the fast formula are left to the C library. The branch to it is costly, since
+    registers are written to memory for it, so each group of angles has only one. `operand` is a function that returns
+    the name of an expression's value. Nothing is checked.
     """
 
     def __init__(self, text: Instructions, operand: Callable[[Any], str]) -> None:
@@ -34,14 +34,15 @@ class SinesAtOnce:
 
     def place(self, x: Expression) -> tuple[str, int] | None:
         """The place in memory of an expression `x`, a sine or cosine that was computed: the name of a pointer and an
-        index, in numbers, after it. None for other expressions."""
+        index after it, counted in values of all lanes. None for other expressions. Nothing is raised."""
         found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
     def turn(self, angles: Sequence[Expression]) -> None:
         """Append the instructions of sines and cosines of `angles`, expressions whose values have been computed, but
-        for those whose sines were written before. An angle that is the sum of an earlier one and a short step (a
-        multiple by a constant of at most 1/16) gets that one's sine and cosine turned by the step."""
+        for those whose sines were written before. An angle that is the sum of an earlier one and a short step, a
+        product with a constant of at most 1/16 in size, is computed from that one's sine and cosine by addition
+        formulas, unless the step turns out above 1/16 rad. Nothing is checked."""
         most = _WIDE[-1] if self._text.lanes.count == 1 else len(angles)
         for _, group in groupby((x for x in angles if x not in self._pairs), self._from):
             some = list(group)
@@ -164,9 +165,10 @@ class _Group(NamedTuple):
 
 
 def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expression]]:
-    """Groups of angles whose sines and cosines can be computed at once, among a routine's `expressions` in order: by
-    the index of an expression, the angles to turn before it. Arguments of the routine, which are known from the
-    beginning, come before the first expression; other groups are those that expressions in a row ask for."""
+    """Groups of angles, expressions in rad, whose sines and cosines can be computed at once, among a routine's
+    `expressions` in order: a dict from the index of an expression to the angles whose sines and cosines are computed
+    just before it. Angles that are arguments of the routine make one group before the first expression; each other
+    group is of the angles of sines and cosines that follow each other directly in `expressions`. Nothing is checked."""
     asked = [x.operands[0] for x in expressions if x.op in ANGLES]
     given = [x for x in dict.fromkeys(asked) if x.op is Op.INPUT]
     groups = {expressions[0].index: given} if given else {}

@@ -27,10 +27,10 @@ class AdaptiveState(NamedTuple):
     Columns, each with leading axes where there are many arms: `estimate` (k,) of the k parameters, SI units; `q` (n,),
     positions of the spanning tree's n joints in the last control period, rad (m for a prismatic joint), from which
     kinematic loops, if any, are followed; `motion` (w,), w numbers in SI units of the motion then, as many as the
-    control law needs to make the gradient Y_r' s with the torque regressor Y_r (r, k) then; `s` (r,), the sliding
-    variable of r joints there, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held since;
-    `elapsed` (1,), the time since in s, 0 before the first control period. `learning` is the adaptation law's memory,
-    `more` the control law's own besides, named tuples of columns. Nothing is checked.
+    control law needs to make the gradient Y_r' s, Y_r' the transpose of the torque regressor Y_r (r, k) then; `s` (r,),
+    the sliding variable of r joints there, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held
+    since; `elapsed` (1,), the time since in s, 0 before the first control period. `learning` is the adaptation law's
+    memory, `more` the control law's own besides, named tuples of columns. Nothing is checked.
 
     If the torque is limited after the controller, put the one that was applied into `torque`, and zero into `elapsed`
     for a period that is not to be learned from.

@@ -29,8 +29,8 @@ from adaptctl.scalars import Column, Structure, Tunable
 
 class ReferencePoint(NamedTuple):
     """Reference point of a motion: desired positions `p` in rad (m if prismatic), velocities `v` in rad/s (m/s) and
-    accelerations `a` in rad/s^2 (m/s^2), arrays (..., r) for r joints; or in m and s, (..., m) for m task-space
-    coordinates. In a control law's equation each is a `Column` of r (or m) scalars. Nothing is checked."""
+    accelerations `a` in rad/s^2 (m/s^2), arrays (..., r) for r joints; or, in metres and seconds, (..., m) for m
+    task-space coordinates. In a control law's equation each is a `Column` of r (or m) scalars. Nothing is checked."""
 
     p: Any
     v: Any
@@ -40,8 +40,8 @@ class ReferencePoint(NamedTuple):
 class Reference(Protocol):
     """Protocol of a reference trajectory: a callable from times `t`, one or an array (...), in s, to a
     `ReferencePoint`. Its positions, velocities and accelerations are (..., r) for r joints, in rad (m if prismatic) and
-    s, or (..., m) for m task-space coordinates, in m and s. An implementation should give finite numbers at any
-    time."""
+    s, or (..., m) for m task-space coordinates, in metres and seconds. An implementation should give finite numbers at
+    any time."""
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point at times `t` (...) in s: positions, velocities and accelerations, (..., r) or (..., m)
@@ -171,9 +171,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     def compile(self, many: bool = False) -> Self:
         """The controller itself, its control law compiled to native code now instead of at the first `step`. By default
-        this is for one arm; with `many` True the law for many arms is only prepared, and compiled at the first step of
-        as many. Raises `InputError` where `law` does not return torque and memory, `TraceError` where it cannot be
-        traced into an expression graph; with `many`, that first step raises them."""
+        this is for one arm; with `many` True the law for many arms is only prepared here, and compiled at the first
+        `step` of many arms. Raises `InputError` where `law` does not return torque and memory, `TraceError` where it
+        cannot be traced into an expression graph; with `many`, that first `step` raises them."""
         _ = self._many if many else self._step_one
         return self
 
@@ -256,9 +256,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
         reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), and
-        each array of the memory; it returns the torque (r,), N m (N), and the memory's arrays after the control period,
-        as a tuple. The function raises `InputError` on a wrong shape and `NonFiniteError` where the attribute `finite`
-        asks for finite numbers.
+        each array of the memory; it returns a tuple: the torque (r,), N m (N), then each array of the memory after the
+        control period. The function raises `InputError` on a wrong shape and `NonFiniteError` where the attribute
+        `finite` asks for finite numbers.
         """
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)

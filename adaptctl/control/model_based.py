@@ -25,8 +25,8 @@ class BranchState(NamedTuple):
 
 class ModelBased(Controller[BranchState]):
     """Base class of control laws for a `mechanism` with given `parameters` (P,), right or wrong: all its P inertial and
-    friction parameters, SI units, None for the mechanism's own. A subclass raises `InputError` at construction for
-    parameters of another shape or not finite."""
+    friction parameters, SI units, None for the mechanism's own. A subclass writes the method `law`, and raises
+    `InputError` at construction for parameters of another shape or not finite."""
 
     mechanism: Mechanism
     parameters: Array | None

@@ -35,7 +35,8 @@ class PassivityIntegral(SlotineLi):
 
     p and v (r,) are measured positions and velocities of r joints, p_d and v_d the reference's, e is the tracking error
     and s, in rad/s (m/s), the sliding variable; a_r = v_r', and Y_r (r, k) is the torque regressor. A prime is a
-    derivative in time, but in V below the transpose. The integral is taken by the trapezium, exact to T_c^2.
+    derivative in time, but in V below the transpose. The integral is taken by the trapezium rule, with an error of the
+    order of T_c^2.
 
     Guarantees: what `SlotineLi` does, V = s'Ms/2 + error' Gamma^-1 error/2 falling as -s'Ks, with this s, M the mass
     matrix and error the estimate less the true parameters; on s = 0 the tracking error has both poles at -Lambda. A

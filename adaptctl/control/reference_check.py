@@ -31,8 +31,9 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
     """Warn (`ReferenceWarning`) where a `reference`'s velocities or accelerations are not the derivatives of its
     positions and velocities, naming the r joints by their `names`, r texts. Derivatives are central differences at 41
     times within `duration` (s); the median difference of a joint may be 5 % of its largest derivative. At most one
-    warning is given, and nothing is looked at where the duration is below some 0.2 ms. `stacklevel` is that of
-    `warnings.warn`, counted from the caller. Raises `InputError` where the reference returns no `ReferencePoint`."""
+    warning is given, and nothing is looked at where the duration is below some 0.2 ms. `stacklevel` says which line the
+    warning points to, as in `warnings.warn`: at 1 the call of this function, at 2, the default, the call of its caller.
+    Raises `InputError` where the reference returns no `ReferencePoint`."""
     time = STEP + (duration - 2.0 * STEP) * (np.arange(TIMES) + 0.382) / TIMES
     if not time[0] < time[-1]:
         return

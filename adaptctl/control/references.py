@@ -54,13 +54,14 @@ class SinusoidNumbers(NamedTuple):
 
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
-    """The reference point at a `time` t (s) of sums of sinusoids, center + fade(t) sum_h amplitude_h sin(2 pi
-    frequency_h t + phase_h): columns (r,) of positions in rad (m), velocities in rad/s (m/s) and accelerations in
+    """The reference point at a `time` t (s) of sums of sinusoids, center + fade(t) sum_i amplitude_i sin(2 pi
+    frequency_i t + phase_i): columns (r,) of positions in rad (m), velocities in rad/s (m/s) and accelerations in
     rad/s^2 (m/s^2).
 
-    `numbers`, for r joints and h harmonics, are center (r,) and amplitude in rad (m), frequency (Hz) and phase (rad),
-    the last three (h r,), and start_time (1,), s, in which the fade rises from 0 to 1. Time and numbers are scalars of
-    any kind: floats, symbols, or arrays with an entry for each of many arms.
+    `numbers`, for r joints and h sinusoids i of each, are center (r,) and amplitude in rad (m), frequency (Hz) and
+    phase (rad), the last three (h r,), the r numbers of one i before those of the next, and start_time (1,), s, in
+    which the fade rises from 0 to 1. Time and numbers are scalars of any kind: floats, symbols, or arrays with an entry
+    for each of many arms.
     """
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
@@ -151,12 +152,13 @@ def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
 class Sinusoids:
     """Reference trajectory: for each of r joints a sum of sinusoids about a centre, faded in from rest.
 
-    p(t) = center + fade(t) sum_h amplitude_h sin(2 pi frequency_h t + phase_h)
+    p(t) = center + fade(t) sum_i amplitude_i sin(2 pi frequency_i t + phase_i)
 
     `center` (r,) in rad or m; `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero) are (r,) for one
-    harmonic or (h, r) for h; `start_time`, 2 s by default, is the length of the fade 10u^3 - 15u^4 + 6u^5, u =
-    t/start_time, from 0 to 1, and 0 for none. With a fade the arm starts at rest in the centre. Raises `InputError` for
-    other shapes, what is no number or not finite, and a negative start time.
+    sinusoid a joint or (h, r) for the sum of h; `start_time`, 2 s by default, is the length of the fade 10u^3 - 15u^4 +
+    6u^5, u = t/start_time, from 0 to 1, and 0 for none. With a fade the arm starts at rest in the centre. Called with
+    times t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (..., r). Raises
+    `InputError` for other shapes, what is no number or not finite, and a negative start time.
     """
 
     center: Array
@@ -213,8 +215,9 @@ class Spline:
 
     `positions` (w, r) are w >= 6 positions of r joints in rad or m, `times` (w,) in s, increasing: samples of a path
     that has no formula in joints, such as what inverse kinematics makes of one in space. Velocities and accelerations
-    are the spline's own derivatives. Before the first time and after the last the arm rests, with a jump unless the
-    samples rest there.
+    are the spline's own derivatives. Before the first time and after the last the arm rests, with a jump of velocity
+    and acceleration unless the samples rest there. Called with times t (...) in s, it returns the `ReferencePoint`
+    then: positions, velocities and accelerations (..., r).
 
     Raises `InputError` for fewer positions, another number of times, what is no number or not finite, and times that do
     not increase; `MissingExtraError` at the first use without SciPy.
@@ -283,8 +286,9 @@ class MinimumJerk:
     jerk (Flash and Hogan 1985).
 
     `waypoints` (w, r) are w >= 2 positions of r joints in rad or m, `times` (w,) when they are reached, in s,
-    increasing. Before the first time and after the last the arm rests. Raises `InputError` for fewer waypoints, another
-    number of times, what is no number or not finite, and times that do not increase.
+    increasing. Before the first time and after the last the arm rests. Called with times t (...) in s, it returns the
+    `ReferencePoint` then: positions, velocities and accelerations (..., r). Raises `InputError` for fewer waypoints,
+    another number of times, what is no number or not finite, and times that do not increase.
     """
 
     waypoints: Array
@@ -330,8 +334,9 @@ class Halted:
     `over` (s; 1 by default), and stays there. It excites an adaptive controller for an interval, and no longer.
 
     After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
-    1 to 0, so that positions, velocities and accelerations stay continuous. Raises `InputError` for a negative stop, an
-    `over` that is not positive, or either no number or not finite.
+    1 to 0, so that positions, velocities and accelerations stay continuous. Called with times t (...) in s, it returns
+    a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for a negative stop, an `over` that
+    is not positive, or either no number or not finite.
     """
 
     of: Reference

@@ -23,10 +23,10 @@ class Ringing(NamedTuple):
     """Detector of ringing, a sliding variable s (r,) of r joints that changes its sign from one control period to the
     next, by exponential moving averages over about 100 control periods.
 
-    `product` (r,) is the average of s times the s of the control period before and `square` (r,) that of the earlier
-    one squared, both in rad^2/s^2 (m^2/s^2 if prismatic); `s` (r,) is the last one, rad/s (m/s). Their quotient is the
-    correlation rho of s with itself. `lasting` (2,) counts the control periods in a row in which some joint's rho was
-    below -0.5 and below -0.9. All are arrays or `Column`s. Nothing is checked.
+    `product` (r,) is the average of s_j s_(j-1) and `square` (r,) that of s_(j-1)^2, j counting the control periods,
+    both in rad^2/s^2 (m^2/s^2 if prismatic); `s` (r,) is the last s, in rad/s (m/s). The correlation of s with itself
+    is rho = product/(square + 1e-4). `lasting` (2,) counts the control periods in a row in which some joint's rho was
+    below -0.5 (first number) and below -0.9 (second). All are arrays or `Column`s. Nothing is checked.
     """
 
     product: Any
@@ -71,12 +71,12 @@ class Ringing(NamedTuple):
 
 def correlation(product: Column, square: Column) -> Column:
     """Correlation rho (r,), without a unit, of the sliding variables s of r joints with themselves one control period
-    ago: `product` over `square` plus 1e-4, so that rho goes to 0 where s is below 0.01 rad/s (m/s).
+    ago: rho = product/(square + 1e-4), which goes to 0 where s is below 0.01 rad/s (m/s).
 
-    `product` (r,) is the moving average of s times the s of the control period before, `square` (r,) that of the
-    earlier s squared, in rad^2/s^2 (m^2/s^2 if prismatic). In a loop that nothing disturbs rho is 1 - h, h its hold
-    number, which must be below 2: the control period times the rate at which the held torque damps s. Raises
-    `ValueError` for columns of different lengths.
+    `product` (r,) is the moving average of s_j s_(j-1) and `square` (r,) that of s_(j-1)^2, j counting the control
+    periods, both in rad^2/s^2 (m^2/s^2 if prismatic). In a loop that nothing disturbs rho is 1 - h, h its hold number,
+    which must be below 2: the control period times the rate at which the held torque damps s. Raises `ValueError` for
+    columns of different lengths.
     """
     return Column(x / (y + FAINT * FAINT) for x, y in zip(product, square, strict=True))
 

@@ -126,7 +126,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         kinematic loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in
         rad (m) and v (r,) in rad/s (m/s) the primary joints' measured positions and velocities, `memory` the
         controller's in the last control period. `reference` is the tool's position, velocity and acceleration (m,), in
-        m, m/s and m/s^2 along the m axes, or those of the joints (r,).
+        metres and seconds, along the m axes, or those of the joints (r,).
         """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)

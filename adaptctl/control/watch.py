@@ -45,8 +45,8 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 
 def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> Watch:
-    """The stability numbers, a `Watch` without units, of a run of Slotine and Li's law at T of its samples, every
-    `every`-th, by default all.
+    """The stability numbers, a `Watch` without units, of a run of Slotine and Li's law, `controller`, at T of its
+    samples, every `every`-th from the first on, by default all.
 
     The record's fields are `adaptation` (T,), T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off, and `hold` (T,),
     T_c lambda_max(M^-1 (K + M^ Lambda)) of the held torque, both stable below 2; and `ringing` (T, r), the correlation

@@ -47,15 +47,15 @@ def carried_gains(
     mechanism: Mechanism, limits: Array, p: Array, off: Array, period: float, bandwidth: float, hold: float
 ) -> CarriedGains:
     """The largest gains of Slotine and Li's law that torque limits and control period carry at S positions `p` (S, r)
-    of r joints, rad (m if prismatic), as a `CarriedGains`: bandwidth Lambda (r,), 1/s, and damping K (r,), N m s/rad (N
-    s/m).
+    of the r joints of a `mechanism`, rad (m if prismatic), as a `CarriedGains`: bandwidth Lambda (r,), 1/s, and damping
+    K (r,), N m s/rad (N s/m).
 
     `limits` (r,) are the torque limits, N m (N), `off` (r,) the initial tracking errors, rad (m), above 0, `period` the
-    control period T, s. Lambda is `bandwidth` (1/s), or less where 0.3 of a torque limit brings the error back no
-    faster. K has T lambda_max((M + T B)^-1 K) of at most `hold` (no unit; a held torque is stable below 2) and asks for
-    at most half a torque limit at the initial error; M is the mass matrix, B the viscous friction, lambda_max the
-    largest eigenvalue. Raises `InputError` for joints that move nothing that has inertia, and where M is not positive
-    definite.
+    control period T, s. Lambda is the lesser of `bandwidth` (1/s) and sqrt(0.3 limit/(inertia off)) of each joint, the
+    inertia being its largest entry of the mass matrix's diagonal. K has T lambda_max((M + T B)^-1 K) of at most `hold`
+    (no unit; a held torque is stable below 2) and is at most 0.5 limit/(Lambda off); M is the mass matrix, B the
+    viscous friction, lambda_max the largest eigenvalue. Raises `InputError` for joints that move nothing that has
+    inertia, and where M is not positive definite.
     """
     M = mechanism.mass_matrix(p)
     _require_inertia(mechanism, M)

@@ -23,13 +23,14 @@ LESS, ROUNDS = 0.8, 20
 
 
 def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
-    """Initial tracking errors (r,) of r joints, rad (m if prismatic), with which an arm of torque limits `limits` (r,),
-    N m (N), can start on a `reference`: each joint's position less the reference's at time 0.
+    """Initial tracking errors (r,) of r joints, rad (m if prismatic), with which a `mechanism` of torque limits
+    `limits` (r,), N m (N), can start on a `reference`: each joint's position less the reference's at time 0.
 
-    They are a tenth of each joint's range, at most 0.1 rad (m) and what 0.3 of its torque limit brings back with a
-    bandwidth of 1 1/s. The errors of all joints are made smaller together, down to 0, where gravity would ask for more
-    than 0.4 of a torque limit there, and for more than on the reference, or where kinematic loops could not close.
-    Nothing is checked.
+    Each is the least of three: a tenth of the joint's range of positions (2 rad or m without two limits), 0.1 rad (m),
+    and 0.3 torque limit/inertia times 1 s^2, the inertia being the joint's entry of the mass matrix's diagonal at time
+    0. All errors are then made smaller together, down to 0, where the arm with them would ask, by gravity, for more
+    than 0.4 of a torque limit and for more than on the reference, or where kinematic loops could not close. Nothing is
+    checked.
     """
     start, common = reference(np.zeros(1)).p, common_error(mechanism)
     inertia = np.diagonal(mechanism.mass_matrix(start)[0])
@@ -43,6 +44,7 @@ def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference)
 
 def common_error(mechanism: Mechanism) -> Array:
     """Initial tracking errors (r,) of the mechanism's r joints, rad (m if prismatic), before torques are looked at: a
-    tenth of each joint's range, at most 0.1 rad (m). Nothing is checked."""
+    tenth of each joint's range of positions (2 rad or m without two limits), at most 0.1 rad (m). Nothing is
+    checked."""
     lower, upper = motion_ranges(mechanism)
     return np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower))

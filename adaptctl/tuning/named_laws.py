@@ -81,10 +81,10 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
 
 def guarded(law: Controller[Any], tuning: Tuning) -> Guarded:
     """The control law `law` behind guards, a `Guarded`: its torques are limited to the tuning's torque limits, and it
-    brakes the arm, with the tuning's damping, where a joint is outside the mechanism's position limits or too fast. A
-    joint is too fast beyond its velocity limit, where it has none beyond 1.5 times the reference's greatest speed in 20
-    s, at least 2 rad/s (m/s). Raises `InputError` for what `Guarded` refuses, such as a joint whose two position limits
-    are equal."""
+    brakes the arm, with the tuning's damping, where a joint is outside the mechanism's position limits or too fast. Too
+    fast is faster than the joint's velocity limit or, where that is infinite or 0, than 1.5 times its reference's
+    greatest speed in the first 20 s and than 2 rad/s (m/s). Raises `InputError` for what `Guarded` refuses, such as a
+    joint whose two position limits are equal."""
     joints = [joint.limits for joint in tuning.mechanism.primary_joints]
     speed = np.array([limits.velocity for limits in joints])
     asked = np.abs(tuning.reference(np.linspace(0.0, 20.0, 400)).v).max(axis=0)

@@ -66,8 +66,9 @@ def carried_gain(
     Y is the torque `regressor` (S, r, P) of r joints and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if
     prismatic), T the control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in
     proportion to: "ranges", the squares of the parameters' prior `ranges` (P,), SI units; "links", these, but scaled so
-    that each link and each drive has the same number by itself; "parameters", the inverse of each parameter's greatest
-    effect on the torques; "mixed", half "ranges" and half "links". Nothing is checked.
+    that each link with its drive's rotor, and each drive's friction, has the same number by itself; "parameters", the
+    inverse of each parameter's greatest effect on the torques; "mixed", half "ranges" and half "links". Nothing is
+    checked.
     """
     gain = ranges**2
     if shares == "links":

@@ -31,7 +31,7 @@ class Proposal:
     adaptation gain on all P parameters, in their units squared per J. `hold` is the greatest hold number T
     lambda_max((M + T B)^-1 K) allowed and `adaptation` the number T lambda_max(K^-1 Y Gamma Y'), both without a unit
     and stable below 2: T is the control period, M the mass matrix, B viscous friction, K the damping, Y the torque
-    regressor, Gamma the adaptation gain, lambda_max the largest eigenvalue.
+    regressor and Y' its transpose, Gamma the adaptation gain, lambda_max the largest eigenvalue.
     """
 
     carried: CarriedGains

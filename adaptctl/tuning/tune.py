@@ -52,11 +52,12 @@ def tune(
 
     `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
     limits; the `initial_error` (rad or m, one number or (r,)), unless given, is 0.1 rad or m, and less where a range or
-    a torque limit is small. Lambda is `bandwidth` (1/s) where the torques can follow. K is the largest, joint by joint,
-    with T lambda_max((M + T B)^-1 K) of at most `hold` (no unit) along the reference: lambda_max is the largest
-    eigenvalue, M the mass matrix and B the viscous friction. Gamma, a diagonal, is half in proportion to the squares of
-    the parameters' prior ranges (greatest plausible errors) and half the same, but scaled link by link to an equal
-    effect on torques, with T lambda_max(K^-1 Y Gamma Y') of `adaptation` (no unit).
+    a torque limit is small. Lambda is `bandwidth` (1/s), or less for a joint whose initial error 0.3 of its torque
+    limit brings back no faster. K is the largest, joint by joint, with T lambda_max((M + T B)^-1 K) of at most `hold`
+    (no unit) along the reference: lambda_max is the largest eigenvalue, M the mass matrix and B the viscous friction.
+    Gamma, a diagonal, is half in proportion to the squares of the parameters' prior ranges (greatest plausible errors)
+    and half the same, but scaled link by link to an equal effect on torques, with T lambda_max(K^-1 Y Gamma Y') of
+    `adaptation` (no unit).
 
     `search` is the number of other settings of bandwidth, `hold`, `adaptation` and proportions of Gamma that are tried,
     of a grid of 48, zero for none. Each is run on links whose ten inertial parameters are 30 % up or down, with torques

@@ -58,13 +58,13 @@ class WorkableReference(NamedTuple):
 
 def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> WorkableReference:
     """A reference of sinusoids for the mechanism's r joints that asks for at most 0.6 of the torque limits `limits`
-    (r,), N m (N if prismatic), about a centre where gravity asks little, with the shares that it asks: a
-    `WorkableReference`.
+    (r,), N m (N if prismatic), more where rest asks much, about a centre where gravity asks little, with the shares
+    that it asks: a `WorkableReference`.
 
     Frequencies, from 0.1 to 0.25 Hz, and amplitudes, up to 0.5 rad (m), are drawn by `seed`, a whole number of at least
-    0; the smooth start takes 2 s. Joints that ask for more are moved less until they ask for at most 0.6 of their limit
-    or, where gravity and Coulomb friction at rest ask much, for the mean of their share at rest and 1, at most 0.95; a
-    joint of which gravity alone asks more is held still. Nothing is checked.
+    0; the smooth start takes 2 s. Joints are moved less until each asks for at most the share (1 + x)/2 of its limit,
+    taken as 0.6 if less and as 0.95 if more: x is its share at rest, of gravity and Coulomb friction. A joint of which
+    gravity alone asks more is held still. Fitting ends after 40 rounds. Nothing is checked.
     """
     rng = np.random.default_rng(seed)
     lower, upper = motion_ranges(mechanism)

@@ -44,12 +44,13 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     lambda(t) = forgetting (1 - tr(Gamma^-1 P)/(k bound)). The covariance P (k, k) starts at Gamma = diag(`gain`),
     `gain` (k,) positive, in units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s
     (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the
-    filter F = cutoff/(d/dt + cutoff). `weight` is R in 1/(N m s) (m/(N s)), one number or (r,), `cutoff` in rad/s, both
-    positive; `forgetting` of at least 0 is in 1/s; `bound` of at least 1, unitless, is the most that tr(Gamma^-1 P)/k,
-    the mean gain over Gamma, may become; `called` is the law's name in messages. A prime is the transpose, but on
-    estimate and P a derivative in time. Raises `InputError` for other numbers and shapes at construction, and, with a
-    controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, a cutoff
-    above 1/T_c and a forgetting above 0.1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
+    filter F = cutoff/(d/dt + cutoff). `weight`, 1 by default, is R in 1/(N m s) (m/(N s)), one number or (r,), and
+    `cutoff`, 20 by default, is in rad/s, both positive; `forgetting` of at least 0, 1 by default, is in 1/s; `bound` of
+    at least 1, unitless, is the most that tr(Gamma^-1 P)/k, the mean gain over Gamma, may become; `called` is the law's
+    name in messages. A prime is the transpose, but on estimate and P a derivative in time. Raises `InputError` for
+    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model, constraints
+    that fix parameters at values other than zero, a cutoff above 1/T_c and a forgetting above 0.1/T_c, T_c the control
+    period; a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 -
@@ -113,8 +114,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         trapezium step for the tracking error, an implicit step for each joint's prediction error, then forgetting,
         which lets the covariance P (k, k) grow.
 
-        `estimate` (k,) and `memory` are those before the control period that `period` describes; the memory is P's
-        upper triangle (k (k + 1)/2,), in units of the first gain Gamma, and the torque filters. Nothing is checked
+        `estimate` (k,) and `memory` are those before the control period that `period` describes; the memory is the
+        upper triangle (k (k + 1)/2,) of P, in units of the first gain Gamma, and the torque filters. Nothing is checked
         here.
         """
         covariance, scale = memory.covariance, self._scale
@@ -132,7 +133,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
     def covariance(self, memory: CovarianceMemory) -> Array:
         """The covariance P (k, k) of least squares on k parameters, the present adaptation gain, symmetric, that a
-        `memory` of this adaptation law holds, in units of the parameters squared per J."""
+        `memory` of this adaptation law, for one arm, holds, in units of the parameters squared per J."""
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
 

@@ -59,21 +59,22 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         estimate' = -P (Y's + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
         Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' = W'R F[tau] - forgetting Q W'(W Q W')^+ W z
 
-    so that z = Q true. Along what W sees now the past is forgotten, at `forgetting` (1/s); what W does not see is
-    remembered until it is seen again. `recall` (1/s) is how fast the estimate returns to what the memory says, along
-    all that was well excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's equation, w
-    its row of W, is noise: nothing is learned from it, nor forgotten; 0, the default, lets all count. `alarm` (W) is
-    the power eps'R eps, eps = W estimate - F[tau], beyond which all of the memory is forgotten as well, at forgetting
-    (eps'R eps/alarm - 1); infinity, the default, leaves that out.
+    so that z = Q true. Along what W sees now the past is forgotten, at `forgetting` (1/s, 1 by default); what W does
+    not see is remembered until it is seen again. `recall` (1/s) is how fast the estimate returns to what the memory
+    says, along all that was well excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's
+    equation, w its row of W, is noise: nothing is learned from it, nor forgotten; 0, the default, lets all count.
+    `alarm` (W) is the power eps'R eps, eps = W estimate - F[tau], beyond which all of the memory is forgotten as well,
+    at forgetting (eps'R eps/alarm - 1); infinity, the default, leaves that out.
 
-    `gain` is Gamma's diagonal (k,), in units of the parameters squared per J, `weight` R, one number or (r,), in 1/(N m
-    s) (m/(N s) for a prismatic joint), `cutoff` in rad/s that of the filter F = cutoff/(d/dt + cutoff), `called` the
-    law's name in messages; s (r,) is the sliding variable of r joints in rad/s (m/s), tau (r,) the torque in N m (N), Y
-    (r, k) the torque regressor, W (r, k) that behind F. A prime is the transpose, but on estimate, Q, z and V a
-    derivative in time. Raises `InputError` for a gain, a weight, a cutoff or an alarm that is not positive, a
-    forgetting, recall or threshold below 0, all finite but the alarm (a weight of NaN is a `NonFiniteError`), and, with
-    a controller, for sizes that do not fit the model, constraints that fix parameters at values other than zero, a
-    cutoff above 1/T_c and a recall above 0.5/T_c, T_c the control period.
+    `gain` is Gamma's diagonal (k,), in units of the parameters squared per J, `weight` R, one number or (r,), 1 by
+    default, in 1/(N m s) (m/(N s) for a prismatic joint), `cutoff`, 20 rad/s by default, that of the filter F =
+    cutoff/(d/dt + cutoff), `called` the law's name in messages; s (r,) is the sliding variable of r joints in rad/s
+    (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind F. A prime is the
+    transpose, but on estimate, Q, z and V a derivative in time; ^+ is the pseudo-inverse. Raises `InputError` for a
+    gain, a weight, a cutoff or an alarm that is not positive, a forgetting, recall or threshold below 0, all finite but
+    the alarm (a weight of NaN is a `NonFiniteError`), and, with a controller, for sizes that do not fit the model,
+    constraints that fix parameters at values other than zero, a cutoff above 1/T_c and a recall above 0.5/T_c, T_c the
+    control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
@@ -176,14 +177,15 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     def covariance(self, memory: LearningMemory) -> Array:
         """The covariance P (k, k) of k parameters, the present adaptation gain, symmetric, that a `memory` of this
-        adaptation law holds, in units of the parameters squared per J: the inverse of Gamma^-1 + Q, Gamma the first
-        gain, Q the information matrix."""
+        adaptation law, for one arm, holds, in units of the parameters squared per J: the inverse of Gamma^-1 + Q, Gamma
+        the first gain, Q the information matrix."""
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
         """The information matrix Q (k, k) of least squares on k parameters, symmetric, that a `memory` of this
-        adaptation law holds, in J per unit of the parameters squared: 0 along directions that were never excited."""
+        adaptation law, for one arm, holds, in J per unit of the parameters squared: 0 along directions that were never
+        excited."""
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 

@@ -44,11 +44,12 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     The information matrix P^-1 (k, k) starts at its floor Gamma^-1, Gamma = diag(`gain`), `gain` (k,) positive, in
     units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic
     joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the filter F =
-    cutoff/(d/dt + cutoff). `forgetting` is lambda of at least 0 in 1/s; `weight` is R in 1/(N m s) (m/(N s)), one
-    number or (r,), `cutoff` in rad/s, both positive; `called` is the law's name in messages. A prime is the transpose,
-    but on estimate and P^-1 a derivative in time. Raises `InputError` for other numbers and shapes at construction,
-    and, with a controller, for sizes that do not fit the model, constraints that fix parameters at values other than
-    zero, and a cutoff above 1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
+    cutoff/(d/dt + cutoff). `forgetting`, 1 by default, is lambda of at least 0 in 1/s; `weight`, 1 by default, is R in
+    1/(N m s) (m/(N s)), one number or (r,), and `cutoff`, 20 by default, is in rad/s, both positive; `called` is the
+    law's name in messages. A prime is the transpose, but on estimate and P^-1 a derivative in time. Raises `InputError`
+    for other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model,
+    constraints that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control period; a
+    weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 - lambda error' (P^-1 -
@@ -112,6 +113,6 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
 
     def covariance(self, memory: InformationMemory) -> Array:
         """The covariance P (k, k) of least squares on k parameters, the present adaptation gain, symmetric, that a
-        `memory` of this adaptation law holds, in units of the parameters squared per J."""
+        `memory` of this adaptation law, for one arm, holds, in units of the parameters squared per J."""
         scale = np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(from_triangle(memory.information, len(self.gain))) * np.outer(scale, scale))

@@ -49,9 +49,9 @@ class DeadZone(Descent[NoMemory]):
 
     @classmethod
     def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
-        """The dead-zone adaptation law with the zone {s: s'Ks <= d'K^-1 d} of sliding variables s (r,), for disturbance
-        torques of at most d, the argument `torque`, in N m (N for a prismatic joint), under the control law's `damping`
-        K in N m s/rad (N s/m).
+        """The dead-zone adaptation law with the zone {s: s'Ks <= d'K^-1 d} of sliding variables s (r,), a prime being
+        the transpose, for disturbance torques of at most d, the argument `torque`, in N m (N for a prismatic joint),
+        under the control law's `damping` K in N m s/rad (N s/m).
 
         `torque` and `damping` are one number for all joints or (r,), one a joint. The number r of joints is taken from
         them: of two numbers, the zone is that of an arm of one joint, which models of other arms refuse. `gain` is the
@@ -75,15 +75,16 @@ class DeadZone(Descent[NoMemory]):
         positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (k,) of k
-        parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
-        the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in s."""
+        """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
+        `initial` (k,) of its k parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m
+        for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
+        control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
-        (r,) the sliding variable of r joints, or unchanged where the mean of s over the period is within the dead zone;
-        and the empty memory.
+        """The estimate (k,) of the `model`'s k parameters after a step down the gradient Y's, Y' the transpose of the
+        torque regressor Y (r, k) and s (r,) the sliding variable of r joints, or unchanged where the mean of s over the
+        period is within the dead zone; and the empty memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

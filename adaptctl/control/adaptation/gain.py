@@ -44,9 +44,9 @@ class Descent(AdaptationLaw[Memory]):
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """The parameters' term error' Gamma^-1 error / 2, in J, of the adaptation law's Lyapunov function, Gamma the
-        adaptation gain and error the `estimate` (k,) of the model's k parameters less their `true` values (k,), both in
-        SI units; over scalars of any kind: floats, arrays of samples, nodes of an expression graph. Raises `ValueError`
-        for columns of different lengths."""
+        adaptation gain, a prime the transpose and error the `estimate` (k,) of the model's k parameters less their
+        `true` values (k,), both in SI units; over scalars of any kind: floats, arrays of samples, nodes of an
+        expression graph. Raises `ValueError` for columns of different lengths."""
         error, gain = estimate - true, self._columns
         if isinstance(gain, list):
             return 0.5 * (error @ solve_symmetric([list(row) for row in gain], error))

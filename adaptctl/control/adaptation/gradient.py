@@ -60,15 +60,17 @@ class Gradient(Descent[NoMemory]):
             raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (k,) of k
-        parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
-        the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in s."""
+        """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
+        `initial` (k,) of its k parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m
+        for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
+        control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of k parameters after a step down the gradient Y's, and the empty memory. Y (r, k) is the
-        torque regressor at the period's start and s (r,) the sliding variable of r joints at its end, or, with a
-        `theta` below 1, between its start (theta 0) and its end; a `cap` above 0 limits the step's power.
+        """The estimate (k,) of the `model`'s k parameters after a step down the gradient Y's, and the empty memory. Y'
+        is the transpose of the torque regressor Y (r, k) at the period's start and s (r,) the sliding variable of r
+        joints at its end, or, with a `theta` below 1, between its start (theta 0) and its end; a `cap` above 0 limits
+        the step's power.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

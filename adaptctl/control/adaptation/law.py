@@ -25,12 +25,12 @@ class Period(NamedTuple):
     """Data of one control period, which a control law hands to its adaptation law, for k parameters and r joints.
 
     `gradient` gives Y's (k,), in W per unit of each parameter, for any sliding variable s (r,), Y (r, k) the torque
-    regressor at the start of the period; `before` and `after` are s (r,) at its start and its end, in rad/s (m/s for a
-    prismatic joint); `torque` (r,) was held over it, in N m (N); `q` (n,) are the positions of the spanning tree's n
-    joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its length T_c in s,
-    `elapsed` the same, or 0 where nothing is to be learned: before the first control period, and while adaptation is
-    frozen. `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls as -s'Ks.
-    Nothing is checked.
+    regressor at the start of the period and a prime the transpose; `before` and `after` are s (r,) at its start and its
+    end, in rad/s (m/s for a prismatic joint); `torque` (r,) was held over it, in N m (N); `q` (n,) are the positions of
+    the spanning tree's n joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its
+    length T_c in s, `elapsed` the same, or 0 where nothing is to be learned: before the first control period, and while
+    adaptation is frozen. `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls
+    as -s'Ks. Nothing is checked.
     """
 
     gradient: Callable[[Column], Column]
@@ -76,13 +76,13 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """Base class of adaptation laws, which move the estimate (k,) of a model's k parameters from one control period to
     the next, whatever control law uses it.
 
-    A subclass is a frozen dataclass of configuration; a field of type float that is given no number raises `InputError`
-    at construction. Its method `law` is an equation over scalars of any kind (floats, arrays of samples, nodes of an
-    expression graph), compiled into the control law's own native code. The attributes that the class names in `tunable`
-    are arguments of that code, all its other numbers are compiled in. What changes over time, besides the estimate, is
-    the memory, a NamedTuple of columns; recorded runs hold the memory's property `recorded`, if it has one.
-    `needs_double` is true for a law whose memory is a matrix that single precision spoils, false unless a subclass says
-    so.
+    A subclass is a frozen dataclass of configuration that writes the methods `require`, `start` and `law`; a field of
+    type float that is given no number raises `InputError` at construction. Its method `law` is an equation over scalars
+    of any kind (floats, arrays of samples, nodes of an expression graph), compiled into the control law's own native
+    code. The attributes that the class names in `tunable` are arguments of that code, all its other numbers are
+    compiled in. What changes over time, besides the estimate, is the memory, a NamedTuple of columns; recorded runs
+    hold the memory's property `recorded`, if it has one. `needs_double` is true for a law whose memory is a matrix that
+    single precision spoils, false unless a subclass says so.
     """
 
     needs_double: ClassVar[bool] = False

@@ -84,16 +84,16 @@ class Natural(AdaptationLaw[NoMemory]):
         require_consistent(model, initial, "natural adaptation", "the first estimate")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (P,) of
-        all P parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic
-        joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in
-        s."""
+        """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
+        `initial` (P,) of all its P parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad
+        (m for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
+        control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (P,) of all P parameters of bodies and drives after a step down the gradient Y's, along the
-        geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y (r, P) is
-        the torque regressor, s (r,) the sliding variable of r joints.
+        """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a step down the gradient Y's,
+        along the geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y'
+        is the transpose of the torque regressor Y (r, P), s (r,) the sliding variable of r joints.
 
         `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.
@@ -106,8 +106,9 @@ class Natural(AdaptationLaw[NoMemory]):
         each over its adaptation rate (1/J), for an estimate (P,) of all P parameters and their true values (P,), in SI
         units.
 
-        D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias (4, 4), - 1 of numbers. Where either is no rigid
-        bodies' it is not a number on arrays, and floats raise `ValueError` or `ZeroDivisionError`.
+        D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias A and B (4, 4), and log(B/A) + A/B - 1 of drives'
+        parameters A and B. Where the estimate or the truth is not physically consistent, arrays give NaN, and floats
+        raise `ValueError` or `ZeroDivisionError`.
         """
         rates, bodies = each_rate(self.rate, model), 10 * len(model.mechanism.description.bodies)
         total: Scalar = 0.0
@@ -121,8 +122,9 @@ class Natural(AdaptationLaw[NoMemory]):
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """The parameters' term (...), in J, of the adaptation law's Lyapunov function at estimates (..., P) of all P
         parameters whose true values are `true`, (P,) or (..., P), in SI units: the sum of Bregman divergences of
-        pseudo-inertias over the rates. It is infinite where that is not a number at a finite estimate, as where the
-        true parameters are no rigid bodies'. Raises `InputError` for arrays of another shape or of no numbers."""
+        pseudo-inertias over the rates. Where that sum is NaN though the estimate is finite, as where the true
+        parameters are no rigid bodies', it is infinity. Raises `InputError` for arrays of another shape or of no
+        numbers."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)
@@ -199,8 +201,9 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
     drive's, which come after them, along that of a positive number.
 
     `slope` (P,), in the parameters' inverse units, is each one's rate in 1/J times the integral over the period of the
-    gradient Y's, in J per unit, with the torque regressor Y and the sliding variable s. Nothing is checked: parameters
-    that no rigid bodies have raise `ValueError` or `ZeroDivisionError` in floats, and give NaN in arrays.
+    gradient Y's, in J per unit, Y' being the transpose of the torque regressor Y and s the sliding variable. Nothing is
+    checked: parameters that no rigid bodies have raise `ValueError` or `ZeroDivisionError` in floats, and give NaN in
+    arrays.
     """
     links = 10 * bodies
     entries: list[Any] = []
@@ -234,10 +237,10 @@ def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
     after one step of natural adaptation from `ten`, along the geodesic of its pseudo-inertia; `slope` (10,), in the
     inverse units, is the rate times the integral of the gradient over the period.
 
-    With the pseudo-inertia G G', G lower triangular, the step goes to G Q Q G', Q positive definite. What is added to G
-    G' is computed by itself, so that small steps are rounded as small numbers are, and many of them do not wear an
-    estimate away. A `ten` that no rigid body has raises `ValueError` or `ZeroDivisionError` in floats, and gives NaN in
-    arrays.
+    With the pseudo-inertia G G', G lower triangular and G' its transpose, the step goes to G Q Q G', Q positive
+    definite. What is added to G G' is computed by itself, so that small steps are rounded as small numbers are, and
+    many of them do not wear an estimate away. A `ten` that no rigid body has raises `ValueError` or `ZeroDivisionError`
+    in floats, and gives NaN in arrays.
     """
     root = cholesky(pseudo(ten))
     X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
@@ -262,8 +265,8 @@ def _decay_less_one(X: Matrix) -> Matrix:
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
     """The pseudo-inertia (4, 4), as rows of scalars, of a link's `ten` inertial parameters (m, mc_x, mc_y, mc_z, I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2): the integral of x x' over its mass, x = (position in m, 1). Raises
-    `ValueError` for another number of them."""
+    I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2): the integral over its mass of x x', x = (position in metres, 1) and
+    x' its transpose. Raises `ValueError` for another number of them."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     half = 0.5 * (xx + yy + zz)
     return [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]
@@ -288,8 +291,8 @@ def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
 
 def cholesky(P: Matrix) -> Matrix:
     """The lower triangular Cholesky factor G (n, n), as rows of scalars of any kind, of a symmetric positive definite
-    matrix `P` (n, n) of any size n, given by rows: G G' = P. A matrix that is not positive definite raises `ValueError`
-    or `ZeroDivisionError` in floats, and gives NaN or infinity in arrays."""
+    matrix `P` (n, n) of any size n, given by rows: G G' = P, G' the transpose of G. A matrix that is not positive
+    definite raises `ValueError` or `ZeroDivisionError` in floats, and gives NaN or infinity in arrays."""
     G: Matrix = [[0.0] * len(P) for _ in P]
     for j in range(len(P)):
         for i in range(j, len(P)):

@@ -55,8 +55,8 @@ class TorqueFilter:
     tau (r,) is the torque of r joints, Y (r, k) the torque regressor at positions p and velocities v, beta (k,) are the
     k parameters. With tau = d/dt (H beta) - N beta, H (r, k) the momenta's regressor and N (r, k) that of the other
     forces, W = lambda H - F[lambda H + N] when F[H] starts at H: positions and velocities are enough. The torque is
-    held over each period, for which its filter is exact; lambda H + N goes in by the trapezium between samples, exact
-    to T_c^2.
+    held over each period, for which its filter is exact; lambda H + N goes in by the trapezium between samples, with an
+    error of the order of T_c^2.
     """
 
     cutoff: float

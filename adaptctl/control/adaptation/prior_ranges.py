@@ -114,9 +114,9 @@ def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
     """The adaptation gain Gamma_beta = K_r Gamma_D K_r' (k, k) of a model's k fundamental (base) parameters, for a
     diagonal gain Gamma_D, `gain` (P,), on all P parameters; both in units of the parameters squared per J.
 
-    K_r (k, P) is the model's `regrouping`: K_r times all P parameters gives the k fundamental ones. With this gain,
-    adapting the k fundamental parameters is the same controller as adapting all P, to round-off. It is symmetric to the
-    last bit. Raises `InputError` unless the gain is P finite numbers.
+    K_r (k, P) is the model's `regrouping`, K_r' its transpose: K_r times all P parameters gives the k fundamental ones.
+    With this gain, adapting the k fundamental parameters is the same controller as adapting all P, to round-off. It is
+    symmetric to the last bit. Raises `InputError` unless the gain is P finite numbers.
     """
     full = frozen_array(gain, (model.regrouping.shape[1],), "gain on all parameters")
     mapped = (model.regrouping * full) @ model.regrouping.T

@@ -82,15 +82,15 @@ class Projection(AdaptationLaw[Memory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
         """The wrapped adaptation law's memory, a named tuple of arrays, before the first control period.
 
-        `initial` is the first estimate (k,) of k parameters, in SI units, q (n,) are the positions of the spanning
-        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` is the control period in s. Raises what the wrapped law's `start` does.
+        `initial` is the first estimate (k,) of the `model`'s k parameters, in SI units, q (n,) are the positions of the
+        spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent)
+        joints in rad/s (m/s), `period` is the control period in s. Raises what the wrapped law's `start` does.
         """
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,) of k parameters after a step of the wrapped adaptation law, clipped to the projection's
-        bounds, `lower` and `upper` (k,); and that law's memory.
+        """The estimate (k,) of the `model`'s k parameters after a step of the wrapped adaptation law, clipped to the
+        projection's bounds, `lower` and `upper` (k,); and that law's memory.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

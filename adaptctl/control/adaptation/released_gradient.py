@@ -90,18 +90,18 @@ class ReleasedGradient(Descent[Normaliser]):
         """The memory before the first control period: the normaliser (1,) by which steps are divided, without a unit,
         which is 1.
 
-        `initial` is the first estimate (k,) of k parameters, in SI units, q (n,) are the positions of the spanning
-        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` is the control period in s; none is looked at.
+        `initial` is the first estimate (k,) of the `model`'s k parameters, in SI units, q (n,) are the positions of the
+        spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent)
+        joints in rad/s (m/s), `period` is the control period in s; none is looked at.
         """
         return Normaliser(np.ones(1))
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate (k,) of k parameters after a step down the gradient Y's, Y (r, k) the torque regressor and s
-        (r,) the sliding variable of r joints at the period's end, divided by a normaliser of at least 1; and the memory
-        of that normaliser (1,), without a unit.
+        """The estimate (k,) of the `model`'s k parameters after a step down the gradient Y's, Y' the transpose of the
+        torque regressor Y (r, k) and s (r,) the sliding variable of r joints at the period's end, divided by a
+        normaliser of at least 1; and the memory of that normaliser (1,), without a unit.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

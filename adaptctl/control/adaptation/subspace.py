@@ -61,15 +61,16 @@ class Subspace(AdaptationLaw[NoMemory]):
         require_size(self.directions, model, "subspace: directions")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory of an adaptation law that remembers nothing, whatever the first estimate `initial` (k,) of k
-        parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m for a prismatic joint),
-        the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the control `period` in s."""
+        """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
+        `initial` (k,) of its k parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m
+        for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
+        control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of k parameters after a step, along each adapted direction (k,), down the gradient Y's by
-        the trapezium rule; and the empty memory. Y (r, k) is the torque regressor, s (r,) the sliding variable of r
-        joints.
+        """The estimate (k,) of the `model`'s k parameters after a step, along each adapted direction (k,), down the
+        gradient Y's by the trapezium rule; and the empty memory. Y' is the transpose of the torque regressor Y (r, k),
+        s (r,) the sliding variable of r joints.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.
@@ -81,9 +82,9 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """The parameters' term, in J, of the adaptation law's Lyapunov function within the adapted subspace: x'
-        diag(gain)^-1 x / 2, with x = W^+ (estimate - true), W (k, d) the d adapted directions, W^+ its pseudo-inverse
-        and `gain` (d,) theirs, at an estimate (k,) of k parameters whose true values are `true` (k,), both in SI units.
-        An error orthogonal to the columns of W does not count."""
+        diag(gain)^-1 x / 2, with x = W^+ (estimate - true) and x' its transpose, W (k, d) the d adapted directions, W^+
+        its pseudo-inverse and `gain` (d,) theirs, at an estimate (k,) of k parameters whose true values are `true`
+        (k,), both in SI units. An error orthogonal to the columns of W does not count."""
         error = estimate - true
         along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))
         return 0.5 * (along @ Column(x / g for x, g in zip(along, column(self.gain), strict=True)))

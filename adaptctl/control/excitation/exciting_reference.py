@@ -77,8 +77,9 @@ class MotionLimits:
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
         """Motion limits (r,) at a `share`, without a unit, above 0 and up to 1, of the own limits of the r joints in
         `model`: positions about the middle of their range, in rad (m for a prismatic joint), speeds in rad/s (m/s) and
-        torques in N m (N). A position limit that a joint lacks is taken as pi rad (1 m) from zero, or as far as makes
-        its range 2 pi rad (2 m). Raises `InputError` for another share."""
+        torques in N m (N). A lower position limit that a joint lacks is taken as the lesser of -pi and its upper limit
+        less 2 pi rad (-1 and 2 m), an upper one likewise; speeds and torques without a limit are infinite. Raises
+        `InputError` for another share."""
         _require_share(share)
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
@@ -95,11 +96,12 @@ class FourierSearch:
     """Search for an exciting reference: a periodic motion of the model's r joints, a Fourier series of `harmonics`
     harmonics of `frequency` (Hz) within `limits`, that tells as much as possible of the model's k parameters.
 
-    It is over vectors x (`size`,) without bounds or units, r (2 h + 2) numbers for h harmonics: h coefficients of sines
-    and h of cosines for each joint, then, through logistic functions, the share of each joint's limits that is used and
-    where between them the swing lies. The condition number of the torque regressor, its columns scaled by `scale` (k,),
-    the parameters' prior ranges (greatest plausible errors) in SI units, is what is to be small. Nothing is checked
-    here: `exciting_reference` checks, and searches.
+    It is over vectors x (`size`,) without bounds or units, r (2 h + 2) numbers for h harmonics, in this order:
+    coefficients of the sines (h, r), row by row, then of the cosines (h, r), both divided by the harmonic's number when
+    used; then r numbers whose logistic function is the share of each joint's limits that is used, and r whose logistic
+    function is the place, 0 to 1, of the swing between the position limits. The condition number of the torque
+    regressor, its columns scaled by `scale` (k,), the parameters' prior ranges (greatest plausible errors) in SI units,
+    is what is to be small. Nothing is checked here: `exciting_reference` checks, and searches.
     """
 
     model: ReducedModel
@@ -163,10 +165,10 @@ class FourierSearch:
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
-        """The cost, without a unit, that the search minimises, at a vector `x` of r (2 h + 2) numbers for r joints and
-        h harmonics: the natural logarithm of the condition number of the torque regressor on its reference, columns
-        scaled by the parameters' prior ranges (greatest plausible errors), and 30 times the square of the largest
-        torque's excess over its limit, as a share of that limit. Nothing is checked."""
+        """The cost ln(c) + 30 max(0, t - 1)^2, without a unit, that the search minimises, at a vector `x` of r (2 h +
+        2) numbers for r joints and h harmonics: c is the condition number of the torque regressor on its reference,
+        columns scaled by the parameters' prior ranges (greatest plausible errors), t the largest torque over its limit.
+        Nothing is checked."""
         condition, share = self.judged(x)
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 

@@ -24,8 +24,8 @@ BLOCKS = 2**DOUBLINGS
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """Extreme eigenvalues of the excitation Gram matrix, the integral of (Y S)'(Y S), over each of w windows along a
-    run.
+    """Extreme eigenvalues of the excitation Gram matrix, the integral of (Y S)'(Y S), a prime being the transpose, over
+    each of w windows along a run.
 
     Y (r, k) is Slotine and Li's regressor of r joints on the model's k parameters and S the diagonal matrix of their
     prior ranges (greatest plausible errors), SI units, so that a kilogram and a kilogram square metre can be compared;
@@ -121,7 +121,8 @@ def scaled_regressor(
     `a_r` in rad/s^2 (m/s^2), all (T, r). `scale` (k,), SI units, or one number are the parameters' prior ranges, their
     greatest plausible errors, those of `PriorRanges` where None. Mechanisms of up to 100 links are computed in native
     code. Raises `InputError` on a wrong shape and for a scale that is not finite, `NonFiniteError` for positions that
-    are not, `SingularityError` near a configuration that locks kinematic loops.
+    are not (velocities and accelerations are checked only above 100 links), `SingularityError` near a configuration
+    that locks kinematic loops.
     """
     ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
     ranges = np.broadcast_to(ranges, (len(model.columns),)) if ranges.ndim == 0 else ranges
@@ -135,7 +136,8 @@ def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], 
 
     Its arguments are positions p in rad (m), velocities v and reference velocities v_r in rad/s (m/s) and reference
     accelerations a_r in rad/s^2 (m/s^2), all (T, r). It raises `InputError` on a wrong shape, `NonFiniteError` for
-    positions that are not finite, `SingularityError` near a configuration that locks kinematic loops.
+    positions that are not finite (velocities and accelerations are checked only above 100 links), `SingularityError`
+    near a configuration that locks kinematic loops.
     """
     mechanism, r = model.mechanism, model.mechanism.dof
     if len(mechanism.links) > LARGEST_COMPILED:

@@ -22,8 +22,8 @@ ROUNDING = 0.02
 
 @dataclass(frozen=True)
 class ErrorFeedback:
-    """Linear feedback of one joint's error e (rad or m): the acceleration e'' = -stiffness e - rate e', held over
-    `period` (s).
+    """Linear feedback of one joint's error e (rad or m): the acceleration e'' = -stiffness e - rate e', primes being
+    derivatives in time, held over `period` (s).
 
     `stiffness` is in 1/s^2, `rate` in 1/s; the joint's inertia, taken as known, turns the acceleration into a torque.
     The class methods find both gains by a bandwidth, by poles or as the linear-quadratic regulator, for the double
@@ -85,12 +85,13 @@ class ErrorFeedback:
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
         """Error feedback by the linear-quadratic regulator: it minimises the sum of position e^2 + velocity e'^2 +
-        effort e''^2 over the samples of a joint's error e (rad or m), one each `period` (s).
+        effort e''^2 over the samples of a joint's error e (rad or m), one each `period` (s), primes being derivatives
+        in time.
 
         The weights `position`, `velocity` and `effort` are in 1/rad^2, s^2/rad^2 and s^4/rad^2 (m for rad at a
         prismatic joint); only their ratios count. By Bryson's rule each is one over the square of the largest value
-        that is acceptable. Raises `InputError` for weights that are not positive (of velocity: negative), or too far
-        apart for the period, and for a period that is not positive.
+        that is acceptable. Raises `InputError` for a `position` or `effort` that is not positive, a negative
+        `velocity`, weights too far apart for the period, and a period that is not positive.
         """
         for name, weight in (("position", position), ("velocity", velocity), ("effort", effort)):
             real_number(weight, f"weights: {name}")
@@ -140,27 +141,30 @@ class ErrorFeedback:
     @property
     def bandwidth(self) -> float:
         """Undamped natural frequency (rad/s), the square root of the stiffness, of the continuous-time loop e'' =
-        -stiffness e - rate e' of the joint's error e, with the stiffness in 1/s^2 and the rate in 1/s."""
+        -stiffness e - rate e' of the joint's error e, primes being derivatives in time, with the stiffness in 1/s^2 and
+        the rate in 1/s."""
         return math.sqrt(self.stiffness)
 
     @property
     def damping_ratio(self) -> float:
         """Damping ratio, without a unit, of the continuous-time loop e'' = -stiffness e - rate e' of the joint's error
-        e, with the stiffness in 1/s^2 and the rate in 1/s: 1 for two equal real poles."""
+        e, primes being derivatives in time, with the stiffness in 1/s^2 and the rate in 1/s: 1 for two equal real
+        poles."""
         return self.rate / (2.0 * self.bandwidth)
 
     @property
     def is_cascade(self) -> bool:
-        """True if the continuous-time loop e'' = -stiffness e - rate e' of the joint's error e, with the stiffness in
-        1/s^2 and the rate in 1/s, has two real poles, to within round-off and what sampling changes: it is then a
-        cascade of two first-order loops."""
+        """True if the continuous-time loop e'' = -stiffness e - rate e' of the joint's error e, primes being
+        derivatives in time, with the stiffness in 1/s^2 and the rate in 1/s, has two real poles: it is then a cascade
+        of two first-order loops. A damping ratio zeta a little below 1, such as sampling makes of 1, counts too:
+        1/zeta^2 - 1 up to the bandwidth times the period, and round-off."""
         return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.period
 
     @property
     def cascaded(self) -> tuple[float, float]:
         """The decay rates (1/s) of two first-order loops in cascade, slower first, as in Slotine and Li's law: Lambda
         of e' = -Lambda e + s, and K/M of s' = -(K/M) s. There e is the joint's error, s the sliding variable, K the
-        damping and M the inertia.
+        damping, M the inertia and a prime a derivative in time.
 
         Raises `InputError` where the feedback's poles are complex: no cascade of first-order loops has these.
         """

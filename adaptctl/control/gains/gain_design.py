@@ -36,9 +36,9 @@ class GainDesign:
     "bandwidth", "poles" or "lqr"; `feedback` and `margins` have one entry a joint. `inertia` (r,), in kg m^2 (kg), is
     each joint's typical inertia, for which its loop is designed: the median of its entry of the mass matrix's diagonal
     over 200 random configurations. The margins are those of each loop alone, with the delay. `least_inertia` (r,),
-    without a unit, is the least inertia over these configurations that a joint has while all others are free, over the
-    typical one: its inverse is the factor by which the loop's gain grows there, and the loop's gain margin must be
-    above that.
+    without a unit, is a ratio: the least inertia, in these configurations, that a joint has while all others are free,
+    divided by its typical inertia. 1/`least_inertia` is the factor by which the loop's gain grows there, and the loop's
+    gain margin must be above it.
     """
 
     mechanism: Mechanism
@@ -62,9 +62,9 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design that gives every joint's error loop an undamped natural frequency, `bandwidth` (rad/s), and a
-        `damping_ratio` (no unit; 1 is critical), each one number or one for each of r joints (r,). `period` is the
-        control period in s, `delay` that of the torque in whole periods.
+        """Gain design that gives the error loop of every joint of a `mechanism` an undamped natural frequency,
+        `bandwidth` (rad/s), and a `damping_ratio` (no unit; 1 is critical), each one number or one for each of r joints
+        (r,). `period` is the control period in s, `delay` that of the torque in whole periods.
 
         Raises `InputError` for numbers that are not positive or of another shape, for a delay other than 0 to 1000, and
         where a joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.
@@ -81,9 +81,9 @@ class GainDesign:
     def from_poles(
         cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """Gain design with the same two continuous-time poles (1/s) at every joint's error loop, real or a conjugate
-        pair, with negative real parts. `period` is the control period in s, `delay` that of the torque in whole
-        periods.
+        """Gain design with the same two continuous-time poles (1/s) at the error loop of every joint of a `mechanism`,
+        real or a conjugate pair, with negative real parts. `period` is the control period in s, `delay` that of the
+        torque in whole periods.
 
         Raises `InputError` for other poles, a period that is not positive, a delay other than 0 to 1000, and where a
         joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.
@@ -102,14 +102,14 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design by the linear-quadratic regulator at every joint, with weights `position` of e^2 in 1/rad^2,
-        `velocity` of e'^2 in s^2/rad^2 and `effort` of e''^2 in s^4/rad^2 (m for rad at a prismatic joint), e the
-        joint's error; only their ratios count. `period` is the control period in s, `delay` that of the torque in whole
-        periods.
+        """Gain design by the linear-quadratic regulator at every joint of a `mechanism`, with weights `position` of e^2
+        in 1/rad^2, `velocity` of e'^2 in s^2/rad^2 and `effort` of e''^2 in s^4/rad^2 (m for rad at a prismatic joint),
+        e the joint's error and primes derivatives in time; only their ratios count. `period` is the control period in
+        s, `delay` that of the torque in whole periods.
 
-        Raises `InputError` for weights that are not positive (of velocity: negative) or too far apart for the period, a
-        period that is not positive, a delay other than 0 to 1000, and where a joint's typical inertia, the median of
-        its entry of the mass matrix's diagonal, is not positive.
+        Raises `InputError` for a `position` or `effort` that is not positive, a negative `velocity`, weights too far
+        apart for the period, a period that is not positive, a delay other than 0 to 1000, and where a joint's typical
+        inertia, the median of its entry of the mass matrix's diagonal, is not positive.
         """
         feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
         return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
@@ -142,8 +142,8 @@ class GainDesign:
     @property
     def damping(self) -> Array:
         """Velocity gains (r,), N m s/rad (N s/m for a prismatic joint), of the r joints' error loops: the rate (1/s) of
-        the feedback e'' = -stiffness e - rate e' of a joint's error e, times its typical inertia, for which the loop is
-        designed."""
+        the feedback e'' = -stiffness e - rate e' of a joint's error e (primes are derivatives in time), times its
+        typical inertia, for which the loop is designed."""
         return self.inertia * np.array([feedback.rate for feedback in self.feedback])
 
     @property

@@ -25,9 +25,9 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def typical_inertia(mechanism: Mechanism) -> Array:
-    """The typical inertia (r,) of each of the r joints, in kg m^2 or kg: the median of its entry of the mass matrix's
-    diagonal over 200 random configurations within the joints' limits. Raises `InputError` where kinematic loops reach
-    none of these."""
+    """The typical inertia (r,) of each of the r joints of a `mechanism`, in kg m^2 (kg if prismatic): the median of its
+    entry of the mass matrix's diagonal over 200 random configurations within the joints' limits. Raises `InputError`
+    where kinematic loops reach none of these."""
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 
@@ -42,15 +42,16 @@ class Gains:
 
     @classmethod
     def from_bandwidth(cls, mechanism: Mechanism, bandwidth: ArrayLike, ratio: float = 1.0) -> Gains:
-        """Slotine and Li's gains from a `bandwidth` (1/s), one number or one for each of r joints (r,): with a `ratio`
-        of 1, the default, both poles of the error of a joint of typical inertia are at minus the bandwidth.
+        """Slotine and Li's gains from a `bandwidth` (1/s), one number or one for each of the r joints of a `mechanism`
+        (r,): with a `ratio` of 1, the default, both poles of the error of a joint of typical inertia are at minus the
+        bandwidth.
 
         Lambda is the bandwidth; the damping K is the bandwidth times the joint's typical inertia times `ratio` (no
         unit). The typical inertia is the median of the joint's entry of the mass matrix's diagonal over 200 random
         configurations. With the true parameters the error e and the sliding variable s obey e' + Lambda e = s and M s'
-        + (C + K) s = 0, M the mass matrix and C that of Coriolis torques. A larger ratio is stiffer against unknown
-        torques. Raises `InputError` for numbers that are not positive or of another shape, and where a joint's typical
-        inertia is not positive.
+        + (C + K) s = 0, M the mass matrix, C that of Coriolis torques and a prime the derivative in time. A larger
+        ratio is stiffer against unknown torques. Raises `InputError` for numbers that are not positive or of another
+        shape, and where a joint's typical inertia is not positive.
         """
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         inertia = typical_inertia(mechanism)
@@ -63,9 +64,9 @@ def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, worksp
     """The greatest sampled gain T_c lambda_max(M(q)^-1 K), without a unit, over a workspace: 2 is the limit of
     stability of a torque -K v held over the `period` T_c (s).
 
-    lambda_max is the largest eigenvalue, M(q) the mass matrix at positions q and v the joints' velocities; `damping` is
-    K in N m s/rad (N s/m), one number or one for each of r joints (r,). It is found by local search. A `workspace` of
-    None is all that the joints' limits allow. Raises `InputError` unless damping and period are positive and finite,
-    and on a wrong shape.
+    lambda_max is the largest eigenvalue, M(q) the mass matrix of the `mechanism` at positions q and v the joints'
+    velocities; `damping` is K in N m s/rad (N s/m), one number or one for each of r joints (r,). It is found by local
+    search. A `workspace` of None is all that the joints' limits allow. Raises `InputError` unless damping and period
+    are positive and finite, and on a wrong shape.
     """
     return hold_number(mechanism, damping, period, workspace=workspace).value

@@ -159,7 +159,7 @@ def hold_numbers(
     where M is not positive definite, and where K + M^ Lambda drives instead of damps. Where there is viscous friction
     B, M (X/2) coth(X/2) stands in place of the inverted M, X = T_c M^-1 B. Raises `InputError` on a wrong shape of `p`,
     damping or bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a configuration
-    that locks kinematic loops; signs are not checked.
+    that locks kinematic loops; signs, `period` and `estimate` are not checked.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
@@ -249,9 +249,10 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
 
 def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace | None = None) -> float:
     """The least eigenvalue of M^-1 K over a workspace, 1/s: under the torque -K v all velocities v of the r joints
-    decay at least as fast. M is the mass matrix, `damping` K in N m s/rad (N s/m if prismatic), one number or (r,). It
-    is found by local search from the worst samples of `workspace`, None for all positions that the joints' limits
-    allow. Raises `InputError` for a damping of another shape or NaN; that it is positive is not checked."""
+    decay at least as fast. M is the mass matrix of the `mechanism`, `damping` K in N m s/rad (N s/m if prismatic), one
+    number or (r,). It is found by local search from the worst samples of `workspace`, None for all positions that the
+    joints' limits allow. Raises `InputError` for a damping of another shape or NaN; that it is positive is not
+    checked."""
     root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
     found = (workspace or everywhere(mechanism)).highest(
         lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
@@ -268,13 +269,14 @@ def require_hold(
 ) -> None:
     """Raise `GainError`, with what the period can carry, where the control `period` (s) cannot carry the gains: the
     hold number T_c lambda_max(M^-1 (K + M Lambda)), no unit, lambda_max being the largest eigenvalue, is above 1.5
-    somewhere in the workspace, or the mass matrix M is not positive definite there. A torque held over the period T_c
-    is stable below 2. `damping` is K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default,
-    each one number or (r,) for r joints; `workspace` is None for all positions that the joints' limits allow. Raises
-    `InputError` unless damping and period are positive, the bandwidth at least 0 and all finite, and on a wrong shape.
+    somewhere in the workspace, or the mass matrix M of the `mechanism` is not positive definite there. A torque held
+    over the period T_c is stable below 2. `damping` is K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in
+    1/s, 0 by default, each one number or (r,) for r joints; `workspace` is None for all positions that the joints'
+    limits allow. Raises `InputError` unless damping and period are positive, the bandwidth at least 0 and all finite,
+    and on a wrong shape.
 
-    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, alike to S + Lambda with S
-    = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
+    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, similar to S + Lambda with
+    S = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
     with K, for S becomes D S D, D >= 1 diagonal, and D^-1 u, u being the eigenvector of l, has a Rayleigh quotient of
     at least l, since l >= Lambda_i.
     """

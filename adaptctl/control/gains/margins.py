@@ -46,8 +46,9 @@ class Margins:
 
 def margins(loop: control.LTI) -> Margins:
     """The gain, phase and delay margins of a `loop`: a discrete-time python-control system with one input, one output
-    and its sampling time in s, open, to be closed by negative feedback. Raises `InputError` for a loop in continuous
-    time or without a stated sampling time, and for one with more inputs or outputs.
+    and its sampling time in s, open, to be closed by negative feedback, and then stable, which is not checked. Raises
+    `InputError` for a loop in continuous time or without a stated sampling time, and for one with more inputs or
+    outputs.
 
     Crossings are sought on python-control's frequency response up to half the sampling rate, that end included, where a
     sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.

@@ -55,9 +55,9 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
 
 
 def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
-    """Mask (samples,) of bools, True where the mechanism's kinematic loops can be closed, within their stated
-    conditions, at positions p (samples, r) of its r primary (independent) joints, rad (m if prismatic); True everywhere
-    without loops. Shapes and numbers of p are not checked."""
+    """Mask (samples,) of bools, True where the mechanism's kinematic loops can be closed, within the bounds on weighted
+    sums of joint positions that their description states, at positions p (samples, r) of its r primary (independent)
+    joints, rad (m if prismatic); True everywhere without loops. Shapes and numbers of p are not checked."""
     if mechanism.continuation is None:
         return np.ones(len(p), dtype=np.bool_)
     allowed = np.asarray(mechanism.description.within_conditions(p))
@@ -66,9 +66,9 @@ def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
 
 
 class Worst(NamedTuple):
-    """Record of an extreme number that a search over positions found: the number `value`, in the unit of what was
-    searched, and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. It is the greatest, or the
-    least where the function that returns it says so. Nothing is checked."""
+    """Record of an extreme number that a search over positions found: the number `value`, in the unit of the function
+    that was searched, and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. It is the
+    greatest, or the least where the function that returns it says so. Nothing is checked."""
 
     value: float
     p: Array
@@ -76,8 +76,9 @@ class Worst(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """A workspace: `samples` (S, r), S positions of the r joints of a `mechanism`, and the bounds `lower` and `upper`
-    (S, r) within which the arm may come about each, all in rad or m. Nothing is checked."""
+    """A workspace: `samples` (S, r), S positions of the r joints of a `mechanism`, and `lower` and `upper` (S, r), the
+    bounds about each sample within which a search that starts there looks, all in rad (m if prismatic). Nothing is
+    checked."""
 
     mechanism: Mechanism
     samples: Array
@@ -86,10 +87,10 @@ class Workspace:
 
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
-        """The workspace of all that the joints' limits allow, with a number of random `samples`, drawn by `seed`, equal
-        for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero. Samples that kinematic
-        loops cannot reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and
-        `seed` one from 0 to 2^32 - 1, and where loops reach none of the samples."""
+        """The workspace of all that the joints' limits of a `mechanism` allow, with a number of random `samples`, drawn
+        by `seed`, equal for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero. Samples
+        that kinematic loops cannot reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to
+        1,000,000 and `seed` one from 0 to 2^32 - 1, and where loops reach none of the samples."""
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
@@ -126,9 +127,9 @@ class Workspace:
         (m, r), rad or m, to m numbers (m,), finite or infinite; a pattern search starts at the samples where it is
         greatest.
 
-        The samples alone do not tell: of the greatest eigenvalue of M^-1 K, M the mass matrix and K the damping, the
-        largest of some hundred samples is nine tenths of the maximum at the median, and less than half for an arm whose
-        wrist folds.
+        The samples alone do not tell. Take the greatest eigenvalue of M^-1 K, M the mass matrix and K the damping: the
+        largest of some hundred samples is nine tenths of the maximum in the median case, and less than half of it for
+        an arm whose wrist folds.
         """
         found = value(self.samples)
         start = self._apart(np.argsort(found)[::-1])
