@@ -65,8 +65,8 @@ class EntropicPrior:
 
     def start(self, size: int) -> Array:
         """The prior's own parameters (P,), SI units, for `size` = P parameters: the links' ten inertial ones each, the
-        rough sizes of the other positive parameters, and zero for all others. Raises `ValueError` or `IndexError` for a
-        size that is too small."""
+        rough sizes of the other positive parameters, and zero for all others. Raises `ValueError` for a size too small
+        for the links, `IndexError` for one too small for the others."""
         x = np.zeros(size)
         x[: self.tens.size] = self.tens.ravel()
         x[self.positive] = self.scales
@@ -74,10 +74,10 @@ class EntropicPrior:
 
     def divergence(self, x: Array, weight: float) -> float:
         """Divergence, without a unit, of the parameters `x` (P,), SI units, from the prior, up to a constant: `weight`
-        times the sum of tr(L0^-1 L) - log det L over the links, with a link's pseudo-inertia L (4, 4), the matrix of
-        its second and first moments and mass, by x and L0 by the prior, plus 0.01 times the sum of z - log z over the
-        other positive parameters, z each over its rough size. Infinite where no rigid bodies have x, or a positive
-        parameter is not positive."""
+        (unitless) times the sum over the links of tr(L0^-1 L) - log det L, plus 0.01 times the sum of z - log z over
+        the other positive parameters. L (4, 4) is a link's pseudo-inertia, the matrix of its second and first moments
+        and mass, by x, and L0 by the prior; z is a parameter divided by its rough size in `scales`. Infinite where no
+        rigid bodies have x, or a positive parameter is not positive."""
         matrices = self._matrices(x)
         sign, determinants = np.linalg.slogdet(matrices)
         ratios = x[self.positive] / self.scales
@@ -96,9 +96,9 @@ class EntropicPrior:
 
     def gradient(self, x: Array, weight: float) -> Array:
         """Gradient (P,), per SI unit of each parameter, of `divergence`, that of the parameters `x` (P,), SI units,
-        from the prior, with the same `weight` (unitless) of the links. Parameters that are neither a link's nor
-        positive ones have zero. Raises NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4), the matrix of its
-        second and first moments and mass, is singular; other impossible links are not refused."""
+        from the prior, with the same `weight` (unitless) of the links. Entries are zero for parameters that are neither
+        a link's nor among those of index `positive`. Raises NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4),
+        the matrix of its second and first moments and mass, is singular; other impossible links are not refused."""
         out = np.zeros_like(x)
         slopes = self.inverses - np.linalg.inv(self._matrices(x))
         out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNITS, slopes).ravel()

@@ -24,7 +24,8 @@ SMALLEST = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double"
 @dataclass(frozen=True, eq=False)
 class BestSettings:
     """The best settings that a search found: `settings`, their values by name; `controller`, the name of the one that
-    ran; `value`, the smallest number, in its own unit; and `trials`, the number of runs in all. Nothing is checked."""
+    ran; `value`, the least value found of the number that is minimised, in its own unit; and `trials`, the number of
+    runs in all. Nothing is checked."""
 
     settings: Mapping[str, Any]
     controller: str

@@ -181,8 +181,8 @@ class SweepStudy:
 
     @property
     def unusual(self) -> list[str]:
-        """Choices besides settings and controllers that decide results, where they are not the usual ones, for hashes:
-        ["single"] for runs in single precision, else an empty list."""
+        """Choices besides settings and controllers that change results, where they are not the default, for the study's
+        hash: ["single"] for runs in single precision, an empty list for double."""
         return [self.precision] if self.precision != "double" else []
 
 
