@@ -30,9 +30,9 @@ def by_energy(
     parameters.
 
     `motions` are the smoothed motions of logs, `window` is the windows' length (s), `columns` (c,) are the indices of
-    the parameters that are fitted; the others are zero. No accelerations are needed. The columns are scaled and
-    factored, not squared, which would leave no digits. Raises `ValueError` without a motion, `InputError` for motions
-    of another number of joints, `SingularityError` near locked loops.
+    the parameters that are fitted; the others are zero. No accelerations are needed. The scaled matrix of energy
+    differences is factored itself (singular values): normal equations would lose all digits. Raises `ValueError`
+    without a motion, `InputError` for motions of another number of joints, `SingularityError` near locked loops.
     """
     H, work = energy_rows(motions, mechanism, window)
     own = H[:, columns]

@@ -64,9 +64,10 @@ class EntropicPrior:
         return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
 
     def start(self, size: int) -> Array:
-        """The prior's own parameters (P,), SI units, for `size` = P parameters: the links' ten inertial ones each, the
-        rough sizes of the other positive parameters, and zero for all others. Raises `ValueError` for a size too small
-        for the links, `IndexError` for one too small for the others."""
+        """The prior's own parameters (P,), SI units, for `size` = P parameters: first the ten inertial ones of each
+        link (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), then, at the indices `positive`, the rough sizes
+        `scales` of other positive parameters, and zero elsewhere. Raises `ValueError` for a size too small for the
+        links, `IndexError` for one too small for the others."""
         x = np.zeros(size)
         x[: self.tens.size] = self.tens.ravel()
         x[self.positive] = self.scales
@@ -126,8 +127,9 @@ class EntropicPrior:
 
 def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
     """The physically consistent parameters x (P,), SI units, that minimise x' A x/2 - b' x plus the divergence of x
-    from a prior: least squares with a normal matrix A (P, P) and a moment b (P,), weighted so that both are without a
-    unit, and links that rigid bodies can have.
+    from a prior: least squares with links that rigid bodies can have. The normal matrix A (P, P), per SI units of two
+    parameters, and the moment b (P,), per SI unit of each, are of equations divided by their standard deviations,
+    without a unit.
 
     `weight` (unitless) is that of the prior's links in the divergence, `start` (P,), within what is possible, is where
     the search begins, None for the prior's own parameters. Parameters without data, whose rows and columns of A are

@@ -20,10 +20,10 @@ NEGLIGIBLE = 1e-8
 
 
 def halves(log: PreparedLog) -> tuple[PreparedLog, PreparedLog]:
-    """Two halves of a prepared log, each a `PreparedLog` at half its rate, of the same motion but with independent
-    encoder noise: positions of the even samples, and positions of the odd ones brought to the same times by the mean of
-    two neighbours. Torques, of both alike, are weighted means of all samples. The log must have at least five samples,
-    which is not checked."""
+    """Two halves of a prepared log of n samples, each a `PreparedLog` of (n - 3)//2 samples at half its rate, of the
+    same motion but with independent encoder noise: positions of the even samples, and positions of the odd ones brought
+    to the same times by the mean of two neighbours. Torques, of both alike, are weighted means of all samples. The log
+    must have at least five samples, which is not checked."""
     count = (len(log.time) - 3) // 2
     even = slice(2, 2 + 2 * count, 2)
     before, after = log.position[1 : 1 + 2 * count : 2], log.position[3 : 3 + 2 * count : 2]

@@ -100,8 +100,8 @@ def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
 
 def blocks_of(rows: Rows, edges: Sequence[tuple[int, float]]) -> NDArray[np.int64]:
     """Numbers (n,), from 0, of the blocks of time that n rows of filtered equations belong to. `edges` are pairs of the
-    number of a log, from 0, and the time (s) at which a block begins in it, in rising order, as `block_edges` gives
-    them."""
+    number of a log, from 0, and the time (s) at which a block begins in it, in rising order; rows before the first are
+    in block 0."""
     keys = np.array(edges)
     found = np.zeros(len(rows), dtype=np.int64)
     for b, (log, time) in enumerate(keys.tolist()):
