@@ -139,6 +139,11 @@ def write_json(path: str | Path, value: object) -> None:
     write_text(path, json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
 
 
+def toml_string(text: str) -> str:
+    """The basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def hashed(content: Any) -> str:
     """The SHA-256 hash of `content` in JSON's types (dicts, lists, texts, numbers, booleans, None), as 64 hexadecimal
     digits; the order of keys does not matter. Raises `TypeError` for other types."""

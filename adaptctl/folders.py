@@ -47,6 +47,16 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
         shutil.rmtree(beside, ignore_errors=True)
 
 
+def made_folder(path: Path) -> Path:
+    """The folder at `path`, made with those above it where it is not there. Raises `FileError` where it cannot be
+    made, such as where a file is in its place."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{path}: the folder cannot be made ({reason(error)}); choose another") from error
+    return path
+
+
 def _require_place(path: str | Path, target: Path, overwrite: bool) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

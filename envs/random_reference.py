@@ -68,9 +68,9 @@ def all_drawn(
 
 def require_trajectory(given: object, what: str = "trajectory") -> None:
     """Raise `InputError` unless `given` stands for a reference: a callable, as a `Reference` is, a seed (a whole number
-    of at least 0), "random" or None. `what` is the name by which the message calls it, "trajectory" unless given. The
-    callable is not called."""
-    is_seed = isinstance(given, int | np.integer) and given >= 0
+    of at least 0, no boolean), "random" or None. `what` is the name by which the message calls it, "trajectory" unless
+    given. The callable is not called."""
+    is_seed = isinstance(given, int | np.integer) and not isinstance(given, bool) and given >= 0
     is_word = given is None or (isinstance(given, str) and given == "random")
     if not (is_seed or is_word or callable(given)):
         raise InputError(f"{what}: expected a Reference, a seed of at least 0, or 'random', got {given!r:.80}")

@@ -32,7 +32,8 @@ def steps_of(duration: object, control_period: float) -> int:
 def times_ahead_of(given: Sequence[float]) -> Array:
     """The look-ahead times, L of them, (L,), s, as a read-only float64 array, from a sequence `given`, which may be
     empty. Raises `InputError` for another shape, what are no numbers, and times that are negative or not finite."""
-    times = frozen_array(given, (np.size(given),), "look_ahead")
+    times = numbers(given, "look_ahead", "(L,)")
+    times = frozen_array(times, (times.size,), "look_ahead")
     if (times < 0.0).any():
         raise InputError(f"look_ahead: expected times of at least 0 s, got {times.tolist()}")
     return times
@@ -60,13 +61,6 @@ def finite_numbers(given: ArrayLike, what: str) -> Array:
         place = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
         raise NonFiniteError(f"{what}: expected finite numbers, got {array[place]} at index {place}")
     return array
-
-
-def require_integrator(given: object) -> None:
-    """Raise `InputError` unless `given` is an integrator, an object with the members `step` and `implicit` such as
-    `RungeKutta4()`, or None. A class in place of an object is refused."""
-    if given is not None and (isinstance(given, type) or not (hasattr(given, "step") and hasattr(given, "implicit"))):
-        raise InputError(f"integrator: expected an Integrator, such as RungeKutta4(), or None, got {given!r:.80}")
 
 
 def require_reference(given: Trajectory, dof: int) -> None:

@@ -25,7 +25,6 @@ from adaptctl.envs.settings import (
     control_period_of,
     finite_numbers,
     initial_error_of,
-    require_integrator,
     require_reference,
     steps_of,
     times_ahead_of,
@@ -170,7 +169,6 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         render_mode: str | None = None,
     ) -> None:
         mechanism = robot if isinstance(robot, Mechanism) else load(robot)
-        require_integrator(integrator)
         own = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
         limits, period = per_joint(own, mechanism.dof, "torque_limits"), control_period_of(control_period)
         placed = PlantEffects.of(effects := listed(effects))

@@ -51,12 +51,12 @@ class EnergyDifferences(Experiment):
         return Result(found.complete, found.headline(), tuple(found.facts()), Verdict(), found.write)
 
     def compare(self, progress: Progress) -> Amplification:
-        """Errors of both estimators, as an `Amplification`: each estimator is fitted to the first 60 % of the log and
-        predicts torques on the rest, whose error is a share (no unit) of the torques there of a model fitted to the
-        whole log. This is done with five kinds of torques in the log: those of that model; these with 1 % and with 5 %
-        of noise; these with a tenth of the measured torques' residual; and the measured ones. `progress(what, share)`
-        gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for a `robot` that is not the name of an
-        example with a log."""
+        """Errors of both estimators, as an `Amplification`. A model fitted to the whole log stands for the truth; each
+        estimator is fitted to the first 60 % of the log and predicts the torques tau of the rest, with the error
+        |predicted tau - true tau| / |true tau| (no unit). This is done with five kinds of torques in the log: the true
+        ones; these with 1 % and with 5 % of noise; these with a tenth of the residual, measured less true torques; and
+        the measured ones. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises
+        `NotFoundError` for a `robot` that is not the name of an example with a log."""
         progress(STAGE, 0.0)
         evidence, log = _evidence(self.robot)
         model = _model(evidence)

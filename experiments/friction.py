@@ -37,9 +37,9 @@ class FrictionInJoints(OnRealPlant):
 
     Viscous and Coulomb friction of the drives are parameters like the others, first estimated as zero. The plant also
     has Stribeck's excess of static friction, for which no parameter stands, so that an error remains even for a law
-    that learns. Raises `InputError` at construction for a `center`, `amplitude` or `frequency` that has not six
-    entries, one a joint, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or
-    infinity.
+    that learns. `first_estimate` is in words for the report. Raises `InputError` at construction for a `center`,
+    `amplitude` or `frequency` that has not six entries, one a joint, and for settings of the wrong type or out of their
+    bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "friction"
@@ -68,9 +68,9 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: Stribeck's excess of static over Coulomb friction in each joint, at
-        rest the share `stribeck` of the joint's Coulomb friction, N m (N if prismatic). Raises `InputError` for an arm
-        without friction in its joints."""
+        """Effects of the plant besides rigid links: in each joint Stribeck's excess of static over Coulomb friction, in
+        magnitude `stribeck` F_c / (1 + (v/`stribeck_speed`)^2), F_c being the joint's Coulomb friction, N m (N if
+        prismatic), and v its velocity, rad/s (m/s). Raises `InputError` for an arm without friction in its joints."""
         from adaptctl.simulation.effects import Friction
 
         coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
@@ -83,9 +83,9 @@ class FrictionInJoints(OnRealPlant):
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of the links' and rotors' standard deviations, their parameters off by
-        `parameter_error` (a share) of their size, or, for friction, of `friction_range` (a share) times the joint's
-        torque limit, N m, which for viscous friction is reached at 1 rad/s."""
+        `rate` (1/J) times the square of a deviation. For parameters of links and rotors this is the standard deviation
+        where they are off by `parameter_error` (a share) of their size; for Coulomb friction it is `friction_range` (a
+        share) times the joint's torque limit, N m, and for viscous friction the same number in N m s/rad."""
         gain, ranges = super().adaptation(model), self.friction_range * self.torque_limits(model.mechanism)
         for k, joint in _friction_columns(model):
             gain[k] = self.rate * ranges[joint] ** 2
@@ -123,8 +123,9 @@ class FrictionInJoints(OnRealPlant):
         ]
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the RMS tracking errors of the last two seconds, mrad, with friction among the parameters,
-        without, and by computed torque; `outcome` has the runs; `found`, the findings by name, is not used."""
+        """Sentences, never None here, with the RMS tracking errors of the last two seconds, mrad, with friction among
+        the parameters, without, and by computed torque; `outcome` has the runs; `found`, the findings by name, is not
+        used. Raises `StopIteration` where one of the three runs is missing."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "
@@ -132,9 +133,10 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the RMS error of the last two seconds with friction parameters over that without (no
-        unit), and each friction parameter as learned at the end, in its SI unit, its meaning telling the true one.
-        `outcome` has the runs, `basis` the mechanism's fundamental (base) parameters."""
+        """Findings, named numbers: the ratio of the RMS tracking errors of the last two seconds with friction
+        parameters and without (no unit; left out where either run is missing or shorter), and each friction parameter
+        as learned at the end, in its SI unit, its meaning telling the true one. `outcome` has the runs, `basis` the
+        mechanism's fundamental (base) parameters."""
         from adaptctl.recording.trace import parameter_unit
 
         runs = {run.name: run for run in outcome.runs}

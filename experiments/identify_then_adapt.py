@@ -89,7 +89,8 @@ class IdentifyThenAdapt(OnRealPlant):
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
         `rate` (1/J) times the square of each one's standard deviation where the true parameters of links and drives are
-        off by `parameter_error`, a share of their size."""
+        off by `parameter_error`, a share of their size; the size of a link's first moments and inertias is the most
+        that its mass and second moments allow, of other parameters their magnitude."""
         true = model.mechanism.inertial_parameters
         return np.asarray(self.rate * deviations(model, true, self.parameter_error) ** 2)
 
@@ -125,8 +126,9 @@ class IdentifyThenAdapt(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the RMS tracking error of each run's first two seconds, rad, and the one from zero
-        over that from the identified estimate (no unit). `outcome` has the runs; `basis` is not used."""
+        """Findings, named numbers: the RMS tracking error of each run's first two seconds, rad, and the ratio of two of
+        these (no unit), that of the run from zero divided by that of the run from the identified estimate. `outcome`
+        has the runs; `basis` is not used."""
         first = {run.name: run.rms_error(stop=BEGINNING) or np.nan for run in outcome.runs}
         for name, value in first.items():
             yield Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {BEGINNING:g} s, {name}")

@@ -267,9 +267,10 @@ class Learning(ClosedLoopExperiment):
 
 @lru_cache(maxsize=8)
 def models(mechanism: Mechanism, basis: FundamentalBasis) -> tuple[ReducedModel, ReducedModel]:
-    """Reduced models (equations of motion on some of the parameters) of a mechanism, two: that on the k parameters of a
-    fundamental `basis` and all friction parameters, and that on all P. The last eight pairs are cached, so that all who
-    ask share compiled code. Raises `InputError` for a basis of another geometry than the mechanism's."""
+    """Reduced models (equations of motion on some of the parameters) of a mechanism, two: first that on the k
+    parameters of a fundamental `basis` and all friction parameters, then that on all P inertial and friction
+    parameters. The last eight pairs are cached, so that all who ask share compiled code. Raises `InputError` for a
+    basis of another geometry than the mechanism's."""
     return ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
 
 
@@ -309,8 +310,9 @@ def numbers(values: Array) -> str:
 
 def one_controller(outcome: Outcome, mapped: str = MAPPED) -> Iterator[Finding]:
     """Finding on whether adapting the fundamental (base) and adapting all parameters are one controller: the largest
-    difference of their commanded torques, N m, in the runs of `outcome`; none where either run is missing. `mapped` is
-    the name of the run on the fundamental ones, whose adaptation gain is mapped from that on all."""
+    difference of their commanded torques, N m, in two runs of `outcome`, "adaptive-full" on all parameters and
+    `mapped`, "adaptive-mapped" unless given, on the fundamental ones with the adaptation gain mapped from that on all;
+    none where either is missing."""
     runs = {run.name: run for run in outcome.runs}
     if mapped not in runs or FULL not in runs:
         return

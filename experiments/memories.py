@@ -15,9 +15,10 @@ from adaptctl.recording import ControllerRun, Finding
 
 
 def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
-    """Findings, named numbers, on the memory of a controller's adaptation law in a run: for laws with an excitation
-    threshold, the share of samples (no unit) with excitation above it; for natural adaptation, the least eigenvalue, SI
-    units, of the estimated pseudo-inertia of any link of `mechanism`; none for other laws."""
+    """Findings, named numbers, on the memory of a controller's adaptation law in a run: for laws with a threshold of
+    excitation (composite and concurrent learning), the share of samples (no unit) in which it was passed; for natural
+    adaptation and the consistent lift, the least eigenvalue, SI units, of the estimated pseudo-inertia (4, 4) of any
+    link of `mechanism`; none for other laws."""
     law, learning = getattr(getattr(controller, "of", controller), "adaptation_law", None), run.rollout.learning
     if isinstance(law, Natural):
         yield smallest_eigenvalue(mechanism, run, run.rollout.estimate)
@@ -41,8 +42,9 @@ def forgotten_notes(findings: tuple[Finding, ...]) -> list[str]:
 
 def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun, parameters: Array) -> Finding:
     """Finding of the least eigenvalue, SI units, of the pseudo-inertia (4, 4) of any of the mechanism's links over the
-    T samples of a run, from `parameters` (T, P), ten a link first: positive where all links stayed physically
-    consistent."""
+    T samples of a run, positive where all links stayed physically consistent. `parameters` (T, P) are, at each sample,
+    of every link m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), then those of drives,
+    which are not used. Raises `ValueError` for no samples."""
     bodies = len(mechanism.description.bodies)
     tens = parameters[:, : 10 * bodies].reshape(-1, bodies, 10)
     value = float(np.linalg.eigvalsh(pseudos(tens))[..., 0].min())

@@ -139,12 +139,12 @@ class NoiseAndDelay(AdaptationLaws):
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences with the least and the greatest parameter error at the end and drift in the second half of the run
-        (1/min) of the laws that adapt, both shares (no unit) of the torque of all parameters; `outcome` has the runs,
-        `found` the findings by name."""
+        (1/min) of the laws that adapt, both shares (no unit) of the torque of all parameters; None where no law does.
+        `outcome` has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
         ended = super().answer(outcome, found)
-        return f"{ended} In the second half, estimates move by {drifts} of the parameters a minute."
+        return ended and f"{ended} In the second half, estimates move by {drifts} of the parameters a minute."
 
     def _loop(self, mechanism: Mechanism) -> Iterator[Finding]:
         """Findings: the delay that the tracking loop tolerates, and the delay that there is."""

@@ -23,8 +23,8 @@ TWICE = 2.0
 class Recovery:
     """Recovery of the tracking error of a `run` after an `event`, such as a payload's drop: `earlier`, the RMS error
     (rad or m) over the 2 s before the first event; `time`, s from the event until the RMS error over the next 2 s is
-    below twice that, None if never; and `left`, the RMS error of the last 2 s before the next event over the earlier
-    one (no unit). Nothing is checked at construction."""
+    below twice `earlier`, None if it never is; and `left`, the RMS error of the last 2 s before the next event, divided
+    by `earlier` (no unit). Nothing is checked at construction."""
 
     run: ControllerRun
     event: str
@@ -46,8 +46,9 @@ def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: 
 
 
 def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
-    """Time, s, from `begin` (s) until the RMS tracking error of all joints (rad or m) of a run over the 2 s that
-    follow, which end at `end` (s) or before, is less than `below`; None if it never is."""
+    """Time, s, from `begin` (s) to the first sample t of a run with RMS < `below`: RMS is the root mean square tracking
+    error of all joints (rad or m) from t to t + 2 s, `below` a bound in its unit. Only samples from `begin` on with t +
+    2 s up to `end` (s) count; None if there is none. Nothing is checked."""
     length = round(WINDOW / run.rollout.spacing)
     coming = run.moving_rms_error(WINDOW)[length - 1 :]
     time = run.rollout.time[: len(coming)]
@@ -57,8 +58,8 @@ def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -
 
 def recovery_times(found: Sequence[Recovery]) -> Figure:
     """Matplotlib figure of the times, s, until errors have come back after events, from recoveries `found`: a panel for
-    each event, with a bar for each run; for a run whose error did not come back, its last error over the earlier one is
-    written instead."""
+    each event, with a bar for each run; for a run whose error did not come back, the ratio of its last RMS error to
+    that before the events is written instead."""
     from adaptctl.recording.drawing import sheet
 
     events = list(dict.fromkeys(one.event for one in found))

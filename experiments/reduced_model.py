@@ -108,10 +108,10 @@ class ReducedModelTracking(Puma560Adaptive):
                 yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the RMS tracking errors of the last two seconds, mrad, of the controllers that adapt the
-        largest and the smallest number of essential components (parts of the parameters along the directions that make
-        most energy), and of that which holds the true values of the fewest; `found` has the findings by name;
-        `outcome`, the runs, is not used."""
+        """Sentence, never None here, with three RMS tracking errors of the last two seconds, mrad: of the controller
+        that adapts the most essential components (parts of the parameters along the directions that make most energy),
+        of that which adapts the fewest, and of that which holds the true values of the fewest; a dash for an error that
+        was not found. `found` has the findings by name; `outcome`, the runs, is not used."""
         least, most = min(self.components), max(self.components)
         few, many = (found.text(f"final_rms_error.{ADAPTIVE}-{s}") for s in (least, most))
         return (

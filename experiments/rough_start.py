@@ -44,13 +44,16 @@ class RoughStart:
 
     def deviations(self, model: ReducedModel) -> Array:
         """Standard deviations (k,) of a model's k true parameters from their first estimates, in SI units, where each
-        link's and drive's parameters are off by `parameter_error`, a share, of their size."""
+        link's and drive's parameters are off by `parameter_error`, a share, of their size: for a link of mass m and
+        second moments I about its frame's origin, m for the mass, sqrt(m I) for first moments and I for inertias; for
+        drives the magnitude."""
         return deviations(model, self.rough(model.mechanism), self.parameter_error)
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
         `rate` (1/J) times the square of each one's standard deviation, where each link's and drive's parameters are off
-        by `parameter_error`, a share, of their size."""
+        by `parameter_error`, a share, of their size; the size of a link's first moments and inertias is the most that
+        its mass and second moments allow, of other parameters their magnitude."""
         return self.rate * self.deviations(model) ** 2
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:

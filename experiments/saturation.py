@@ -35,9 +35,11 @@ class Saturation(OnRealPlant):
     """Experiment on saturated motors: an arm holds, for a while, a payload that its weak motors cannot carry, under
     Slotine and Li's law with adaptation frozen while a torque is held back, never frozen, and off.
 
-    The question is which error is left when the payload is gone. Raises `InputError` at construction for a payload that
-    is not dropped after it is picked up and within the run, for a `center`, `amplitude` or `frequency` that has not six
-    entries, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    The question is which error is left when the payload is gone. `first_estimate` is in words for the report;
+    `expected` maps failures of the first controller that the experiment is meant to show to the reasons why. Raises
+    `InputError` at construction for a payload that is not dropped after it is picked up and within the run, for a
+    `center`, `amplitude` or `frequency` that has not six entries, and for settings of the wrong type or out of their
+    bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "saturation"
@@ -74,8 +76,9 @@ class Saturation(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: the payload of mass `payload` (kg) on the last link from `start` to
-        `stop` (s), and the limit of the torques' rate, N m/s (N/s for a prismatic joint)."""
+        """Effects of the plant besides rigid links: a payload of mass `payload` (kg), held by the last link from
+        `start` to `stop` (s), and the limit `rate_limit` of the torques' rate, N m/s (N/s for a prismatic joint).
+        `mechanism` is not used."""
         from adaptctl.simulation.effects import PayloadHeld, TorqueRateLimit
 
         return (PayloadHeld(self.payload, self.start, self.stop), TorqueRateLimit(self.rate_limit))
@@ -106,10 +109,10 @@ class Saturation(OnRealPlant):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers, of each run: the RMS tracking error from the payload's drop on, rad; the share of
-        samples with a torque held back (no unit); and the largest estimate of any parameter in magnitude, SI units;
-        then the RMS error of the whole run, adaptation frozen over never frozen (no unit). `outcome` has the runs;
-        `basis` is not used."""
+        """Findings, named numbers. Of each run: the RMS tracking error of all joints from the payload's drop on, rad
+        (NaN for a run that ended before); the share of samples with a torque held back (no unit); and the largest
+        magnitude of any estimated parameter, SI units. Once: the ratio of the RMS errors of two whole runs, adaptation
+        frozen to never frozen (no unit). `outcome` has the runs; `basis` is not used."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"
@@ -125,8 +128,9 @@ class Saturation(OnRealPlant):
             )
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the RMS tracking errors, mrad, of the whole run and of its last two seconds, with adaptation
-        frozen, never frozen and off; `outcome` has the runs; `found`, the findings by name, is not used."""
+        """Sentences, never None here: the RMS tracking errors, mrad, of the whole run with adaptation frozen and never
+        frozen, and of its last two seconds with adaptation frozen and off. `outcome` has the runs; `found`, the
+        findings by name, is not used. Raises `KeyError` where one of the three runs is missing."""
         runs = {run.name: run for run in outcome.runs}
         frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
         return (
@@ -137,9 +141,9 @@ class Saturation(OnRealPlant):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure for the report, as a `Drawing`: the estimates' errors, shares (no unit) of the torque of all
-        parameters, over time, s, and when a torque was held back. `outcome` has the runs, `basis` the fundamental
-        (base) parameters by which errors are measured."""
+        """Figure for the report, as a `Drawing`: the parameter error |w (estimate - true)| / |w true| (no unit) of each
+        run over time, s, w being the RMS torque that each parameter makes along the motion, and when a torque was held
+        back. `outcome` has the runs, `basis` the fundamental (base) parameters of which the errors are."""
         from adaptctl.recording.drawing import Drawing
 
         points = outcome.runs[0].rollout

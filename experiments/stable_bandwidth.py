@@ -41,9 +41,10 @@ class StableBandwidth(AdaptationLaws):
     whose motors turn the links through springs, by the springs' stiffness.
 
     The laws are compared on the stiffest springs, which the settings call the contest; then, for every law and
-    stiffness and for the rigid arm, bandwidths from 0.5 to 1024 1/s are tried by bisection. Raises at construction
-    `NotFoundError` for an unknown law, `InputError` for a law given twice and settings of the wrong type or out of
-    their bounds, `NonFiniteError` for NaN or infinity.
+    stiffness and for the rigid arm, bandwidths from 0.5 to 1024 1/s are tried by bisection. `error_bound` (100 rad or
+    m) is the joint error that ends a run; `expected` maps failures of the first controller to the reason why they may
+    come. Raises at construction `NotFoundError` for an unknown law, `InputError` for a law given twice and settings of
+    the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "stable-bandwidth"
@@ -74,16 +75,20 @@ class StableBandwidth(AdaptationLaws):
         )
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the plant besides rigid links: the stiffest of the springs in the joints, N m/rad, and the noise
-        of measured velocities. Raises `InputError` for an arm without rotor inertias."""
+        """Effects of the plant besides rigid links: springs in the joints, of the greatest `stiffness` (N m/rad), the
+        damping that `damping_ratio` (no unit) states and the encoders' place `encoders`, and noise of measured
+        velocities unless it is 0. Raises `InputError` for an arm without rotor inertias and for `encoders` other than
+        "link" and "motor", `NotFoundError` or `FileError` for a `robot` that cannot be loaded."""
         yield self._springs(self.mechanism(), max(self.stiffness))
         yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers: the largest stable bandwidth, 1/s, of every law on springs of every stiffness and on
-        the rigid arm, 0 where none that was tried is stable; and each law's parameter error at the end (a share, no
-        unit, of the torque of all parameters), what its memory stored, and the median time, us, of computing one
-        torque. `outcome` has the runs, `basis` the k fundamental (base) parameters that are adapted."""
+        the rigid arm, 0 where none that was tried is stable; each law's parameter error at the end, |w (estimate -
+        true)| / |w true| (no unit), w being the RMS torque that each parameter makes along the reference; the share of
+        samples (no unit) whose excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias,
+        the least eigenvalue of these, SI units; and the median time, us, of computing one torque. `outcome` has the
+        runs, `basis` the k fundamental (base) parameters that are adapted."""
         yield from super().findings(outcome, basis)
         labels = {run.name: run.label for run in outcome.runs}
         for stiffness in (*self.stiffness, RIGID):
@@ -95,8 +100,9 @@ class StableBandwidth(AdaptationLaws):
                 yield Finding(f"stable_bandwidth.{name}.{_stiffness_text(stiffness)}", found, "1/s", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the largest stable bandwidths, 1/s, of the experiment's subject (the first of `laws`) on the
-        rigid arm, on the stiffest and on the softest springs; `outcome` has the runs, `found` the findings by name."""
+        """Sentence, never None here, with the largest stable bandwidths, 1/s, of the experiment's subject (the first of
+        `laws`) on the rigid arm, on the stiffest and on the softest springs, a dash for one that was not found;
+        `outcome` has the runs, `found` the findings by name."""
         stiffest, softest = max(self.stiffness), min(self.stiffness)
         rigid, stiff, soft = (
             found.text(f"stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}") for k in (RIGID, stiffest, softest)
@@ -165,10 +171,10 @@ class StableBandwidth(AdaptationLaws):
 
 
 def tracks(plant: Plant, controller: Controller[Any], reference: Any, seconds: float) -> bool:
-    """True if a `controller` follows a reference on a plant for `seconds`, so that in the last third the RMS velocity
-    error is below 0.25 rad/s (m/s) and a torque is at its limit in fewer than 1 % of the control periods; False also
-    where numbers become infinite or NaN. `reference` is a function that gives positions, velocities and accelerations
-    (T, r) of the plant's r joints, rad (m) and per s and s^2, at times (T,), s."""
+    """True if a `controller` follows a reference on a plant: in the last third of a run of `seconds`, the RMS velocity
+    error is below 0.25 rad/s (m/s), and in fewer than 1 % of the control periods a torque is at its limit. False also
+    where numbers become infinite or NaN. The run starts on the reference, a function that gives positions, velocities
+    and accelerations (T, r) of the plant's r joints, rad (m) and per s and s^2, at times (T,), s."""
     count = round(seconds / plant.control_period)
     points = reference(plant.control_period * np.arange(count))
     state = plant.init(points.p[0], points.v[0])

@@ -87,9 +87,9 @@ class StatedTask(RangedGain, Learning):
         return self.task(mechanism).environment(mechanism)
 
     def task(self, mechanism: Mechanism) -> SinusoidTask:
-        """Task of the tracking environment as the settings state it: the reference's sinusoids, duration, control
-        period and first error of the joints, and, by `torque_limits`, the limits for the mechanism, as data in SI
-        units."""
+        """Task of the tracking environment as data in SI units: the reference's sinusoids, the run's duration, the
+        control period, the joints' first error, and the torque limits that the method `torque_limits` returns for the
+        mechanism. Raises what that raises, here nothing."""
         limits = self.torque_limits(mechanism)
         limited = ("torque_limits", None if limits is None else tuple(limits.tolist()))
         return SinusoidTask(self.environment_id, self._named(REFERENCE), (*self._named(ENVIRONMENT), limited))

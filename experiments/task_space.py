@@ -163,16 +163,18 @@ class TaskSpaceTracking(TipPath, Learning):
                 yield Finding(f"{what}_tool_error.{run.name}", 1e3 * rms, "mm", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the tool's RMS distances from its path in the last two seconds, mm: the subject's, that with
-        adaptation off, and the least of all. `outcome` has the runs, `found` the findings by name."""
+        """Sentences, never None here, with the tool's RMS distances from its path in the last two seconds, mm: the
+        subject's, that with adaptation off, and the least of all. `outcome` has the runs, `found` the findings by
+        name."""
         subject, off = (found.text(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
         text = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
         least = found.each("final_tool_error", outcome.runs, "mm", rising=True)[:1]
         return " ".join((text, *(f"The least of all controllers is {one}." for one in least)))
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """Errors that recording and report show first, as a `Leading`: the distances (T,), m, of the tool from its path
-        at the T samples of each run in `outcome`. Raises `InputError` for a robot whose tool is not known."""
+        """Errors that recording and report show first, as a `Leading`, never None here: the distances (T,), m, of the
+        tool from its path at the T samples of each run in `outcome`. Raises `InputError` for a robot whose tool is not
+        known."""
         errors = {run.name: self._tool_errors(outcome.mechanism, run) for run in outcome.runs}
         return Leading("Distance of the tool from its path", "mm", errors)
 

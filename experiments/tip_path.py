@@ -54,10 +54,10 @@ ARMS = (
 class TipPath(RangedGain):
     """Base class of experiments in which an arm's tip follows a sinusoid along each world axis and its controllers
     learn from parameter estimates of zero. `center`, `amplitude` (m), `frequency` (Hz) and `phase` (rad) have three
-    entries, x, y and z; `duration` (s) is the run's, `start_time` (s) that of the smooth start, 2 s by default;
-    `bandwidth` (1/s) is the rate at which errors decay, and `stiffness` (no unit) times it and times a joint's typical
-    inertia (the median of its entry of the mass matrix's diagonal over random configurations) is the damping of that
-    joint. Nothing is checked at construction."""
+    entries, x, y and z; `duration` (s) is the run's, `start_time` (s) that of the smooth start, 2 s by default. Errors
+    decay at the rate `bandwidth` (1/s). Each joint's damping is K = `stiffness` `bandwidth` I, `stiffness` having no
+    unit and I being the joint's typical inertia, the median of its entry of the mass matrix's diagonal over random
+    configurations. Nothing is checked at construction."""
 
     duration: float
     bandwidth: float

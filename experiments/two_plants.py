@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.experiments.contest import Contender, Outcome, contest
 from adaptctl.experiments.experiment import setting
@@ -38,13 +39,19 @@ class TwoPlants(AdaptiveTracking):
     MuJoCo's default integrator is semi-implicit and of first order, adaptctl's is Runge and Kutta's of fourth.
     Differences that remain at shorter steps come from contacts, joint stops, springs, and dry friction, which MuJoCo
     models as a constraint. Raises `InputError` at construction for a setting of the wrong type or out of its bounds,
-    another plant than "mujoco" or "adaptctl", and a floating base in MuJoCo, `NonFiniteError` for NaN or infinity.
+    another plant than "mujoco", beside which adaptctl's runs anyway, and a floating base, `NonFiniteError` for NaN or
+    infinity.
     """
 
     name: ClassVar[str] = "two-plants"
     title: ClassVar[str] = "{robot}: one law on two plants"
 
     plant: str = setting("mujoco", "the subject's plant: mujoco")
+
+    def __post_init__(self) -> None:
+        if self.plant != "mujoco":
+            raise InputError(f"plant: expected mujoco, with which adaptctl's own is compared, got {self.plant!r}")
+        super().__post_init__()
 
     @property
     def purpose(self) -> str:
@@ -57,9 +64,9 @@ class TwoPlants(AdaptiveTracking):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law, by
-        default on MuJoCo, the experiment's subject, and the same with adaptation off. `basis` has the k fundamental
-        (base) parameters that it adapts. Raises `GainError` for gains too large for the control period, `InputError`
+        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law on
+        MuJoCo, the experiment's subject, and the same with adaptation off. `basis` has the k fundamental (base)
+        parameters that it adapts. Raises `GainError` for gains too large for the control period, `InputError`
         for a basis of another geometry than the mechanism's."""
         model = ReducedModel(mechanism, basis)
         return [
@@ -72,9 +79,9 @@ class TwoPlants(AdaptiveTracking):
     ) -> Outcome:
         """Outcome of the contest: runs of the `contenders` (controllers with names) on the environment `env`, then of
         the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the arm
-        `mechanism`. `env` is MuJoCo's with the default `plant`; where `plant` is "adaptctl", no run is in MuJoCo.
-        `progress(label, share)` gets a run's label and the share of it done, 0 to 1. Ctrl-C keeps the runs begun.
-        Raises `GainError` for gains too large for the control period, `NonFiniteError` where a motion runs away."""
+        `mechanism`. `env` is MuJoCo's. `progress(label, share)` gets a run's label and the share of it done, 0 to 1.
+        Ctrl-C keeps the runs begun. Raises `GainError` for gains too large for the control period, `NonFiniteError`
+        where a motion runs away."""
         done = super().outcome(env, mechanism, contenders, progress)
         for name, label, other in (
             (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
@@ -100,9 +107,9 @@ class TwoPlants(AdaptiveTracking):
                 yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence on how far the two plants' motions are apart at most, mrad (mm), and whether integration explains
-        it; `outcome` has the runs, `found` the findings by name. Raises `KeyError` where the difference between the
-        plants is not among these."""
+        """Sentence, never None here, on how far the two plants' motions are apart at most, mrad (mm), and whether
+        integration explains it; `outcome` has the runs, `found` the findings by name. Raises `KeyError` where the
+        difference between the plants is not among these."""
         coarse, fine = found.of["plants_apart"], found.of["plants_apart_fine"]
         text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart"
         if coarse < FIRST_ORDER * fine:

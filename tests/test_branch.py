@@ -138,6 +138,17 @@ def test_each_way_is_gone_as_far_as_if_it_were_alone(name: str, seed: int) -> No
     assert 0.0 < progress.min() < 1.0 == progress.max()
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_a_way_to_no_position_is_not_gone(wrong: float) -> None:
+    """Warnings are errors here."""
+    arm = load("semi_direct_drive")
+    assert arm.continuation is not None
+    p = np.tile(arm.home, (3, 1))
+    p[1, 1] = wrong
+    assert arm.continuation.progress(p).tolist() == [1.0, 0.0, 1.0]
+    assert arm.continuation.reachable(p).tolist() == [True, False, True]
+
+
 @pytest.mark.parametrize("name", ["four-bar", "planar weld", "spatial point"])
 def test_a_loop_that_is_open_is_off_the_branch(name: str) -> None:
     """Open by more than 1e-9 m or rad is lost, however regular; round-off is not."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +14,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import AdaptationLaw, ConsistentLift, Gradient, Natural, SlotineLi, adaptation_gain
 from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.errors import InputError
-from adaptctl.identifiability import nearest_consistent
+from adaptctl.identifiability import Constraints, ReducedModel, constrained, nearest_consistent
 
 BODIES = ["puma560_geared", "semi_direct_drive"]
 """Arms whose links some rigid bodies are."""
@@ -163,3 +165,20 @@ def on(law: AdaptationLaw, initial: Array | None) -> SlotineLi:
 def test_what_cannot_be_is_refused(make: object, says: str) -> None:
     with pytest.raises(InputError, match=says):
         make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("fixed", "weight", "says"),
+    [
+        ("link2.mc_z", None, "^consistent lift: moves .* take away link2.mc_z: leave"),
+        ("joint1.rotor_inertia", 0.1, r"^consistent lift: .* fix .*: joint1.rotor_inertia \(0\.5\): leave"),
+        ("joint1.rotor_inertia", None, ""),
+    ],
+)
+def test_a_lift_needs_whole_links_and_with_prediction_no_known_values(
+    fixed: str, weight: float | None, says: str
+) -> None:
+    model = ReducedModel.full(constrained(arm("puma560_geared"), Constraints({fixed: 0.5})))
+    lift = model.mechanism.inertial_parameters
+    with pytest.raises(InputError, match=says) if says else nullcontext():
+        ConsistentLift(0.1, lift, weight).require(model, model.regrouping @ lift, 1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,7 +14,17 @@ from hypothesis import strategies as st
 from random_trees import random_tree
 
 from adaptctl.arrays import Array
-from adaptctl.control import ReferencePoint, SlotineLi
+from adaptctl.control import (
+    AdaptationLaw,
+    BoundedGainForgetting,
+    Composite,
+    CompositeLearning,
+    ConcurrentLearning,
+    CushionedFloor,
+    Natural,
+    ReferencePoint,
+    SlotineLi,
+)
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism
 from adaptctl.dynamics.recursion.momentum import momentum_terms
@@ -265,6 +276,39 @@ def test_momenta_need_to_know_no_offset() -> None:
             terms = momentum_terms(left.equations, column(q), column(np.ones(3)), columns)
             momentum = np.array([row.of for row in terms.momentum], dtype=float) @ left.inertial_parameters
             np.testing.assert_allclose(momentum, left.mass_matrix([0.0, -1.5, -3.0]) @ np.ones(3), rtol=1e-10)
+
+
+def constrained_at(name: str, value: float) -> ReducedModel:
+    return ReducedModel.full(constrained(arm("puma560_geared"), Constraints({name: value})))
+
+
+@pytest.mark.parametrize(
+    ("kind", "called"),
+    [
+        (Composite, "composite"),
+        (BoundedGainForgetting, "bounded-gain forgetting"),
+        (CushionedFloor, "cushioned floor"),
+        (CompositeLearning, "composite learning"),
+        (ConcurrentLearning, "concurrent learning"),
+    ],
+)
+def test_a_law_that_predicts_torques_names_the_values_that_it_cannot_know(
+    kind: Callable[[Array], AdaptationLaw], called: str
+) -> None:
+    """Filtered torques have no column for what constraints fix at another value than zero."""
+    zero, known = (constrained_at("link2.mc_z", value) for value in (0.0, 0.5))
+    law, none = kind(np.ones(len(zero.columns))), np.zeros(len(zero.columns))
+    law.require(zero, none, 1e-3)
+    with pytest.raises(InputError, match=rf"^{called}: puma560_geared: constraints fix .*: link2.mc_z \(0\.5\): leave"):
+        law.require(known, none, 1e-3)
+
+
+def test_natural_adaptation_needs_all_ten_parameters_of_every_link() -> None:
+    model = constrained_at("link2.mc_z", 0.0)
+    with pytest.raises(InputError, match=r"^natural adaptation: moves .* take away link2\.mc_z: leave"):
+        Natural(0.1).require(model, model.mechanism.inertial_parameters, 1e-3)
+    model = constrained_at("joint1.rotor_inertia", 0.2)
+    Natural(0.1).require(model, model.mechanism.inertial_parameters, 1e-3)
 
 
 def reading(folder: Path, text: str) -> Constraints:

@@ -19,7 +19,7 @@ from adaptctl.errors import InputError, MissingExtraError, NotFoundError
 from adaptctl.identification import Identification, identify
 from adaptctl.identification.choice import choose
 from adaptctl.identification.identify import freed_of_noise, gathered, identified
-from adaptctl.simulation import Plant, Rollout, RunLogger
+from adaptctl.simulation import Plant, Rollout, RungeKutta4, RunLogger
 from adaptctl.simulation.effects import (
     ActuatorLag,
     ControlDelay,
@@ -33,6 +33,7 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
     TorqueRateLimit,
 )
+from adaptctl.simulation.stiffness import integration
 from adaptctl.simulation.systems import closed_loop_system, controller_system, mechanism_system, plant_system
 from adaptctl.tuning import tune
 
@@ -61,6 +62,7 @@ def fitted(effect: Any) -> None:
         (lambda: fitted(ElasticJoints(TEXT)), "elastic joints: stiffness: expected numbers, got 'a'"),
         (lambda: ElasticJoints(1.0, encoders=cast(Any, 1)), "elastic joints: encoders: expected 'link' or 'motor'"),
         (lambda: PayloadHeld(TEXT), "payload: expected a mass of at least 0 kg, got 'a'"),
+        (lambda: Payload(True), "payload: expected a mass of at least 0 kg, got True"),
         (lambda: PayloadHeld(1.0, TEXT), "payload: start: expected a number, got 'a'"),
         (lambda: PayloadHeld(1.0, 0.0, TEXT), "payload: stop: expected a number, got 'a'"),
         (lambda: PayloadHeld(1.0, 0.0, NAN), "payload: expected a start before its stop"),
@@ -172,7 +174,17 @@ def logged(**given: Any) -> Rollout:
         (lambda: logged(p=[[1.0], [1.0, 2.0]]), "p: expected numbers"),
         (lambda: logged(torque=[[1.0], [1.0, 2.0]]), "torque: expected numbers"),
         (lambda: logged(time=[[1.0], [1.0, 2.0]]), "time: expected numbers"),
+        (lambda: tune(arm("puma560_arm3"), seed=True), "seed: expected a whole number of at least 0, got True"),
         (lambda: RunLogger(3, 1e-3, joints=("one", "two")), "joints: expected 3 names, got 2"),
+        (lambda: RunLogger(3, 1e-3, joints=cast(Any, 3)), "joints: expected 3 names, got 3"),
+        (lambda: RunLogger(3, 1e-3, joints=cast(Any, "abc")), "joints: expected 3 names, got 'abc'"),
+        (lambda: RunLogger(2, 1e-3, joints=("a", "a")), "joints: expected different names, got a, a"),
+        (lambda: logged().to_pandas(cast(Any, 3)), "joints: expected 3 names, got 3"),
+        (lambda: logged().to_arrow(cast(Any, [1, 2, 3])), r"joints: expected 3 names, got \[1, 2, 3\]"),
+        (lambda: logged().plot(cast(Any, 3)), "joints: expected 3 names, got 3"),
+        (lambda: Plant(arm("puma560_arm3"), 1e-3, 1, cast(Any, 3)), r"integrator: expected .* RungeKutta4\(\), got 3"),
+        (lambda: Plant(arm("puma560_arm3"), 1e-3, 1, cast(Any, RungeKutta4)), "integrator: expected .* got <class"),
+        (lambda: integration(arm("puma560_arm3"), (), 1e-3, cast(Any, 3)), "integrator: expected an Integrator"),
     ],
 )
 def test_runs_that_cannot_be_are_refused(make: Callable[[], object], says: str) -> None:

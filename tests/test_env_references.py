@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +14,8 @@ from robot_files import urdf
 
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.envs import (
-    random_sinusoids,
-)
+from adaptctl.envs import TrackingEnv, random_sinusoids
+from adaptctl.errors import InputError
 from adaptctl.simulation.sampled_references import BLOCK, Preview
 
 
@@ -59,3 +59,18 @@ def test_torques_without_limits_get_generous_ones(measured: Mechanism) -> None:
     gravity = tree.inverse_dynamics(p, np.zeros_like(p), np.zeros_like(p))
     assert np.all(limits >= np.abs(gravity).max(axis=0))
     assert np.all(limits <= 1e4)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"look_ahead": [[1.0], [1.0, 2.0]]}, r"look_ahead: expected numbers \(L,\), got"),
+        ({"look_ahead": "soon"}, r"look_ahead: expected numbers \(L,\), got 'soon'"),
+        ({"look_ahead": [[0.1, 0.2]]}, r"look_ahead: expected shape \(2,\), got \(1, 2\)"),
+        ({"reference": True}, "reference: expected a Reference, a seed of at least 0, or 'random', got True"),
+        ({"reference": False}, "reference: expected a Reference, a seed of at least 0, or 'random', got False"),
+    ],
+)
+def test_times_and_seeds_that_are_none_are_refused(measured: Mechanism, given: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        TrackingEnv(measured, **given)

@@ -145,3 +145,9 @@ def test_leb128_is_read_as_it_was_written(n: int) -> None:
     from wasm_machine import unsigned as read
 
     assert read(unsigned(n), 0) == (n, len(unsigned(n)))
+
+
+@pytest.mark.parametrize("n", [-1, -(2**40)])
+def test_leb128_of_unsigned_numbers_has_no_negative_ones(n: int) -> None:
+    with pytest.raises(InputError, match=f"expected a whole number of at least 0, got {n}"):
+        unsigned(n)

@@ -29,7 +29,7 @@ from adaptctl.identifiability import (
     random_states,
     reduce,
 )
-from adaptctl.identifiability.sampling import States, states_within_limits
+from adaptctl.identifiability.sampling import States, random_halves, states_within_limits
 from adaptctl.identification.drives_file import Drives, MotorEntry
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.units import Units
@@ -131,6 +131,9 @@ def run_and_nothing() -> Mapping[str, adaptctl.Rollout]:
         (lambda: essential_space(puma(), prove=cast(Any, 1)), "prove: expected True, False or None, got 1"),
         (lambda: random_states(puma(), -3, GENERATOR), "samples: expected a whole number from 2 to .*, got -3"),
         (lambda: random_states(puma(), cast(Any, 5.5), GENERATOR), "samples: expected a whole number"),
+        (lambda: random_halves(puma(), 1, GENERATOR), r"^samples: expected a whole number from 2 to .*, got 1$"),
+        (lambda: random_halves(puma(), cast(Any, 5.5), GENERATOR), "^samples: expected a whole number"),
+        (lambda: random_halves(puma(), cast(Any, 5000.5), GENERATOR), "^samples: expected a whole number"),
         (lambda: states_within_limits(puma(), -3), "samples: expected a whole number from 2 to .*, got -3"),
         (lambda: states_within_limits(puma(), 5, seed=-1), "seed: expected a whole number from 0 to .*, got -1"),
         (lambda: states().parts(0), "parts: most: expected a whole number from 2 to .*, got 0"),

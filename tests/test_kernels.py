@@ -372,3 +372,16 @@ def test_threads_do_not_see_each_others_numbers(kernel: Kernel) -> None:
 def test_any_name_may_be_compiled(name: str) -> None:
     native = compile_function(lambda x: x + x, {"x": 1}, name=name)
     assert native([1.5]) == 3.0
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 7, 8, 9, 16, 21])
+@pytest.mark.parametrize("samples", [1, 5, 8, 19])
+def test_rows_of_any_width_are_those_of_single_calls(width: int, samples: int) -> None:
+    def rows(x: Column) -> list[Column]:
+        return [Column(x[0] * k + j * x[1] for k in range(width)) for j in range(3)]
+
+    kernel = compile_function(rows, {"x": 2})
+    x = np.random.default_rng(width).normal(size=(samples, 2))
+    found = kernel.map(x)
+    assert found.shape == (samples, 3, width)
+    np.testing.assert_array_equal(found, [kernel(one) for one in x])

@@ -19,10 +19,11 @@ from sampled_loops import arm, gains, reduced, swinging
 
 from adaptctl.control import Guarded, SlotineLi
 from adaptctl.envs import TrackingEnv
-from adaptctl.errors import AdaptctlError, InputError
+from adaptctl.errors import AdaptctlError, FileError, InputError
 from adaptctl.simulation import Rollout, rollout, simulate
 from adaptctl.simulation.effects import Encoder, PayloadHeld
 from adaptctl.simulation.kept_samples import KeptSamples
+from adaptctl.simulation.rollout_file import RolloutFile
 
 ARM = "puma560_arm3"
 
@@ -125,6 +126,13 @@ def test_a_streamed_run_that_ends_early_is_whole_on_disk(tmp_path: Path) -> None
     with pytest.raises(AdaptctlError, match="enough"):
         simulate(environment(), law(), seed=3, stream=tmp_path / "b.parquet", progress=fail)
     assert [path.name for path in tmp_path.iterdir()] == ["a.parquet"]
+
+
+def test_a_file_of_a_run_without_samples_is_refused_as_such(tmp_path: Path) -> None:
+    says = r"none\.parquet: not written: expected samples of a run, and none were appended"
+    with pytest.raises(FileError, match=says), RolloutFile(tmp_path / "none.parquet", 3):
+        pass
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

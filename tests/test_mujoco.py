@@ -252,6 +252,18 @@ def test_true_parameters_that_mujoco_has_no_place_for_are_refused(drive: Drive, 
         plant.init(np.zeros(6), np.zeros(6), heavier)
 
 
+def test_a_step_is_a_function_of_what_it_is_given() -> None:
+    """Other parameters are those of the calls that give them, and of no later one."""
+    arm = adaptctl.load("puma560_measured")
+    plant, heavier = MuJoCoPlant.of(arm, 1e-3), 1.5 * np.array(arm.inertial_parameters)
+    start = plant.init(0.3 * np.ones(6), np.zeros(6))
+    first, other, again = (plant.step(start, np.ones(6), D) for D in (None, heavier, None))
+    np.testing.assert_array_equal(again.v, first.v)
+    assert np.abs(other.v - first.v).max() > 1e-6
+    plant.init(0.3 * np.ones(6), np.zeros(6), heavier)
+    np.testing.assert_array_equal(plant.step(start, np.ones(6)).v, first.v)
+
+
 def test_contacts_are_mujocos() -> None:
     wall = '<geom type="box" size="1 1 .1" pos="0 0 -.3"/>'
     swing = (
@@ -359,6 +371,13 @@ def test_two_plants_differ_by_integration_and_by_contacts() -> None:
     assert found["plants_apart_fine"] < 0.3 * found["plants_apart"] < 0.3e-2
     assert free.answer is not None
     assert "is MuJoCo's integrator's" in free.answer
+
+
+def test_two_plants_are_not_one_twice() -> None:
+    with pytest.raises(
+        InputError, match="plant: expected mujoco, with which adaptctl's own is compared, got 'adaptctl'"
+    ):
+        TwoPlants(plant="adaptctl")
 
 
 def test_stops_are_no_matter_of_integration(tmp_path: Path) -> None:

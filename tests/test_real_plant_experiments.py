@@ -71,6 +71,10 @@ def test_without_excitation_the_gradient_drifts_and_a_leak_holds() -> None:
     assert content["final_rms_error"] < 5e-3
 
 
+def test_where_no_law_adapts_there_is_no_sentence_on_those_that_do() -> None:
+    assert NoiseAndDelay(laws=("computed-torque",), duration=0.5).compare(no_progress).answer is None
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,13 +37,9 @@ from adaptctl.recording.viewpoint import SEEN, Viewpoint
 from adaptctl.recording.views import LONG, SHORT
 from adaptctl.recording.wording import (
     INCOMPLETE,
-    error,
     facts,
     final_error,
-    number,
-    outcome,
     outcome_words,
-    scientific,
 )
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
@@ -359,51 +354,6 @@ def test_no_file_is_left_half_written(tmp_path: Path, shown: Comparison) -> None
         write_recording(tmp_path / "recording.rrd", broken)
     assert [path.name for path in tmp_path.iterdir()] == ["recording.rrd"]
     assert (tmp_path / "recording.rrd").read_text() == "the old one"
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (None, "–"),
-        (0.0, "0"),
-        (0.786, "0.786"),
-        (1234.5, "1234"),
-        (2.5e-14, "2.50·10⁻¹⁴"),
-        (-3.21, "-3.21"),
-        (1e6, "1.00·10⁶"),
-        (999.4, "999"),
-        (999.9, "1000"),
-        (-999.9, "-1000"),
-        (1000.1, "1000"),
-        (99.96, "100"),
-        (99999.9, "100000"),
-        (9.996e-5, "1.00·10⁻⁴"),
-        (math.nan, "not a number"),
-        (math.inf, "infinity"),
-        (-math.inf, "minus infinity"),
-    ],
-)
-def test_numbers_read_well(value: float | None, text: str) -> None:
-    assert number(value) == text
-
-
-@pytest.mark.parametrize("digits", [1, 2, 4, 5, 6])
-def test_numbers_just_below_a_power_of_ten_read_as_it_does(digits: int) -> None:
-    for exponent in range(-3, 5):
-        assert number(10.0**exponent * (1.0 - 1e-9), digits) == f"{10.0**exponent:.12g}"
-
-
-def test_errors_that_are_no_numbers_have_no_unit() -> None:
-    assert (error(math.nan, "mrad"), error(math.inf, "mm")) == ("not a number", "infinity")
-    assert (error(0.9999, "mrad"), scientific(math.nan)) == ("1000 mrad", "not a number")
-
-
-def test_outcomes_read_well(shown: Comparison) -> None:
-    run = shown.subject
-    assert outcome(run) == "ran to the end"
-    assert outcome(replace(run, rollout=replace(run.rollout, complete=False))) == "interrupted at 3.00 s"
-    assert outcome(replace(run, rollout=replace(run.rollout, terminated=True))).startswith("stopped at 3.00 s")
-    assert math.isfinite(run.final_rms_error or math.nan)
 
 
 @pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])

@@ -271,6 +271,8 @@ def test_a_run_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert summary["errata"] == ["table5"]
     draws = pq.read_table(tmp_path / "trace.parquet")
     assert draws.num_rows == 3 * 36
+    units = {name: draws.schema.field(name).metadata[b"unit"] for name in ("singular_value", "weight")}
+    assert units == {"singular_value": b"J per SI unit", "weight": b"J"}
     assert math.isclose(draws["percent_error"][35].as_py(), 0.0)
     page = (tmp_path / "report.html").read_text()
     assert 'id="table7"' in page

@@ -58,6 +58,12 @@ def test_triangles_hold_symmetric_matrices(k: int) -> None:
     assert symmetric_trace(column(entries), k) == pytest.approx(np.trace(A), abs=1e-14)
 
 
+@pytest.mark.parametrize("entries", [1, 5, 7])
+def test_a_triangle_of_three_rows_has_six_entries(entries: int) -> None:
+    with pytest.raises(ValueError, match=f"size {entries}"):
+        from_triangle(np.ones(entries), 3)
+
+
 @pytest.mark.parametrize(("forgotten", "learned"), [(0.3, 0.7), (0.3, 0.0), (0.0, 0.7), (0.0, 0.0)])
 def test_composite_learning_forgets_and_learns_along_a_row(forgotten: float, learned: float) -> None:
     """Q - forgotten Q w (w'Q w)^-1 w'Q + learned w w', and z = Q x of a true x stays so."""

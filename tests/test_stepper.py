@@ -30,8 +30,7 @@ from adaptctl.scalars import Column, clip, cos, minimum, sin, sqrt, where
 Array = NDArray[np.float64]
 
 X86 = platform.machine() in ("x86_64", "AMD64")
-BASELINE = Processor("x86-64", "+sse2,-avx,-avx2,-avx512f") if X86 else Processor("generic", "+neon")
-"""What every processor of this kind can do: no AVX."""
+BASELINE = Processor("x86-64", "+sse2,-avx,-avx2,-avx512f") if X86 else Processor("generic", "+neon")  # no AVX
 
 
 def swing(q: Column, v: Column, stiffness: Column, target: Column, push: Column) -> tuple[Column, Column, Any, Column]:
@@ -166,7 +165,7 @@ triples = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 
 
 @given(trees, st.lists(triples, min_size=1, max_size=9), st.sampled_from((2, 4, 8)))
-@example(("sin", ("sin", ("neg", 0))), [(0.5, 0.0, 0.0)], 2)  # of an angle that the same run of sines computes
+@example(("sin", ("sin", ("neg", 0))), [(0.5, 0.0, 0.0)], 2)  # the sine of a sine
 @settings(max_examples=60, deadline=None)
 def test_random_equations_agree_in_lanes(tree: Tree, x: list[tuple[float, float, float]], lanes: int) -> None:
     stepper = compile_step(lambda x: (evaluated(tree, x),), state={}, held={"x": 3}, lanes=lanes)
@@ -358,7 +357,7 @@ def test_wrong_runs_are_refused(stepper: Stepper, case: str) -> None:
 def test_memory_that_is_no_room_of_the_ensemble_is_refused(stepper: Stepper) -> None:
     three, signals = stepper.ensemble(3), {"target": np.zeros((2, 2)), "push": np.zeros((2, 3, 2))}
     three.record_into(three.room(2), 0, 2, signals)
-    for room in (stepper.ensemble(40).room(2), LaneArray({"0": 1}, 3, three.room(2).lanes, (2,))):
+    for room in (*(stepper.ensemble(n).room(2) for n in (2, 40)), LaneArray({"0": 1}, 3, three.room(2).lanes, (2,))):
         with pytest.raises(InputError, match="expected a `room` that this ensemble made"):
             three.record_into(room, 0, 2, signals)
     with pytest.raises(InputError, match="expected steps from 0 to 2, got 1 to 3"):
@@ -383,11 +382,10 @@ def test_wrong_columns_are_refused(stepper: Stepper) -> None:
 def test_signals_in_place_are_those_that_are_passed(stepper: Stepper) -> None:
     """From the step on that the room is filled from."""
     problem, late = Problem(11), ((2, 0), (0, 0), (0, 0))
-    passed, placed = problem.ensemble(stepper), problem.ensemble(stepper)
-    signals = placed.signals(STEPS + 2)
+    passed, placed = (problem.ensemble(stepper) for _ in range(2))
+    signals, rooms = placed.signals(STEPS + 2), (passed.room(STEPS + 2), placed.room(STEPS + 2))
     signals.shared["target"] = np.pad(problem.target[:, None], late)
     signals.driven["push"] = np.pad(problem.push, late)
-    rooms = passed.room(STEPS + 2), placed.room(STEPS + 2)
     passed.record_into(rooms[0], 2, STEPS, problem.signals)
     placed.record_into(rooms[1], 2, STEPS, signals)
     np.testing.assert_array_equal(rooms[0].blocks, rooms[1].blocks)
@@ -399,4 +397,4 @@ def test_signals_of_another_form_or_of_too_few_steps_are_refused(stepper: Steppe
     with pytest.raises(InputError, match="`signals`: expected steps from 0 to 2, got 1 to 3"):
         three.record_into(three.room(3), 1, 2, three.signals(2))
     with pytest.raises(InputError, match="expected `signals` that this ensemble made"):
-        three.record_into(three.room(3), 0, 2, stepper.ensemble(40).signals(2))
+        three.record_into(three.room(3), 0, 2, stepper.ensemble(2).signals(2))

@@ -285,6 +285,20 @@ def test_a_folder_that_could_not_be_begun_is_begun_again(tmp_path: Path, monkeyp
     assert len(list(Folder.opened(tmp_path / "out", study(seed="0"), 1, []).shards())) == 1
 
 
+def test_a_folder_where_a_file_is_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "out").touch()
+    for out in (tmp_path / "out", tmp_path / "out" / "below"):
+        with pytest.raises(FileError, match=rf"{out}: the folder cannot be made \((file exists|not a directory)\)"):
+            Folder.opened(out, study(seed="0"), 1, [])
+    for more in ([], ["--search", "1", "--minimise", "rms_error"]):
+        assert main(["sweep", *TestCommand.ARGUMENTS, "--seed", "0", "--out", str(tmp_path / "out"), *more]) != 0
+        assert "out: the folder cannot be made (file exists)" in capsys.readouterr().err
+    begun = Folder.opened(tmp_path / "other", study(seed="0"), 1, [])
+    (begun.path / "shards").touch()
+    with pytest.raises(FileError, match=r"shards: the folder cannot be made \(file exists\)"):
+        begun.keep(next(begun.shards()), [])
+
+
 class TestCommand:
     ARGUMENTS = ("puma560-adaptive", "--duration", "0.05", "--controllers", "adaptive")
 

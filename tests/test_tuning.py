@@ -204,6 +204,13 @@ def test_links_that_no_body_can_be_are_named() -> None:
         tune(tree.with_parameters(wrong))
 
 
+def test_numbers_may_be_numpys() -> None:
+    two = load("docs/examples/two_link.toml")
+    plain, numpys = (tune(two, period=T, seed=k) for T, k in ((2.0**-10, 1), (np.float32(2.0**-10), np.int64(1))))
+    assert numpys.period == plain.period
+    np.testing.assert_array_equal(numpys.gains.damping, plain.gains.damping)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

@@ -75,6 +75,8 @@ def test_a_workspace_of_all_limits_has_the_samples_that_any_search_has() -> None
         (-2.1 * np.pi, 2.0 * np.pi, (-np.pi, np.pi)),
         (-np.inf, 1.0, (-np.pi, 1.0)),
         (-4.0, np.inf, (-4.0, np.pi)),
+        (-np.inf, -4.0, (-4.0 - np.pi, -4.0)),
+        (4.0, np.inf, (4.0, 4.0 + np.pi)),
     ],
 )
 def test_limits_of_two_turns_are_kept_and_those_farther_apart_are_none(

@@ -139,14 +139,14 @@ def _print_status(folder: Path) -> int:
 
 
 def _search(study: SweepStudy, minimise: str, trials: int, out: Path) -> int:
+    from adaptctl.folders import made_folder
     from adaptctl.sweeps.search import search, write_settings
 
-    if out.exists() and any(out.iterdir()):
+    if any(made_folder(out).iterdir()):
         raise InputError(f"{out}: is not empty: choose another --out")
     with interruptible() as interruption, shown_progress() as progress:
         heeded = interruption.heeded(progress)
         found = search(study, minimise, trials, lambda share: heeded(f"{trials} runs", share))
-    out.mkdir(parents=True, exist_ok=True)
     write_settings(out / "best.toml", study, found)
     print(f"{minimise} {found.value:.4g} of {found.controller}, of {trials} runs, with")
     for name, value in found.settings.items():

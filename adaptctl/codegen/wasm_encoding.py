@@ -6,6 +6,8 @@ import struct
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
+from adaptctl.errors import InputError
+
 F64, I64, I32 = b"\x7c", b"\x7e", b"\x7f"
 MAGIC = b"\0asm\x01\0\0\0"
 PAGE = 65536
@@ -20,7 +22,9 @@ ZERO = b"\x41\x00"
 
 def unsigned(n: int) -> bytes:
     """The bytes of the whole number `n`, of at least 0, in WebAssembly's encoding of unsigned integers (LEB128: seven
-    bits in each byte, the lowest first). Not checked: a negative one never ends."""
+    bits in each byte, the lowest first). Raises `InputError` for a negative one, of which there is no such encoding."""
+    if n < 0:
+        raise InputError(f"WebAssembly: an unsigned integer: expected a whole number of at least 0, got {n}")
     out = bytearray()
     while True:
         n, low = n >> 7, n & 0x7F
@@ -62,11 +66,11 @@ def constant(x: float) -> bytes:
 
 def load(at: int) -> bytes:
     """The bytes of the WebAssembly instructions that put the 64-bit float at the address `at`, bytes from the beginning
-    of memory, on the stack. Not checked: the address must be at least 0."""
+    of memory, on the stack. Raises `InputError` for an address below 0."""
     return ZERO + b"\x2b\x03" + unsigned(at)
 
 
 def store(at: int, value: bytes) -> bytes:
     """The bytes of the WebAssembly instructions that store a 64-bit float at the address `at`, bytes from the beginning
-    of memory; `value` is the code that puts it on the stack. Not checked: the address must be at least 0."""
+    of memory; `value` is the code that puts it on the stack. Raises `InputError` for an address below 0."""
     return ZERO + value + b"\x39\x03" + unsigned(at)

@@ -54,13 +54,26 @@ end:
   ret void
 }
 
+; Squares of as many columns as lanes are turned in registers, so that each row is written in one piece; what columns are
+; left, number by number.
 define internal void @scatter(ptr noalias %rows, ptr noalias %from, i64 %stride, i64 %count, i64 %first, i64 %last) $attributes {
 start:
   $rows
-  br label %columns
+  %whole = and i64 %count, -$count
+  br label %squares
+
+squares:
+  %square.k = phi i64 [0, %start], [%square.next, %square]
+  %square.next = add i64 %square.k, $count
+  %square.left = icmp slt i64 %square.k, %whole
+  br i1 %square.left, label %square, label %columns
+
+square:
+  $square
+  br label %squares
 
 columns:
-  %k = phi i64 [0, %start], [%next, %column]
+  %k = phi i64 [%whole, %squares], [%next, %column]
   %next = add i64 %k, 1
   %left = icmp slt i64 %k, %count
   br i1 %left, label %column, label %end

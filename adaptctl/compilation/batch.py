@@ -48,6 +48,7 @@ def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, boo
             {k: n for k, n in inputs.items() if checked["inputs"]} | (outputs if checked["outputs"] else {}), lanes
         ),
         **_rows(lanes),
+        "square": _square(lanes),
     }
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr %{name}" for name in both)
@@ -69,6 +70,34 @@ def _check(sizes: Mapping[str, int], lanes: Lanes) -> list[str]:
         lines.append(f"%{name}.sound = and i1 {sound}, %{name}.finite")
         sound = f"%{name}.sound"
     return [*lines, f"%still.sound = and i1 {sound}, true"]
+
+
+def _square(lanes: Lanes) -> list[str]:
+    """The numbers of as many columns as there are lanes, from the column `%square.k` on, written to their rows: the
+    square is transposed by exchanging halves, then halves of halves, and so on."""
+    n, kind, lines = lanes.count, lanes.value, []
+    for k in range(n):
+        lines += [
+            f"%column{k} = add i64 %square.k, {k}",
+            f"%column{k}.at = getelementptr {kind}, ptr %from, i64 %column{k}",
+            f"%turned.1.{k} = load {kind}, ptr %column{k}.at, align 8",
+        ]
+    half = 1
+    while half < n:
+        for k in (k for k in range(n) if not k & half):
+            pair = f"{kind} %turned.{half}.{k}, {kind} %turned.{half}.{k | half}"
+            near = [j if not j & half else n + (j ^ half) for j in range(n)]
+            far = [j | half if not j & half else n + j for j in range(n)]
+            for place, taken in ((k, near), (k | half, far)):
+                mask = f"<{n} x i32> <{', '.join(f'i32 {j}' for j in taken)}>"
+                lines.append(f"%turned.{2 * half}.{place} = shufflevector {pair}, {mask}")
+        half *= 2
+    for lane in range(n):
+        lines += [
+            f"%row{lane}.at = getelementptr double, ptr %row{lane}, i64 %square.k",
+            f"store {kind} %turned.{n}.{lane}, ptr %row{lane}.at, align 8",
+        ]
+    return lines
 
 
 def _rows(lanes: Lanes) -> dict[str, list[str]]:

@@ -177,8 +177,8 @@ class Ensemble:
         made by `room()`, from its step of index `first` on. `signals` are, by name, the shared columns (steps, n), the
         same for all members, and the driven ones (steps, members, n); or `Signals` made by `signals()`, of which those
         from the same index `first` on are read, in place. Raises `InputError` where steps or outputs do not fit, where
-        `first` or `steps` is no whole number of at least 0, for a room or `Signals` whose columns, number of blocks,
-        lanes or type of number are not this ensemble's, and for signals of other names, of the wrong shape or that are
+        `first` or `steps` is no whole number of at least 0, for a room or `Signals` whose columns, members, lanes or
+        type of number are not this ensemble's, and for signals of other names, of the wrong shape or that are
         no real numbers."""
         first, steps = whole_count(first, "record: first"), whole_count(steps, "record: steps")
         _require(room, self._recorded, first, steps, "a `room`")
@@ -261,8 +261,8 @@ def _require(given: LaneArray, own: LaneArray, first: int, steps: int, name: str
 
 
 def _form(room: LaneArray) -> tuple[Any, ...]:
-    """Columns, shape (blocks, width, lanes) and type of the memory of steps."""
-    return room.columns, room.blocks.shape[1:], room.blocks.dtype
+    """Columns, members, shape (blocks, width, lanes) and type of the memory of steps."""
+    return room.columns, room.members, room.blocks.shape[1:], room.blocks.dtype
 
 
 def _wait_for(threads: Sequence[Thread]) -> None:

@@ -105,9 +105,10 @@ def random_halves(
     `generator` as `random_states` does, and to be used up one after the other, the first first.
 
     More than 4096 states in all are drawn as they are used, 4096 at a time, so that any number of them needs the same
-    memory. Raises `InputError` for fewer than two samples, and, when drawn, for a reference configuration that breaks
-    the mechanism's conditions (bounds on its positions).
+    memory. Raises `InputError` unless `samples` is a whole number of at least 2, and, when drawn, for a reference
+    configuration that breaks the mechanism's conditions (bounds on its positions).
     """
+    samples = whole_number(samples, "samples", 2, sys.maxsize)
     if 2 * samples > MOST:
         return _blocks(mechanism, samples, generator), _blocks(mechanism, samples, generator)
     both = random_states(mechanism, 2 * samples, generator)

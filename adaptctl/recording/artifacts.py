@@ -9,6 +9,7 @@ from pathlib import Path
 
 from adaptctl.errors import FileError
 from adaptctl.files import cleaned_of_the_dead, name_beside, reason, require_place
+from adaptctl.folders import made_folder
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.result import Progress, Result, silent
@@ -93,11 +94,8 @@ def _all_or_none(path: Path) -> Iterator[Path]:
 
 def _made(place: Path) -> list[Path]:
     """The folder, which is there now, if it was not before; else none. Raises `FileError` where it cannot be made."""
-    try:
-        made = [] if place.is_dir() else [place]
-        place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{place}: the folder cannot be made ({reason(error)})") from error
+    made = [] if place.is_dir() else [place]
+    made_folder(place)
     return made
 
 

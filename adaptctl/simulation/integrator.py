@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, TypeAlias
 
+from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
 Acceleration: TypeAlias = Callable[[Column, Column], Column]
@@ -46,6 +47,13 @@ class Integrator(Protocol):
         of unlike lengths raise `ValueError`.
         """
         ...
+
+
+def require_integrator(given: object) -> None:
+    """Raise `InputError` unless `given` is an `Integrator`, an object with the members `step` and `implicit` such as
+    `RungeKutta4()`. A class in place of an object is refused."""
+    if isinstance(given, type) or not (hasattr(given, "step") and hasattr(given, "implicit")):
+        raise InputError(f"integrator: expected an Integrator, such as RungeKutta4(), got {given!r:.80}")
 
 
 @dataclass(frozen=True)

@@ -87,8 +87,7 @@ class MuJoCoPlant(Plant):
     ) -> PlantState:
         """The state at time zero of one arm at positions `p`, rad (m), and velocities `v`, rad/s (m/s), (r,) each; all
         else in the scene is as the model has it at its start. `parameters` (P,), SI units, are the arm's P true
-        inertial ones, None for those of the last call that gave any, at first the mechanism's own; `noise` is not used,
-        for there are no sensors.
+        inertial ones, None for the mechanism's own; `noise` is not used, for there are no sensors.
 
         Raises `InputError` on a wrong shape and for parameters of no rigid bodies or of friction other than viscous and
         Coulomb, `NonFiniteError` on NaN or infinity.
@@ -107,10 +106,10 @@ class MuJoCoPlant(Plant):
         """The state of one arm a control period later, under a torque (r,) of r joints, N m (N), clipped to the limits
         and held.
 
-        `parameters` (P,), SI units, are the P true inertial ones in this period, None for those of the last call that
-        gave any, at first the mechanism's own; `noise` is not used. Raises `InputError` on a wrong shape and for
-        parameters of no rigid bodies or of friction other than viscous and Coulomb, `NonFiniteError` on NaN or infinity
-        in torque or parameters and where the motion runs away.
+        `parameters` (P,), SI units, are the P true inertial ones in this period, None for the mechanism's own; `noise`
+        is not used. Raises `InputError` on a wrong shape and for parameters of no rigid bodies or of friction other
+        than viscous and Coulomb, `NonFiniteError` on NaN or infinity in torque or parameters and where the motion runs
+        away.
         """
         given = self._finite(torque)
         applied = self.limited(given)
@@ -175,11 +174,12 @@ class _Scene:
         self._latest: Array | None = None
 
     def having(self, parameters: ArrayLike | None) -> _Scene:
-        """The scene with these true parameters (P,); the plant keeps the latest."""
-        if parameters is None or np.array_equal(parameters, self.parameters):
-            return self
+        """The scene with these true parameters (P,), None for the mechanism's own; the plant keeps the latest."""
         own = self._plant.mechanism.inertial_parameters
-        values = checked(parameters, own.size, f"{self._plant.mechanism.name}: parameters")
+        given = own if parameters is None else parameters
+        if np.array_equal(given, self.parameters):
+            return self
+        values = checked(given, own.size, f"{self._plant.mechanism.name}: parameters")
         new = _Scene(self._plant, None if np.array_equal(values, own) else values)
         vars(self._plant)["_scene"] = new
         return new

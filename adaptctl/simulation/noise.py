@@ -4,10 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, whole_count
+
+Seeds: TypeAlias = int | Sequence[int] | NDArray[np.object_] | None
+"""One seed for all arms, one for each, or None for another noise each time."""
+
+
+def checked_seeds(given: object) -> Seeds:
+    """The seeds `given` of many arms' noise: None, a whole number of at least 0, or an array of these of any shape.
+    Raises `InputError` for all else, such as 2.0, texts and booleans."""
+    if given is None:
+        return None
+    each = np.asarray(given, dtype=np.object_)
+    for seed in each.flat:
+        whole_count(seed, "seed")
+    return each if each.ndim else int(each[()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +37,7 @@ class Noise:
     size: int
 
     @classmethod
-    def of(cls, seed: int | Sequence[int] | None, members: int, herd: int, size: int) -> list[Noise]:
+    def of(cls, seed: Seeds, members: int, herd: int, size: int) -> list[Noise]:
         """Sources of sensor noise, one for each group of at most `herd` arms, of all `members` arms in their order,
         with `size` numbers for an arm in a control period. `seed` is one whole number for all arms, None for another
         noise each time, or a sequence of one for each arm, whose noise then does not depend on the other arms. Raises

@@ -12,18 +12,18 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, numbers, per_joint, positive_number, same_samples, stacked
+from adaptctl.arrays import Array, checked, numbers, per_joint, positive_number, same_samples, stacked, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.floats import native_or_floats
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.continuation import NEAREST
-from adaptctl.errors import InputError, NonFiniteError, printable
+from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
 from adaptctl.simulation.held_motion import held_motion
-from adaptctl.simulation.integrator import Integrator, RungeKutta4
+from adaptctl.simulation.integrator import Integrator, RungeKutta4, require_integrator
 from adaptctl.simulation.period import ControlPeriod
 from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.stiffness import require_substeps
@@ -48,8 +48,8 @@ class Plant(Tunable):
     The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
     noise, and equal calls give equal bits. Up to LARGEST_COMPILED (100) links run as native code, more in Python.
     Raises `InputError` for a period that is not positive and finite, limits not positive, `substeps` that are no whole
-    number from 1 to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, links that neither have nor carry mass,
-    and effects whose settings do not fit.
+    number from 1 to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, what is no integrator, links that neither
+    have nor carry mass, and effects whose settings do not fit.
     """
 
     mechanism: Mechanism
@@ -63,9 +63,8 @@ class Plant(Tunable):
     def __post_init__(self) -> None:
         period = positive_number(self.control_period, "control_period: expected a positive time in s")
         object.__setattr__(self, "control_period", period)
-        if not isinstance(self.substeps, int | np.integer) or not 1 <= self.substeps <= MOST_SUBSTEPS:
-            what = f"a whole number from 1 to {MOST_SUBSTEPS}"
-            raise InputError(f"substeps: expected {what}, got {printable(repr(self.substeps))}")
+        whole_number(self.substeps, "substeps", 1, MOST_SUBSTEPS)
+        require_integrator(self.integrator)
         self.mechanism.require_mass()
         own = self.mechanism.effort_limits if self.torque_limits is None else self.torque_limits
         object.__setattr__(self, "torque_limits", _limits(own, self.mechanism.dof))

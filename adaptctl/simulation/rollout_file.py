@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType, TracebackType
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from adaptctl.arrays import Array, frozen
-from adaptctl.errors import FileError, InputError
+from adaptctl.errors import FileError, InputError, printable
 from adaptctl.files import replacing
 from adaptctl.packages import needed
 
@@ -50,7 +50,7 @@ class RolloutFile:
     `joints` (r,) names the r = `dof` joints, None for joint1, joint2, ... The attribute `about`, a dict to be set
     before the end, maps names to what the file says of the whole run, in numbers and texts that JSON can hold.
 
-    Raises `InputError` for another number of names and `MissingExtraError` without pyarrow; entering or leaving the
+    Raises `InputError` for other than r different names, `MissingExtraError` without pyarrow; entering or leaving the
     context raises `FileError` where the file cannot be written or nothing was appended.
     """
 
@@ -89,17 +89,27 @@ class RolloutFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
-        if kind is None and self._writer is not None:
+        if kind is not None:
+            return self._held.__exit__(kind, error, trace)
+        with self._held:
+            if self._writer is None:
+                raise FileError(f"{self._path}: not written: expected samples of a run, and none were appended")
             self._writer.add_key_value_metadata({name: json.dumps(value) for name, value in self.about.items()})
-        return self._held.__exit__(kind, error, trace)
+        return None
 
 
 def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
     """Names (r,) of r = `dof` joints: those `given`, or joint1, joint2, ... for None. Raises `InputError` for another
-    number of names."""
-    names = [f"joint{j + 1}" for j in range(dof)] if given is None else list(given)
+    number of names, equal ones, and what are no texts."""
+    if given is None:
+        return [f"joint{j + 1}" for j in range(dof)]
+    names = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
+    if not names or not all(isinstance(name, str) for name in names):
+        raise InputError(f"joints: expected {dof} names, got {printable(repr(given))}")
     if len(names) != dof:
         raise InputError(f"joints: expected {dof} names, got {len(names)}")
+    if len(set(names)) < dof:
+        raise InputError(f"joints: expected different names, got {', '.join(names)}")
     return names
 
 

@@ -128,8 +128,8 @@ class Rollout:
         units as metadata, joints' as if all were revolute. The file is one that `adaptctl identify` reads. `joints`
         (r,) names the r joints, None for joint1, joint2, ...
 
-        The environment's last `info` is left out. Raises `InputError` for another number of names, `FileError` where
-        the file cannot be written, and `MissingExtraError` without pyarrow.
+        The environment's last `info` is left out. Raises `InputError` for other than r different names, `FileError`
+        where the file cannot be written, and `MissingExtraError` without pyarrow.
         """
         with RolloutFile(path, self.p.shape[1], joints) as file:
             file.append(self._columns, self.marks)
@@ -140,8 +140,8 @@ class Rollout:
         """The run as an Arrow table: a row for each sample, columns of float64, one for `time`, `clipped`, `energy` and
         `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and `learning`, such as
         `estimate.0`, and one an event, such as `mark.payload`, with their units as metadata, joints' as if all were
-        revolute. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number
-        of names, `MissingExtraError` without pyarrow."""
+        revolute. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other than r
+        different names, `MissingExtraError` without pyarrow."""
         return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
 
     @property
@@ -156,8 +156,8 @@ class Rollout:
         """The run as a pandas data frame: a row for each sample, columns of float64, one for `time`, `clipped`,
         `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and
         `learning`, such as `estimate.0`, and one an event, such as `mark.payload`; in SI units: rad (m), s, N m (N), J.
-        `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for another number of names,
-        `MissingExtraError` without pandas or pyarrow."""
+        `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other than r different
+        names, `MissingExtraError` without pandas or pyarrow."""
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 
@@ -165,7 +165,7 @@ class Rollout:
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
         """A Matplotlib figure of the run over time (s): positions (rad or m) on the reference, tracking errors (mrad or
         mm), applied torques (N m or N), and parameter estimates (SI units) if there are any. `joints` (r,) names the
-        curves of the r joints, None for joint1, joint2, ... Raises `InputError` for another number of names,
+        curves of the r joints, None for joint1, joint2, ... Raises `InputError` for other than r different names,
         `MissingExtraError` without matplotlib."""
         from adaptctl.simulation.run_plot import run_figure
 

@@ -35,8 +35,9 @@ class RunLogger:
     exception ends the loop; the run is then marked incomplete.
 
     Raises `InputError` for a period that is not positive, counts that are no whole numbers of at least 1 (`dof`), 0
-    (`estimates`) or 2 (`capacity`), another number of `joints`, and a capacity that takes over half of the computer's
-    memory. With a `path`, raises `FileError` if it cannot be written, `MissingExtraError` without pyarrow.
+    (`estimates`) or 2 (`capacity`), `joints` that are not r different names, and a capacity that takes over half of
+    the computer's memory. With a `path`, raises `FileError` if it cannot be written, `MissingExtraError` without
+    pyarrow.
     """
 
     def __init__(

@@ -11,7 +11,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control.run import LearningRun, SampledRun
-from adaptctl.errors import InputError
+from adaptctl.simulation.rollout_file import joint_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,15 +58,12 @@ def run_figure(run: DrawnRun, joints: Sequence[str] | None = None) -> Figure:
     tracking errors (mrad or mm), applied torques (N m or N), and parameter estimates (SI units) if there are any. At
     most MOST_SAMPLES (4000) samples of a curve are drawn.
 
-    `joints` (r,) names the curves in the legend, None for joint1, joint2, ... Raises `InputError` for another number of
-    names, `ModuleNotFoundError` without matplotlib.
+    `joints` (r,) names the curves in the legend, None for joint1, joint2, ... Raises `InputError` for what are not r
+    different names, `ModuleNotFoundError` without matplotlib.
     """
     from matplotlib.figure import Figure
 
-    count = run.p.shape[1]
-    names = [f"joint{j + 1}" for j in range(count)] if joints is None else list(joints)
-    if len(names) != count:
-        raise InputError(f"joints: expected {count} names, got {len(names)}")
+    names = joint_names(run.p.shape[1], joints)
     panels = 4 if run.estimate.shape[1] else 3
     figure = Figure(figsize=(8.0, 1.9 * panels), layout="constrained")
     axes = figure.subplots(panels, 1, sharex=True)

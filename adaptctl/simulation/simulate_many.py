@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, frozen, per_joint
+from adaptctl.arrays import Array, checked, frozen, per_joint, positive_number, whole_count
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.lanes import Precision
@@ -26,7 +26,7 @@ from adaptctl.simulation.error_sums import SETTLED, ErrorSums, judged_by, sum_si
 from adaptctl.simulation.gains_of_many import GainsOfMany, alike
 from adaptctl.simulation.herd import Herd
 from adaptctl.simulation.lyapunov_rise import rise_sizes, risen, truth_sizes, watched
-from adaptctl.simulation.noise import Noise
+from adaptctl.simulation.noise import Noise, checked_seeds
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
 from adaptctl.simulation.sampled_references import REFERENCE
@@ -163,11 +163,12 @@ def simulate_many(
     the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing ends a run early.
 
     Raises `InputError` for a duration that is below a control period or infinite, an `every`, `threads` or `members`
-    that is no whole number of at least 1, shapes or numbers of rows that do not fit together, controllers that differ
-    in more than numbers or come with `gains`, a controller with a task-space reference or a `step` of its own, what
-    single precision cannot do, and for more than LARGEST_COMPILED (100) links; `NonFiniteError` for NaN or infinity in
-    `parameters`, `p` or `v` and NaN in a bound, `NotFoundError` for an unknown name in `gains` and what a new
-    controller raises for theirs, and `SingularityError` where loops cannot be followed to `p`.
+    that is no whole number of at least 1, a `seed` that is none of at least 0, shapes or numbers of rows that do not
+    fit together, controllers that differ in more than numbers or come with `gains`, a controller with a task-space
+    reference or a `step` of its own, what single precision cannot do, and for more than LARGEST_COMPILED (100) links;
+    `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v` and NaN in a bound, `NotFoundError` for an unknown
+    name in `gains` and what a new controller raises for theirs, and `SingularityError` where loops cannot be followed
+    to `p`.
     """
     law, own = alike(controller)
     run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)
@@ -224,10 +225,11 @@ class _Runs:
         precision: Precision,
     ) -> None:
         self.loop, self.period, self.threads, self.precision = loop, loop.plant.control_period, threads, precision
-        if not (np.isfinite(duration) and duration >= self.period):
-            raise InputError(f"duration: expected at least a control period of {self.period:g} s, got {duration}")
+        what = f"duration: expected at least a control period of {self.period:g} s"
+        if positive_number(duration, what) < self.period:
+            raise InputError(f"{what}, got {duration}")
         for name, number in (("every", 1 if every is None else every), ("threads", threads)):
-            _require_count(name, number)
+            whole_count(number, name, 1)
         _require_compilable(loop)
         self.steps, self.every = round(duration / self.period), every
         if precision == "single":
@@ -258,15 +260,16 @@ class _Runs:
         chosen = own | {name: x for name, x in given.items() if x is not None}
         rows = {name: checked(x, own[name].shape[-1], name) for name, x in chosen.items()}
         if members is not None:
-            _require_count("members", members)
+            whole_count(members, "members", 1)
         remembered = [] if memory is None else self._remembered(memory)
-        seeds = {} if seed is None or isinstance(seed, int | np.integer) else {"seed": np.asarray(seed).shape}
+        seeds = checked_seeds(seed)
+        seeded = {"seed": seeds.shape} if isinstance(seeds, np.ndarray) else {}
         named_rows = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
-        axes = {k: x.shape[:-1] for k, x in named_rows.items()} | tuned.arms | seeds
+        axes = {k: x.shape[:-1] for k, x in named_rows.items()} | tuned.arms | seeded
         count = _members(members, {"reference": self.references.arms} | axes)
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
         self.beyond = bounds["beyond"]
-        noise = Noise.of(seed, count, HERD, loop.noise["noise"])
+        noise = Noise.of(seeds, count, HERD, loop.noise["noise"])
         self.herds, stepper = [], _compiled(loop, self.references.form, self.precision)
         for k, first in enumerate(range(0, count, HERD)):
             arms = slice(first, min(first + HERD, count))
@@ -359,11 +362,6 @@ def _require_compilable(loop: ClosedLoop) -> None:
             f"simulate_many: {type(loop.controller).__name__} has a step of its own, and only a law is compiled: use "
             "`rollout` for one run after the other"
         )
-
-
-def _require_count(name: str, number: Any) -> None:
-    if not isinstance(number, int | np.integer) or number < 1:
-        raise InputError(f"{name}: expected a whole number of at least 1, got {number!r}")
 
 
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:

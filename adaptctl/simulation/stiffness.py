@@ -14,7 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import JointEffect
-from adaptctl.simulation.integrator import Integrator, LinearlyImplicitEuler, RungeKutta4
+from adaptctl.simulation.integrator import Integrator, LinearlyImplicitEuler, RungeKutta4, require_integrator
 from adaptctl.simulation.transmission import Transmission
 
 STABLE = 2.5
@@ -38,7 +38,8 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
     steepest, over 200 random configurations within the limits of the r joints. 0 without friction.
 
     Friction is that of the `mechanism`'s drives and of `effects` in the joints, none unless given. Raises `InputError`
-    where the mass matrix is singular and for settings of effects that do not fit r joints.
+    where the mass matrix is singular, for settings of effects that do not fit r joints, and where loops reach none of
+    the configurations.
     """
     extra = sum((np.diag(effect.steepest(mechanism.dof)) for effect in effects), np.zeros((mechanism.dof,) * 2))
     description = mechanism.description
@@ -81,10 +82,14 @@ def integration(
     method gets at least IMPLICIT (4).
 
     Raises `InputError` where friction or springs act on a singular mass matrix, for effects that do not fit the joints,
-    and where springs would need more than MOST_FOR_SPRINGS (2000) steps.
+    for what is no integrator, where springs would need more than MOST_FOR_SPRINGS (2000) steps, and where there is
+    friction or are springs and loops reach none of 200 random configurations.
     """
-    p = sampled_configurations(mechanism)
-    waves, decay = (0.0, 0.0) if transmission is None else transmission.rates(mechanism, p)
+    if integrator is not None:
+        require_integrator(integrator)
+    waves, decay = 0.0, 0.0
+    if transmission is not None:
+        waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
     friction = friction_rate(mechanism, effects)
     resolved = _few(math.ceil(waves * control_period / RESOLVED), mechanism)
     too_stiff = integrator is None and friction * control_period / STABLE > MOST

@@ -11,14 +11,14 @@ import numpy as np
 from adaptctl.compilation.lanes import Precision
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import AdaptctlError, InputError, NotFoundError
+from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.learning import Learning
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
 from adaptctl.simulation import simulate_many
 from adaptctl.sweeps.episodes import BegunEpisode, Episodes
-from adaptctl.sweeps.outcome import RunOutcome
+from adaptctl.sweeps.outcome import FAILURES, RunOutcome
 
 RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
@@ -42,9 +42,9 @@ def batched(
 
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of the
     numbers. In double the outcomes are those of each experiment by itself, to round-off. An experiment that raises an
-    `AdaptctlError` before it runs has the one outcome "failed", with the error's message and no controller's name; so
-    have, in single, runs that cannot be made in that precision. Other errors of an experiment or of the simulation in
-    double go through.
+    `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` before it runs has the one outcome "failed", with the
+    error's message and no controller's name; so have, in single, runs that cannot be made in that precision. Other
+    errors of an experiment or of the simulation in double go through.
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
@@ -54,8 +54,8 @@ def batched(
     for k, one in enumerate(experiments):
         try:
             trial = _trial(one, controllers, episodes)  # type: ignore[arg-type]  # each is a Learning
-        except AdaptctlError as error:
-            outcomes[k] = [("", RunOutcome.failed(" ".join(str(error).split())))]
+        except FAILURES as error:
+            outcomes[k] = [("", RunOutcome.failed(error))]
             continue
         if trial is not None:
             trials[k] = trial
@@ -158,7 +158,7 @@ def _tried(
     except InputError as error:
         if precision == "double":
             raise
-        return dict.fromkeys(places, RunOutcome.failed(" ".join(str(error).split())))
+        return dict.fromkeys(places, RunOutcome.failed(error))
 
 
 def _together(

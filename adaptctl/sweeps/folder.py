@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import hashed, read_json, replacing, write_json
+from adaptctl.folders import made_folder
 from adaptctl.sweeps.rows import columns_of
 from adaptctl.sweeps.study import SweepStudy
 from adaptctl.version import __version__
@@ -61,8 +62,8 @@ class Folder:
         """The `Folder` of the sweep of a `study` at `path`: one that was begun earlier, with its own number of runs a
         shard (a file), or a new one, with `shard` of them, which is made with its study.json. `command` has the command
         line's words, to be kept there. Raises `InputError` for a folder with the sweep of another study or of another
-        version of adaptctl, or with other files; `FileError` where study.json cannot be read or written; `OSError`
-        where the folder cannot be made."""
+        version of adaptctl, or with other files; `FileError` where study.json cannot be read or written or the folder
+        cannot be made."""
         place = path / STUDY
         if place.is_file():
             saved = read_json(place, Saved)
@@ -73,7 +74,7 @@ class Folder:
             return cls(path, study, saved.shard)
         if path.is_dir() and any(not one.name.startswith(".") for one in path.iterdir()):
             raise InputError(f"{path}: is not empty, and no sweep's: choose another --out")
-        path.mkdir(parents=True, exist_ok=True)
+        made_folder(path)
         about = Saved(
             schema="adaptctl/sweep/1",
             version=__version__,
@@ -121,9 +122,9 @@ class Folder:
 
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write the file of a `shard`, a group of the sweep's runs, with their `rows`, mappings by column: whole or not
-        at all. Raises `FileError` where the file cannot be written, `OSError` where its folder cannot be made,
-        `KeyError` for a row without one of the columns."""
-        (self.path / "shards").mkdir(exist_ok=True)
+        at all. Raises `FileError` where the file cannot be written or its folder cannot be made, `KeyError` for a row
+        without one of the columns."""
+        made_folder(self.path / "shards")
         _write(self.place(shard), table(self.study, rows, len(shard.runs)))
 
     def finished(self) -> pa.Table:

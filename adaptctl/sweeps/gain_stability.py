@@ -14,12 +14,11 @@ from adaptctl.control import Sinusoids, SlotineLi, typical_inertia
 from adaptctl.control.gains.hold import hold_number
 from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import AdaptctlError
 from adaptctl.experiments.experiment import setting
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Plant, simulate_many
 from adaptctl.sweeps.measurement import SweepMeasurement
-from adaptctl.sweeps.outcome import RunOutcome
+from adaptctl.sweeps.outcome import FAILURES, RunOutcome
 
 PUSH, LOST = 1e-3, 1e-3
 """rad/s (m/s) at which an arm sets off, and rad (m) of error at which it is lost: a thousand times what is due."""
@@ -50,7 +49,8 @@ class GainStability(SweepMeasurement):
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
         """The `RunOutcome` of each of the measurements `chosen`, in their order: "done", "diverged", or "failed" with
         the reason where the robot or its loop cannot be made. Those of equal robot, control period and number of
-        periods are computed together; where one of these fails, all do. No `AdaptctlError` is raised."""
+        periods are computed together; where one of these fails, all do. No `AdaptctlError`, `ArithmeticError` or
+        NumPy's `LinAlgError` is raised."""
         groups: dict[tuple[str, float, int], list[int]] = {}
         for k, one in enumerate(chosen):
             groups.setdefault((one.robot, one.control_period, one.periods), []).append(k)
@@ -58,8 +58,8 @@ class GainStability(SweepMeasurement):
         for members in groups.values():
             try:
                 outcomes = _held([chosen[k] for k in members])
-            except AdaptctlError as error:
-                outcomes = [RunOutcome.failed(" ".join(str(error).split()))] * len(members)
+            except FAILURES as error:
+                outcomes = [RunOutcome.failed(error)] * len(members)
             found |= zip(members, outcomes, strict=True)
         return [found[k] for k in range(len(chosen))]
 

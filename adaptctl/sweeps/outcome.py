@@ -7,7 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from adaptctl.errors import AdaptctlError
 from adaptctl.simulation import Rollouts
+
+FAILURES = (AdaptctlError, ArithmeticError, np.linalg.LinAlgError)
+"""Errors of an experiment that make its run a failed one and leave others as they are."""
 
 
 class RunOutcome(NamedTuple):
@@ -28,10 +32,10 @@ class RunOutcome(NamedTuple):
     lyapunov_rise: float | None = None
 
     @classmethod
-    def failed(cls, reason: str) -> RunOutcome:
-        """The outcome "failed" of a run that could not be made or computed, for the `reason` given, with no numbers.
-        Nothing is raised."""
-        return cls("failed", reason)
+    def failed(cls, reason: str | Exception) -> RunOutcome:
+        """The outcome "failed" of a run that could not be made or computed, for the `reason` given, a text or an error,
+        in one line, with no numbers. Nothing is raised."""
+        return cls("failed", " ".join(str(reason).split()))
 
     @classmethod
     def each_of(cls, runs: Rollouts) -> list[RunOutcome]:

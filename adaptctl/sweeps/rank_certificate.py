@@ -12,11 +12,10 @@ from adaptctl.description import Description, Joint, JointKind, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import AdaptctlError
 from adaptctl.experiments.experiment import setting
 from adaptctl.identifiability import essential_space
 from adaptctl.sweeps.measurement import SweepMeasurement
-from adaptctl.sweeps.outcome import RunOutcome
+from adaptctl.sweeps.outcome import FAILURES, RunOutcome
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
@@ -44,7 +43,8 @@ class RankCertificate(SweepMeasurement):
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
         """The `RunOutcome` of each of the measurements `chosen`, in their order: "done" where the chain's rank, the
         number of its identifiable parameters, is the same from energies as from its joints one by one, else "failed";
-        both ranks, or the error, are its reason. No `AdaptctlError` is raised."""
+        both ranks, or the error, are its reason. No `AdaptctlError`, `ArithmeticError` or NumPy's `LinAlgError` is
+        raised."""
         return [one._judged() for one in chosen]
 
     def mechanism(self) -> Mechanism:
@@ -57,8 +57,8 @@ class RankCertificate(SweepMeasurement):
         try:
             mechanism = self.mechanism()
             ranks = [essential_space(mechanism, method=method).rank for method in ("svd", "transfers")]
-        except AdaptctlError as error:
-            return RunOutcome.failed(" ".join(str(error).split()))
+        except FAILURES as error:
+            return RunOutcome.failed(error)
         words = f"rank {ranks[0]} from energies, {ranks[1]} from joints"
         return RunOutcome("done", words) if ranks[0] == ranks[1] else RunOutcome.failed(words)
 

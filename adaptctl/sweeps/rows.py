@@ -22,7 +22,7 @@ from adaptctl.experiments.experiment import CheckedSettings, Experiment
 from adaptctl.recording import Comparison, ControllerRun
 from adaptctl.sweeps.batch import batched, named
 from adaptctl.sweeps.measurement import SweepMeasurement, kind_of
-from adaptctl.sweeps.outcome import OUTCOME, RunOutcome
+from adaptctl.sweeps.outcome import FAILURES, OUTCOME, RunOutcome
 from adaptctl.version import __version__
 
 Row = dict[str, Any]
@@ -43,8 +43,9 @@ def rows_of(
     and `host`, the computer. A run has its settings by name, defaults for the others.
 
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of
-    runs that are computed together in native code. A run that raises an `AdaptctlError` is a row of status "failed"
-    with its reason. Raises `NotFoundError` for an unknown experiment, `TypeError` for a setting that it does not have.
+    runs that are computed together in native code. A run that raises an `AdaptctlError`, an `ArithmeticError` or
+    NumPy's `LinAlgError` is a row of status "failed" with its reason. Raises `NotFoundError` for an unknown experiment,
+    `TypeError` for a setting that it does not have.
     """
     with warnings.catch_warnings():
         for category in (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning):
@@ -107,16 +108,16 @@ def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> Checke
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
     """Outcomes of an `experiment` that runs by itself, not with others: pairs of a controller's name and its
     `RunOutcome`, for those that `controllers` names, all where empty. Where the experiment compares no controllers, or
-    it raises an `AdaptctlError`, an `ArithmeticError` or a `LinAlgError`, there is one outcome "failed" with the reason
-    and an empty name."""
+    it raises an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError`, there is one outcome "failed" with the
+    reason and an empty name."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
         if compare is None:
             return [("", RunOutcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
         comparison = compare(lambda what, share: None)
         chosen = named(comparison.runs, controllers)
-    except (AdaptctlError, ArithmeticError, np.linalg.LinAlgError) as error:
-        return [("", RunOutcome.failed(" ".join(str(error).split())))]
+    except FAILURES as error:
+        return [("", RunOutcome.failed(error))]
     return [(run.name, _outcome(run)) for run in chosen]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from adaptctl.errors import InputError, MissingExtraError
-from adaptctl.files import write_text
+from adaptctl.files import toml_string, write_text
 from adaptctl.sweeps.outcome import OUTCOME
 from adaptctl.sweeps.rows import rows_of
 from adaptctl.sweeps.study import SweepStudy
@@ -44,10 +44,11 @@ def search(
     `minimise`, such as "rms_error", found in `trials` runs by tree-structured Parzen estimators (Bergstra, Bardenet,
     Bengio and Kegl 2011). Runs that fail or diverge count as infinitely bad.
 
-    The controller is the first that the study names, or else the experiment's first. `progress(share)` is called with
-    the share that is done, 0 to 1; it does nothing unless given. `seed`, 0 unless given, is that of the choice of
-    settings. Raises `InputError` for a column that is no number of an outcome, and where no run is done with that
-    number; `MissingExtraError` where Optuna is not installed; `NotFoundError` for an unknown experiment.
+    The controller is the first that the study names, or else the experiment's first, as the first run that can be made
+    names it. `progress(share)` is called with the share that is done, 0 to 1; it does nothing unless given. `seed`, 0
+    unless given, is that of the choice of settings. Raises `InputError` for a column that is no number of an outcome,
+    and where no run is done with that number; `MissingExtraError` where Optuna is not installed; `NotFoundError` for an
+    unknown experiment.
     """
     optuna = _optuna()
     if minimise not in SMALLEST:
@@ -59,7 +60,7 @@ def search(
     for first in range(0, trials, TOGETHER):
         batch = [asked.ask() for _ in range(min(TOGETHER, trials - first))]
         settings = [_suggested(study, trial) for trial in batch]
-        controllers = controllers or (rows_of(study.experiment, settings[:1])[0]["controller"],)
+        controllers = controllers or _first_controller(study, settings)
         rows = rows_of(study.experiment, settings, controllers, study.precision)
         for trial, chosen, row in zip(batch, settings, rows, strict=True):
             value = row[minimise] if row["status"] == "done" and row[minimise] is not None else np.inf
@@ -80,14 +81,23 @@ def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
     of the experiment of `study`. Raises `FileError` where it cannot be written."""
     lines = [
         'schema = "adaptctl/study/1"',
-        f'experiment = "{study.experiment}"',
-        f'controllers = ["{found.controller}"]',
+        f"experiment = {toml_string(study.experiment)}",
+        f"controllers = [{toml_string(found.controller)}]",
     ]
     lines += ["", "[settings]"]
     for name, value in found.settings.items():
-        text = " ".join(map(repr, value)) if isinstance(value, tuple) else value
-        lines.append(f'{name} = "{text}"' if isinstance(text, str) else f"{name} = {text!r}")
+        text = " ".join(map(str, value)) if isinstance(value, tuple) else value
+        lines.append(f"{name} = [{toml_string(text) if isinstance(text, str) else repr(text)}]")
     write_text(path, "\n".join(lines) + "\n")
+
+
+def _first_controller(study: SweepStudy, settings: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """The name of the experiment's first controller, of the first run that has rows to tell; none where all fail."""
+    for chosen in settings:
+        row = rows_of(study.experiment, [chosen], (), study.precision)[0]
+        if row["controller"] or row["status"] != "failed":
+            return (row["controller"],)
+    return ()
 
 
 def _suggested(study: SweepStudy, trial: Any) -> dict[str, Any]:

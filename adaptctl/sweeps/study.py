@@ -28,11 +28,11 @@ Sampling = Literal["grid", "latin-hypercube", "sobol"]
 
 class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
     """Content of a study's file (TOML): the name of an `experiment` or measurement; the `question` that its runs
-    answer; the values of its `settings` by name, each a number, a list, or text such as "0..5:11"; `controllers`, the
-    names of those that run, all where empty; `sampling`, "grid", the default, for all combinations of values, or a draw
-    of `samples` of them by "latin-hypercube" or "sobol", with its `sampling_seed`; and the `precision`, "double" unless
-    given, of runs that are computed together. `schema` is the format's name. Types are checked where a file is read,
-    not at construction."""
+    answer; the values of its `settings` by name, each a number, text such as "0..5:11" or "4,8", or a list, whose
+    texts keep their commas; `controllers`, the names of those that run, all where empty; `sampling`, "grid", the
+    default, for all combinations of values, or a draw of `samples` of them by "latin-hypercube" or "sobol", with its
+    `sampling_seed`; and the `precision`, "double" unless given, of runs that are computed together. `schema` is the
+    format's name. Types are checked where a file is read, not at construction."""
 
     schema: Literal["adaptctl/study/1"]
     experiment: str
@@ -105,14 +105,14 @@ class SweepStudy:
     @classmethod
     def _made(cls, file: StudyFile, given: Mapping[str, str], options: Mapping[str, Any]) -> SweepStudy:
         kind = kind_of(file.experiment)
-        typed = {name: _typed(value) for name, value in file.settings.items()}
+        typed: dict[str, str | list[str]] = {name: _typed(value) for name, value in file.settings.items()}
         typed |= {name.replace("-", "_"): text for name, text in given.items()}
         known = {entry.name: entry for entry in fields(kind)}
         for name in typed:
             if name not in known:
                 guess = nearest_name(name, known)
                 raise NotFoundError(f"{file.experiment} has no setting {name!r}{guess}; settings: {', '.join(known)}")
-        settings = {name: parsed(known[name], text) for name, text in typed.items()}
+        settings = {name: parsed(known[name], values) for name, values in typed.items()}
         chosen: dict[str, Any] = {
             "controllers": tuple(file.controllers),
             "question": file.question,
@@ -192,6 +192,6 @@ def shipped() -> list[str]:
     return sorted(path.stem for path in STUDIES.glob("*.toml"))
 
 
-def _typed(value: str | float | int | list[str | float | int]) -> str:
-    """A value of a file as it would be typed."""
-    return ",".join(map(str, value)) if isinstance(value, list) else str(value)
+def _typed(value: str | float | int | list[str | float | int]) -> str | list[str]:
+    """A value of a file as it would be typed, or each of a list."""
+    return [str(one) for one in value] if isinstance(value, list) else str(value)

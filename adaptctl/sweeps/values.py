@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import Field, dataclass
 from typing import Any
 
@@ -33,21 +34,26 @@ class Span:
         return self.low + share * (self.high - self.low)
 
 
-def parsed(entry: Field[Any], text: str) -> tuple[Any, ...] | Span:
-    """The values of a setting from `text`, as typed: a tuple for a list, ``4,8,12``, for a range of whole numbers,
-    ``0..99``, and for evenly spaced numbers, ``0..5:11`` being 11 from 0 to 5; a `Span` to draw from for ``0..5`` of
-    numbers that need not be whole. Where a value is itself a tuple, its parts are separated by blanks, ``90 150 70``;
-    values that are tuples or texts have no ranges. `entry` is the setting's dataclass field, whose default tells the
-    kind of value.
+def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | Span:
+    """The values of a setting, as `typed`: a tuple for a list, ``4,8,12``, for a range of whole numbers, ``0..99``, and
+    for evenly spaced numbers, ``0..5:11`` being 11 from 0 to 5; a `Span` to draw from for ``0..5`` of numbers that need
+    not be whole. Where a value is itself a tuple, its parts are separated by blanks, ``90 150 70``; values that are
+    tuples or texts have no ranges. A sequence of texts, such as a study's file has, stands for its texts joined by
+    commas, but for a setting whose values are texts: there each text is a value, commas included. `entry` is the
+    setting's dataclass field, whose default tells the kind of value.
 
-    Raises `InputError` for what is none of this, equal values, a range that does not rise, other than 2 to 1 000 000
-    values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
+    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to 1
+    000 000 values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
     """
-    if not isinstance(entry.default, tuple | str) and (match := _RANGE.match(text)):
-        return _range(entry, match)
-    values = tuple(_one(entry, part.strip()) for part in text.split(","))
-    if len(set(values)) < len(values):
-        raise InputError(f"{entry.name}: expected different values, got {text!r}")
+    if isinstance(entry.default, str) and not isinstance(typed, str):
+        values: tuple[Any, ...] = tuple(typed)
+    else:
+        text = typed if isinstance(typed, str) else ",".join(typed)
+        if not isinstance(entry.default, tuple | str) and (match := _RANGE.match(text)):
+            return _range(entry, match)
+        values = tuple(_one(entry, part.strip()) for part in text.split(","))
+    if not values or len(set(values)) < len(values):
+        raise InputError(f"{entry.name}: expected different values, at least one, got {typed!r}")
     return values
 
 

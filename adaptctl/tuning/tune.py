@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, per_joint
+from adaptctl.arrays import Array, per_joint, positive_number, whole_count
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
@@ -69,12 +69,9 @@ def tune(
     for joints that no gains can hold; for a given `reference`, `NonFiniteError` where its points are not finite and
     `SingularityError` where kinematic loops cannot reach its first one.
     """
-    for name, value, most in (("period", period, 0.1), ("bandwidth", bandwidth, 1e3), ("hold", hold, 1.5)):
-        _require(name, value, most)
-    _require("adaptation", adaptation, 1.0)
-    for name, value in (("search", search), ("seed", seed)):
-        if not isinstance(value, int | np.integer) or value < 0:
-            raise InputError(f"{name}: expected a whole number of at least 0, got {value!r}")
+    period, bandwidth = _positive("period", period, 0.1), _positive("bandwidth", bandwidth, 1e3)
+    hold, adaptation = _positive("hold", hold, 1.5), _positive("adaptation", adaptation, 1.0)
+    search, seed = whole_count(search, "search"), whole_count(seed, "seed")
     given = None if initial_error is None else _given_error(mechanism, initial_error)
     limits = finite_torque_limits(mechanism)
     if reference is None:
@@ -84,7 +81,7 @@ def tune(
     off = given if given is not None else recoverable_error(mechanism, limits, found.reference)
     proposals = Proposals.along(mechanism, limits, found.reference, off, period, _postures(mechanism), seed)
     first = proposals.proposed(bandwidth, hold, adaptation, "mixed")
-    plant = _plant(mechanism, float(period), tuple(limits.tolist()))
+    plant = _plant(mechanism, period, tuple(limits.tolist()))
     trials = Trials(plant, found.reference, off)
     chosen = searched(trials, proposals, first, search, seed) if search and trials.possible else first
     carried, gain = chosen.carried, chosen.gain
@@ -114,9 +111,11 @@ def _plant(mechanism: Mechanism, period: float, limits: tuple[float, ...]) -> Pl
     return Plant(mechanism, period, *integration(mechanism, (), period), np.array(limits))
 
 
-def _require(name: str, value: float, most: float) -> None:
-    if not (isinstance(value, int | float) and math.isfinite(value) and 0.0 < value <= most):
-        raise InputError(f"{name}: expected a number above 0 and at most {most:g}, got {value!r}")
+def _positive(name: str, value: float, most: float) -> float:
+    what = f"{name}: expected a number above 0 and at most {most:g}"
+    if (number := positive_number(value, what)) > most:
+        raise InputError(f"{what}, got {value!r}")
+    return number
 
 
 def _given_error(mechanism: Mechanism, given: ArrayLike) -> Array:

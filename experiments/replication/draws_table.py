@@ -21,7 +21,8 @@ def write_draws(path: str | Path, study: Study) -> None:
     """Write a Parquet file of all random draws of states that a `study` has made, a row for each arm, seed and
     essential component (the parameters' part along a right singular vector of the energy differences). Columns are arm,
     seed, number (1 for the largest), singular_value (J per SI unit), weight (the energy of the component, J) and
-    percent_error (%, of the energy, when so many are kept). Raises `FileError` where it cannot be written."""
+    percent_error (the energy error, %, of keeping the components up to this number). Raises `FileError` where it cannot
+    be written."""
     about = {"schema": SCHEMA, "samples": str(study.samples), "velocity_scale": repr(study.velocity_scale)}
     write_columns(path, _columns(study), about)
 
@@ -35,7 +36,9 @@ def _columns(study: Study) -> list[Quantity]:
         Quantity("arm", "1", "which arm", np.repeat(np.array(labels, dtype=np.str_), np.array(sizes, dtype=int))),
         Quantity("seed", "1", "of the draw", _joined(seeds)),
         Quantity("number", "1", "1 for the largest", _joined(numbers)),
-        Quantity("singular_value", "1", "of the energy differences H", _joined([_values(one) for one in draws])),
+        Quantity(
+            "singular_value", "J per SI unit", "of the energy differences H", _joined([_values(one) for one in draws])
+        ),
         Quantity("weight", "J", "|beta_j| of equation 19, by falling size", _joined([one.weights for one in draws])),
         Quantity(
             "percent_error",

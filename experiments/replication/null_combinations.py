@@ -18,9 +18,10 @@ STATES = 500
 
 
 def combination(text: str, links: int = 6) -> Array:
-    """Coefficients (10 N,), no unit, of a linear combination of the inertial parameters of N = `links` links, ten a
-    link, from its `text` in Sheu and Walker's (1991) names, such as "I_y1 - I_x3 - I_z3". Raises `ValueError` for a
-    name that the paper does not have, `IndexError` for a link beyond N."""
+    """Coefficients (10 N,), no unit, of a linear combination of the inertial parameters of N = `links` links, of each
+    m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, from its `text` in Sheu and Walker's (1991) names, such as
+    "I_y1 - I_x3 - I_z3", whose last digits are the links from 1 on. Raises `ValueError` for a name that the paper does
+    not have, `IndexError` for a link beyond N."""
     out = np.zeros(10 * links)
     for factor, term in _terms(text):
         out[index(term[:-1], term[-1])] = factor * sign(term[:-1])
@@ -28,10 +29,11 @@ def combination(text: str, links: int = 6) -> Array:
 
 
 def torque_share(arm: SampledArm, text: str) -> float:
-    """Largest torque of a combination of the parameters of an arm of six links at 500 random states, over the largest
-    that one of its terms alone makes (no unit): round-off where the combination changes no torque. `text` is the
+    """Ratio max |Y c| / max |Y_j| (no unit) over 500 random states and all joints: the largest torque that a
+    combination c of inertial parameters makes, over the largest that any one of its terms j makes alone; Y is the
+    torque regressor of an `arm` of six links. It is round-off where the combination changes no torque. `text` is the
     combination in Sheu and Walker's (1991) names, such as "I_y1 - I_x3 - I_z3"; raises `ValueError` for a name that the
-    paper does not have."""
+    paper does not have, `IndexError` for a link beyond the sixth."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, STATES, arm.mechanism.dof))
     Y = arm.mechanism.torque_regressor(p, v, a)

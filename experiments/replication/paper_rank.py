@@ -13,8 +13,9 @@ THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 def paper_rank(singular_values: Array) -> Array:
-    """Rank by the rule of Sheu and Walker (1991, section 3.1): the number (...) of singular values (..., P), in falling
-    order, that are above the first times the square root of the machine precision."""
+    """Rank by the rule of Sheu and Walker (1991, section 3.1): the number (...) of singular values (..., P), P for each
+    matrix in falling order, that are greater than the first one times the square root of the machine precision. Raises
+    `IndexError` for a single number."""
     return np.count_nonzero(singular_values > THRESHOLD * singular_values[..., :1], axis=-1)
 
 

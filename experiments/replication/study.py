@@ -95,20 +95,22 @@ class Study:
 
     @cached_property
     def puma_motion(self) -> StatedMotion:
-        """Motion of the PUMA 560 over one period of a sinusoid in all joints, of `frequency` (Hz), at `motion_samples`
-        times."""
+        """Motion of the PUMA 560 over one period of a sinusoid of `frequency` (Hz) in all joints, each through the
+        whole of its range in Table 1 of Sheu and Walker (1991), at `motion_samples` times."""
         return self.puma.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def five_bar_motion(self) -> StatedMotion:
-        """Motion of the semi-direct-drive arm with four different lengths over one period of a sinusoid in all joints,
-        of `frequency` (Hz), at `motion_samples` times."""
+        """Motion of the semi-direct-drive arm with four different lengths over one period of a sinusoid of `frequency`
+        (Hz) in all joints, through the whole of the ranges in Table 9 of Sheu and Walker (1991), at `motion_samples`
+        times."""
         return self.five_bar.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
     def nearly_parallel_motion(self) -> StatedMotion:
-        """Motion of the semi-direct-drive arm with nearly equal opposite sides over one period of a sinusoid in all
-        joints, of `frequency` (Hz), at `motion_samples` times."""
+        """Motion of the semi-direct-drive arm with nearly equal opposite sides over one period of a sinusoid of
+        `frequency` (Hz) in all joints, through the whole of the ranges in Table 9 of Sheu and Walker (1991), at
+        `motion_samples` times."""
         return self.nearly_parallel.sinusoid(self.frequency, self.motion_samples)
 
     @cached_property
@@ -151,8 +153,9 @@ class Study:
 
     def priority(self, table: str, mechanism: Mechanism) -> Priority:
         """Priority, the order in which parameters of a `mechanism` are removed, from a `table` of Sheu and Walker
-        (1991), "table4" or "table11". Raises `KeyError` for an unknown table, `ValueError` for one that is no order,
-        `IndexError` for a mechanism of too few links."""
+        (1991), "table4" or "table11", whose entries number the parameters in that order. Raises `KeyError` for an
+        unknown table, `ValueError` for one with other entries, `IndexError` for a mechanism of fewer links than the
+        table has."""
         entries = list(printed().tables[table].entries())
         order = sorted(entries, key=lambda entry: int(entry[2]))
         return Priority(tuple(mechanism.parameter_names[index(row, link)] for row, link, _ in order))

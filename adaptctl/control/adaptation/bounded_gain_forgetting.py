@@ -81,7 +81,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
         errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, and the rate of forgetting (1/s) times the period at most 0.1.
+        period (s) is at most 1, the rate of forgetting (1/s) times the period at most 0.1, and no linear
+        constraint fixes a parameter at a value other than zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.

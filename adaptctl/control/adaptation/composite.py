@@ -9,7 +9,13 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter, require_cutoff, require_positive
+from adaptctl.control.adaptation.prediction import (
+    Filtered,
+    TorqueFilter,
+    require_cutoff,
+    require_no_known_share,
+    require_positive,
+)
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.identifiability import ReducedModel
@@ -56,13 +62,14 @@ class Composite(Descent[Filtered]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
-        errors is one positive number or one for each of its r joints, and the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1.
+        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
+        period (s) is at most 1, and no linear constraint fixes a parameter at a value other than zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
         """
         super().require(model, initial, period)
+        require_no_known_share(model, "composite")
         positive_per_joint(self.weight, model.mechanism.dof, "composite: weight")
         require_cutoff(self.cutoff, period)
 

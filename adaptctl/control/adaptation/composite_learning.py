@@ -109,8 +109,9 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
         errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, and `recall` (1/s), the rate at which the estimate returns to what the memory says,
-        times the period at most 0.5.
+        period (s) is at most 1, `recall` (1/s), the rate at which the estimate returns to what the
+        memory says, times the period at most 0.5, and no linear constraint fixes a parameter at a value other than
+        zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.

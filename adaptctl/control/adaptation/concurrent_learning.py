@@ -17,6 +17,7 @@ from adaptctl.control.adaptation.prediction import (
     TorqueFilter,
     momentum_columns,
     require_cutoff,
+    require_no_known_share,
     require_positive,
 )
 from adaptctl.control.gains.gains import positive_per_joint
@@ -110,13 +111,14 @@ class ConcurrentLearning(Descent[Stack]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
-        errors is one positive number or one for each of its r joints, and the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1.
+        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
+        period (s) is at most 1, and no linear constraint fixes a parameter at a value other than zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
         """
         super().require(model, initial, period)
+        require_no_known_share(model, "concurrent learning")
         positive_per_joint(self.weight, model.mechanism.dof, "concurrent learning: weight")
         require_cutoff(self.cutoff, period)
 

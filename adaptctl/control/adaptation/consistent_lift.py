@@ -18,8 +18,14 @@ from adaptctl.control.adaptation.natural import (
     raised_slope,
     require_consistent,
     require_rates,
+    require_whole_links,
 )
-from adaptctl.control.adaptation.prediction import TorqueFilter, require_cutoff, require_positive
+from adaptctl.control.adaptation.prediction import (
+    TorqueFilter,
+    require_cutoff,
+    require_no_known_share,
+    require_positive,
+)
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
@@ -65,7 +71,8 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     error of the filtered torques, with the filter's `cutoff` in rad/s; with None, the default, it does not, and W and F
     have no part. Raises `InputError` at construction for a rate, weight or cutoff that is not positive and finite (a
     weight of NaN is a `NonFiniteError`), a lift that is not finite and wrong shapes, and, with a controller, for sizes
-    that do not fit the model, a lift that is not consistent or not the first estimate's, and, with a weight, a cutoff
+    that do not fit the model, linear constraints that take parameters of bodies away, a lift that is not consistent or
+    not the first estimate's, and, with a weight, constraints that fix parameters at values other than zero and a cutoff
     above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance: V = s'Ms/2 + sum_i d(P_i true, P_i)/rate_i falls as -s'K_d s - eps'R eps, M the
@@ -99,13 +106,15 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the first lift (P,), all P parameters of bodies and drives, is physically
         consistent and its k fundamental (base) parameters are the first estimate, to 1e-9 of their largest, and there
-        is one rate or one for each link with a body and each drive's parameter; with a weight of prediction errors,
-        also unless that is one number or one a joint, and the torque filter's cutoff (rad/s) times the period (s) is at
-        most 1.
+        is one rate or one for each link with a body and each drive's parameter, and linear constraints leave all ten
+        parameters of each body free; with a weight of prediction errors, also unless that is one number or one a joint,
+        the torque filter's cutoff (rad/s) times the period (s) is at most 1, and no linear constraint fixes a drive's
+        parameter at a value other than zero.
 
         `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s, which the controller
         checks to be positive.
         """
+        require_whole_links(model, "consistent lift")
         P = len(model.mechanism.parameter_names)
         if len(self.lift) != P:
             raise InputError(f"consistent lift: lift: expected all {P} parameters, got {len(self.lift)}")
@@ -113,6 +122,7 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         require_consistent(model, self.lift, "consistent lift", "the lift")
         self._require_first(model, initial)
         if self.weight is not None:
+            require_no_known_share(model, "consistent lift")
             positive_per_joint(self.weight, model.mechanism.dof, "consistent lift: weight")
             require_cutoff(self.cutoff, period)
 

@@ -69,12 +69,12 @@ class Descent(AdaptationLaw[Memory]):
 
 def checked_gain(gain: ArrayLike) -> Array:
     """A read-only float64 copy of an adaptation `gain` of k parameters, (k,) the diagonal or (k, k), in units of the
-    parameters squared per J. Raises `InputError` for other shapes, what is not finite, a diagonal that is not positive,
-    and a matrix that is not symmetric and positive definite, to round-off."""
+    parameters squared per J. Raises `InputError` for other shapes, no numbers at all, what is not finite, a diagonal
+    that is not positive, and a matrix that is not symmetric and positive definite, to round-off."""
     array = numbers(gain, "adaptation gain")
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
-    if array.ndim not in (1, 2):
+    if array.ndim not in (1, 2) or not array.size:
         raise InputError(f"adaptation gain: expected numbers (k,), one a parameter, or (k, k), got shape {array.shape}")
     positive = np.all(array > 0.0) if array.ndim == 1 else _is_positive_definite(array)
     if not positive:

@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen_array, numbers
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw
-from adaptctl.control.adaptation.prediction import require_cutoff, require_positive
+from adaptctl.control.adaptation.prediction import require_cutoff, require_no_known_share, require_positive
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError
@@ -41,7 +41,7 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if (gain := numbers(self.gain, f"{self.called}: gain", "(k,)")).ndim != 1:
+        if (gain := numbers(self.gain, f"{self.called}: gain", "(k,)")).ndim != 1 or not gain.size:
             raise InputError(f"{self.called}: gain: expected Gamma's diagonal (k,), got shape {gain.shape}")
         gain = frozen_array(gain, gain.shape, f"{self.called}: gain")
         if np.any(gain <= 0.0):
@@ -54,13 +54,14 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
-        errors is one positive number or one for each of its r joints, and the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1.
+        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
+        period (s) is at most 1, and no linear constraint fixes a parameter at a value other than zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period in s, which the controller
         checks to be positive.
         """
         require_size(self.gain, model, f"{self.called}: gain")
+        require_no_known_share(model, self.called)
         self._require_weights(model.mechanism.dof)
         require_cutoff(self.cutoff, period)
 
@@ -80,9 +81,9 @@ def first_triangle(k: int) -> Array:
 
 def from_triangle(entries: Array, k: int) -> Array:
     """The symmetric matrix (k, k), as an array, whose upper triangle (k (k + 1)/2,), row by row, is `entries`. Raises
-    `ValueError` for another number of them, but for a single one, which is taken for all."""
+    `ValueError` for another number of them."""
     upper = np.zeros((k, k))
-    upper[np.triu_indices(k)] = entries
+    upper[np.triu_indices(k)] = np.reshape(entries, k * (k + 1) // 2)
     return upper + np.triu(upper, 1).T
 
 

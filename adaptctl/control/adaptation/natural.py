@@ -66,9 +66,9 @@ class Natural(AdaptationLaw[NoMemory]):
         object.__setattr__(self, "rate", checked_rate(self.rate))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the model keeps all P parameters of bodies and drives, there is one rate or one for
-        each link with a body and each drive's parameter, and the first estimate is physically consistent: positive
-        definite pseudo-inertias, positive parameters of drives.
+        """Raise `InputError` unless the model keeps all P parameters of bodies and drives, linear constraints leave all
+        ten of each body free, there is one rate or one for each link with a body and each drive's parameter, and the
+        first estimate is physically consistent: positive definite pseudo-inertias, positive parameters of drives.
 
         `initial` is the first estimate (P,), in SI units; `period`, the control period in s, is not looked at.
         """
@@ -79,6 +79,7 @@ class Natural(AdaptationLaw[NoMemory]):
                 "with ReducedModel.full(mechanism), from a consistent estimate; "
                 "adaptctl.identifiability.nearest_consistent finds one with given fundamental parameters)"
             )
+        require_whole_links(model, "natural adaptation")
         require_rates(self.rate, model)
         require_consistent(model, initial, "natural adaptation", "the first estimate")
 
@@ -144,6 +145,18 @@ def require_rates(rate: ArrayLike, model: ReducedModel) -> None:
         raise InputError(
             f"natural adaptation: rate: expected a number, or {count} of them, one for each of {bodies} links and "
             f"{count - bodies} parameters of drives, got {np.size(rate)}"
+        )
+
+
+def require_whole_links(model: ReducedModel, law: str) -> None:
+    """Raise `InputError` where linear constraints take away parameters of the model's links, whose ten make a
+    pseudo-inertia (4, 4) together; those of drives may be. `law` names the adaptation law in the message."""
+    mechanism = model.mechanism
+    names = mechanism.description.parameter_names[: 10 * len(mechanism.description.bodies)]
+    if missing := [name for name in names if name not in mechanism.parameter_names]:
+        raise InputError(
+            f"{law}: moves the pseudo-inertia of whole links, and constraints of {mechanism.name} take away "
+            f"{', '.join(missing)}: leave these constraints out, or take a law for parameters one by one"
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array, positive_number, stacked
 from adaptctl.compilation import trace
 from adaptctl.control.adaptation.law import Period
+from adaptctl.dynamics.constrained_equations import ConstrainedEquations
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -162,4 +163,18 @@ def require_cutoff(cutoff: float, period: float) -> None:
         raise InputError(
             f"torque filter: cutoff: {cutoff:g} rad/s is too fast for a control period of {period:g} s; "
             f"use at most {1.0 / period:g} rad/s"
+        )
+
+
+def require_no_known_share(model: ReducedModel, law: str) -> None:
+    """Raise `InputError` where linear constraints fix parameters of the model's mechanism at values other than zero,
+    for which filtered torques have no column: the message has these parameters, and `law`, the adaptation law's
+    name."""
+    mechanism, equations = model.mechanism, model.mechanism.equations
+    if isinstance(equations, ConstrainedEquations) and equations.has_known_share:
+        pairs = zip(mechanism.description.parameter_names, equations.known, strict=True)
+        raise InputError(
+            f"{law}: {mechanism.name}: constraints fix values other than zero, which torques without accelerations "
+            f"cannot be predicted with: {', '.join(f'{name} ({value:g})' for name, value in pairs if value)}: leave "
+            "these constraints out, or adapt by the tracking error alone, as Gradient does"
         )

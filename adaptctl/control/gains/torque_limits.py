@@ -18,7 +18,8 @@ def finite_torque_limits(mechanism: Mechanism) -> Array:
 
     The bound is 4 times the largest torque that inverse dynamics asks of the joint in 200 random states within its
     limits, at speeds up to 2 rad/s (m/s) and accelerations up to 10 rad/s^2 (m/s^2), and at least 1 N m (N); it is the
-    same in every call. With kinematic loops, states out of their reach are left out. Nothing is checked.
+    same in every call. With kinematic loops, states out of their reach are left out. Raises `InputError` where a joint
+    has no limit and loops reach none of the states.
     """
     limits = np.array(mechanism.effort_limits)
     unlimited = np.isinf(limits)

@@ -28,22 +28,29 @@ APART = 0.2
 def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Array:
     """Random positions (S, r) of the mechanism's r joints within their limits, rad (m if prismatic): `samples` of them,
     drawn uniformly by `seed`, without those that kinematic loops cannot reach, so that S are left. A joint without
-    limits is drawn from -pi to pi rad (-1 to 1 m). Equal seeds draw equal positions. Nothing is checked."""
+    limits is drawn from -pi to pi rad (-1 to 1 m). Equal seeds draw equal positions. Raises `InputError` where loops
+    reach none of them; `samples`, at least 1, and `seed` are not checked."""
     p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
-    return p[reachable(mechanism, p)]
+    p = p[reachable(mechanism, p)]
+    if not len(p):
+        raise InputError(
+            f"workspace: {mechanism.name} reaches none of {samples} random positions within its joints' limits: draw "
+            "more, or state limits within which its loops close"
+        )
+    return p
 
 
 def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
     """The least and the greatest position of each of the r joints, two arrays (r,), rad (m if prismatic): its limits,
-    and -pi and pi rad (-1 and 1 m) where it has none. Limits that are more than two turns (4 pi rad, or m) apart count
-    as none. Nothing is checked."""
+    and -pi and pi rad (-1 and 1 m) where it has none, or as far as makes its range pi rad (1 m) from its only limit.
+    Limits that are more than two turns (4 pi rad, or m) apart count as none. Nothing is checked."""
     limits = [joint.limits for joint in mechanism.primary_joints]
-    wide = [np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints]
+    wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints])
     ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
     absurd = np.isfinite(ends).all(axis=0) & (ends[1] - ends[0] > TURNS)
     lower, upper = np.where(absurd, [[-np.inf], [np.inf]], ends)
-    return np.where(np.isinf(lower), np.maximum(lower, np.negative(wide)), lower), np.where(
-        np.isinf(upper), np.minimum(upper, wide), upper
+    return np.where(np.isinf(lower), np.minimum(-wide, upper - wide), lower), np.where(
+        np.isinf(upper), np.maximum(wide, lower + wide), upper
     )
 
 
@@ -86,8 +93,6 @@ class Workspace:
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
-        if not len(p):
-            raise InputError(f"workspace: {mechanism.name} reaches none of {samples} random positions: draw more")
         free = [np.pi * joint.kind.turns * np.isinf(joint.limits.upper) for joint in mechanism.primary_joints]
         lower, upper = position_range(mechanism)
         return cls(mechanism, p, np.broadcast_to(lower - free, p.shape), np.broadcast_to(upper + free, p.shape))

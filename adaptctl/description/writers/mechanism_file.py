@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from adaptctl.description.loops import Closure, Loops
 from adaptctl.description.named_frame import FrameKind
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError
-from adaptctl.files import write_text
+from adaptctl.files import toml_string, write_text
 
 
 def write_mechanism(path: str | Path, description: Description) -> None:
@@ -35,8 +34,8 @@ def mechanism_toml(description: Description) -> str:
     _require_sayable(description)
     parts = [
         'schema = "adaptctl/mechanism/1"',
-        f"name = {_text(description.name)}",
-        f"source = {_text(description.source)}",
+        f"name = {toml_string(description.name)}",
+        f"source = {toml_string(description.source)}",
         f"gravity = {_numbers(description.gravity)}",
         *_of_loops(description.loops),
         *(line for link in description.links for line in _link(link, description.links)),
@@ -62,11 +61,11 @@ def _require_sayable(description: Description) -> None:
 def _link(link: Link, links: Sequence[Link]) -> Iterator[str]:
     joint = link.joint
     yield "\n[[links]]"
-    yield f"name = {_text(link.name)}"
-    yield f"joint = {_text(joint.name)}"
-    yield f"type = {_text(joint.kind.value)}"
+    yield f"name = {toml_string(link.name)}"
+    yield f"joint = {toml_string(joint.name)}"
+    yield f"type = {toml_string(joint.kind.value)}"
     if link.parent != GROUND:
-        yield f"parent = {_text(links[link.parent].name)}"
+        yield f"parent = {toml_string(links[link.parent].name)}"
     yield f"axis = {_numbers(joint.axis)}"
     yield from _frame(link.near)
     if link.far != Pose.identity():
@@ -118,7 +117,7 @@ def _drive(link: Link) -> Iterator[str]:
     drive = link.joint.drive
     terms = [f"{k.value} = {_number(x)}" for k in DriveParameter if (x := drive.value(k)) is not None]
     if drive.turns_with:
-        others = ", ".join(f"{_text(name)} = {_number(ratio)}" for name, ratio in drive.turns_with)
+        others = ", ".join(f"{toml_string(name)} = {_number(ratio)}" for name, ratio in drive.turns_with)
         terms.append(f"turns_with = {{ {others} }}")
     if terms:
         yield f"drive = {{ {', '.join(terms)} }}"
@@ -126,7 +125,7 @@ def _drive(link: Link) -> Iterator[str]:
 
 def _of_loops(loops: Loops | None) -> Iterator[str]:
     if loops is not None:
-        yield f"primary = [{', '.join(map(_text, loops.primary))}]"
+        yield f"primary = [{', '.join(map(toml_string, loops.primary))}]"
         if loops.reference:
             yield f"reference = {_table(loops.reference)}"
 
@@ -138,41 +137,36 @@ def _tables(loops: Loops | None) -> Iterator[str]:
         yield from _closure(closure)
     for coupling in loops.couplings:
         yield "\n[[couplings]]"
-        yield f"name = {_text(coupling.name)}"
-        yield f"follower = {_text(coupling.follower)}\nleader = {_text(coupling.leader)}"
+        yield f"name = {toml_string(coupling.name)}"
+        yield f"follower = {toml_string(coupling.follower)}\nleader = {toml_string(coupling.leader)}"
         yield f"ratio = {_number(coupling.ratio)}\noffset = {_number(coupling.offset)}"
     for condition in loops.conditions:
-        yield f"\n[[conditions]]\nname = {_text(condition.name)}\nweights = {_table(condition.weights)}"
+        yield f"\n[[conditions]]\nname = {toml_string(condition.name)}\nweights = {_table(condition.weights)}"
         bounds = (("lower", condition.lower), ("upper", condition.upper))
         yield from (f"{name} = {_number(bound)}" for name, bound in bounds if math.isfinite(bound))
 
 
 def _closure(closure: Closure) -> Iterator[str]:
-    yield f"\n[[closures]]\nname = {_text(closure.name)}\nkind = {_text(closure.kind.value)}"
+    yield f"\n[[closures]]\nname = {toml_string(closure.name)}\nkind = {toml_string(closure.kind.value)}"
     ends = (("first", closure.first, closure.first_frame), ("second", closure.second, closure.second_frame))
     for end, link, frame in ends:
-        named = [] if link is None else [f"link = {_text(link)}"]
+        named = [] if link is None else [f"link = {toml_string(link)}"]
         yield f"{end} = {{ {', '.join([*named, *_frame(frame)])} }}"
 
 
 def _named_frames(description: Description) -> Iterator[str]:
     for frame in description.frames:
-        yield f"\n[[frames]]\nname = {_text(frame.name)}"
+        yield f"\n[[frames]]\nname = {toml_string(frame.name)}"
         if frame.link != GROUND:
-            yield f"link = {_text(description.links[frame.link].name)}"
+            yield f"link = {toml_string(description.links[frame.link].name)}"
         yield from _frame(frame.pose)
         if frame.kind is not FrameKind.OPERATIONAL:
-            yield f"kind = {_text(frame.kind.value)}"
+            yield f"kind = {toml_string(frame.kind.value)}"
 
 
 def _table(values: object) -> str:
     items = dict(values).items()  # type: ignore[call-overload]  # a mapping by its place in the file
-    return f"{{ {', '.join(f'{_text(name)} = {_number(x)}' for name, x in items)} }}"
-
-
-def _text(text: str) -> str:
-    """A basic string of TOML, whose escapes are those of JSON."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return f"{{ {', '.join(f'{toml_string(name)} = {_number(x)}' for name, x in items)} }}"
 
 
 def _number(x: float) -> str:

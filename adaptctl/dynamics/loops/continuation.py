@@ -144,9 +144,11 @@ class Continuation:
             )
 
     def _steps(self, way: Array) -> NDArray[np.int64]:
-        """Number of steps that ways (m, r) need. A joint that moves no closure needs none, and couplings are linear."""
+        """Number of steps that ways (m, r) need, 1 where they are not finite. A joint that moves no closure needs
+        none, and couplings are linear."""
         longest = np.abs(way[:, list(self.equations.closing.looped)]).max(axis=1, initial=0.0)
-        return np.maximum(np.ceil(longest / LARGEST_STEP).astype(np.int64), 1)
+        finite = np.where(np.isfinite(longest), longest, 0.0)
+        return np.maximum(np.ceil(finite / LARGEST_STEP).astype(np.int64), 1)
 
     def _closed(self, p: Array, q: Array, halvings: int = HALVINGS) -> Array:
         """The closed configurations (m, n) at p (m, r), from closed ones nearby; by way of the middle where Newton's

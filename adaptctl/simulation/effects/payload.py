@@ -27,10 +27,10 @@ class Payload:
     and `inertia` tensor (3, 3) in kg m^2 about that centre, along the same axes. Centre and inertia
     are zero unless given: a point mass in the frame's origin.
 
-    Raises `InputError` for a mass that is no number or negative, a wrong shape, numbers that are not finite or that
-    make an inertial parameter above 1e20, and an inertia, unless zero, that no rigid body has: not symmetric within
-    1e-9 of its largest entry, or principal moments that break the triangle inequality. `inertia` is made exactly
-    symmetric.
+    Raises `InputError` for a mass that is no number, as a boolean is none, or negative, a wrong shape, numbers that are
+    not finite or that make an inertial parameter above 1e20, and an inertia, unless zero, that no rigid body has: not
+    symmetric within 1e-9 of its largest entry, or principal moments that break the triangle inequality. `inertia` is
+    made exactly symmetric.
     """
 
     mass: float
@@ -38,7 +38,7 @@ class Payload:
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.mass, Real) and 0.0 <= self.mass <= LARGEST_INERTIA):
+        if isinstance(self.mass, bool) or not (isinstance(self.mass, Real) and 0.0 <= self.mass <= LARGEST_INERTIA):
             raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
         object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
         tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")
