@@ -42,8 +42,8 @@ def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | S
     commas, but for a setting whose values are texts: there each text is a value, commas included. `entry` is the
     setting's dataclass field, whose default tells the kind of value.
 
-    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to 1
-    000 000 values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
+    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to a
+    million values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
     """
     if isinstance(entry.default, str) and not isinstance(typed, str):
         values: tuple[Any, ...] = tuple(typed)
