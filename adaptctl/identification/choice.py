@@ -71,11 +71,11 @@ def choose(
     `friction`, a `FrictionModel`; `weight` (unitless) of the prior, a first guess of the links, against the logs;
     `cutoff` (Hz), one of those that the evidence has. Where they are None, the candidates are: viscous and Coulomb
     friction with or without a square root or Stribeck term and an offset, and, unless loops are closed, with or without
-    load-dependent friction; the evidence's cut-offs, that of `judged_at` first; weights from 0.5 to 100 whose fit has a
-    misfit of at most 1.03 times that of least squares (`misfit_ratio`), or 0.5 if there are none. A later candidate is
-    taken where its error is less than the best one's by more than 1 % (0.3 % for weights). Raises `InputError` for a
-    weight that is not positive and finite and a cut-off that the evidence does not have, `AdaptctlError` where a fit is
-    not found.
+    load-dependent friction; the evidence's cut-offs, first the highest up to 25 Hz, at which all predictions are
+    compared; weights from 0.5 to 100 whose fit has a root mean square residual of at most 1.03 times that of least
+    squares (`misfit_ratio`), or 0.5 if there are none. A candidate replaces the best one before it only if its error is
+    more than 1 % smaller (0.3 % for weights). Raises `InputError` for a weight that is not positive and finite and a
+    cut-off that the evidence does not have, `AdaptctlError` where a fit is not found.
     """
     judged = judged_at(evidence)
     first = FIRST_WEIGHT if weight is None else positive_number(weight, "weight: expected a positive number")
@@ -113,8 +113,9 @@ def cutoffs_for(rate: float) -> tuple[float, ...]:
 def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
     """Root mean square error (N m, or N for prismatic joints), over all joints, of the torques that fits with some
     settings predict on blocks of time left out of them. The evidence's blocks (filtered equations of logs) are left out
-    in five groups of neighbours, one at a time, and compared at the cut-off of `judged_at`. Raises `KeyError` for
-    settings with a cut-off that the evidence does not have, `AdaptctlError` where a fit is not found."""
+    in five groups of neighbours, one at a time, and compared at one cut-off for all settings: the evidence's highest up
+    to 25 Hz, or its lowest where all are higher. Raises `KeyError` for settings with a cut-off that the evidence does
+    not have, `AdaptctlError` where a fit is not found."""
     squares = rows = 0.0
     for fold in np.array_split(np.arange(evidence.blocks), FOLDS):
         rest = [b for b in range(evidence.blocks) if b not in fold]
@@ -128,8 +129,9 @@ def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
 
 def is_allowed(evidence: LogEvidence, settings: FitSettings) -> bool:
     """True if the physically consistent fit with some settings to all of the evidence (filtered equations of logs) has
-    a root mean square residual of at most 1.03 times that of least squares (`misfit_ratio`). Raises `KeyError` for
-    settings with a cut-off that the evidence does not have, `AdaptctlError` where the fit is not found."""
+    a root mean square residual of at most 1.03 times that of weighted least squares on the same equations and
+    parameters, each joint's residual being divided by its standard deviation in the fit. Raises `KeyError` for settings
+    with a cut-off that the evidence does not have, `AdaptctlError` where the fit is not found."""
     return misfit_ratio(evidence, evidence.fit(settings, range(evidence.blocks))) <= ALLOWED_MISFIT
 
 

@@ -30,9 +30,9 @@ def by_energy(
     parameters.
 
     `motions` are the smoothed motions of logs, `window` is the windows' length (s), `columns` (c,) are the indices of
-    the parameters that are fitted; the others are zero. No accelerations are needed. The columns are scaled and
-    factored, not squared, which would leave no digits. Raises `ValueError` without a motion, `InputError` for motions
-    of another number of joints, `SingularityError` near locked loops.
+    the parameters that are fitted; the others are zero. No accelerations are needed. The scaled matrix of energy
+    differences is factored itself (singular values): normal equations would lose all digits. Raises `ValueError`
+    without a motion, `InputError` for motions of another number of joints, `SingularityError` near locked loops.
     """
     H, work = energy_rows(motions, mechanism, window)
     own = H[:, columns]
@@ -45,11 +45,11 @@ def by_energy(
 
 def energy_rows(motions: Sequence[SmoothMotion], mechanism: Mechanism, window: float) -> tuple[Array, Array]:
     """Energy differences H (n, P), J per SI unit of each of a mechanism's P parameters, and the joint torques' work
-    (n,), J, over n windows of time, so that H D = work for its parameters D (P,). A parameter of friction has the
-    energy that it takes in its column.
+    (n,), J, over n windows of time, so that H D = work for its parameters D (P,). A friction parameter's column has the
+    energy that this friction dissipates in the window.
 
-    `motions` are the smoothed motions of logs, `window` is the windows' length (s), ten of which begin within the
-    length of one; a motion shorter than a window has no rows. Raises `ValueError` without a motion, `InputError` for
+    `motions` are the smoothed motions of logs, `window` is the windows' length (s); a new window begins about every
+    tenth of it. A motion shorter than a window has no rows. Raises `ValueError` without a motion, `InputError` for
     motions of another number of joints, `SingularityError` near locked loops.
     """
     parts = [_of_motion(motion, mechanism, window) for motion in motions]

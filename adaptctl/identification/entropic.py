@@ -64,9 +64,10 @@ class EntropicPrior:
         return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
 
     def start(self, size: int) -> Array:
-        """The prior's own parameters (P,), SI units, for `size` = P parameters: the links' ten inertial ones each, the
-        rough sizes of the other positive parameters, and zero for all others. Raises `ValueError` or `IndexError` for a
-        size that is too small."""
+        """The prior's own parameters (P,), SI units, for `size` = P parameters: first the ten inertial ones of each
+        link (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), then, at the indices `positive`, the rough sizes
+        `scales` of other positive parameters, and zero elsewhere. Raises `ValueError` for a size too small for the
+        links, `IndexError` for one too small for the others."""
         x = np.zeros(size)
         x[: self.tens.size] = self.tens.ravel()
         x[self.positive] = self.scales
@@ -74,10 +75,10 @@ class EntropicPrior:
 
     def divergence(self, x: Array, weight: float) -> float:
         """Divergence, without a unit, of the parameters `x` (P,), SI units, from the prior, up to a constant: `weight`
-        times the sum of tr(L0^-1 L) - log det L over the links, with a link's pseudo-inertia L (4, 4), the matrix of
-        its second and first moments and mass, by x and L0 by the prior, plus 0.01 times the sum of z - log z over the
-        other positive parameters, z each over its rough size. Infinite where no rigid bodies have x, or a positive
-        parameter is not positive."""
+        (unitless) times the sum over the links of tr(L0^-1 L) - log det L, plus 0.01 times the sum of z - log z over
+        the other positive parameters. L (4, 4) is a link's pseudo-inertia, the matrix of its second and first moments
+        and mass, by x, and L0 by the prior; z is a parameter divided by its rough size in `scales`. Infinite where no
+        rigid bodies have x, or a positive parameter is not positive."""
         matrices = self._matrices(x)
         sign, determinants = np.linalg.slogdet(matrices)
         ratios = x[self.positive] / self.scales
@@ -96,9 +97,9 @@ class EntropicPrior:
 
     def gradient(self, x: Array, weight: float) -> Array:
         """Gradient (P,), per SI unit of each parameter, of `divergence`, that of the parameters `x` (P,), SI units,
-        from the prior, with the same `weight` (unitless) of the links. Parameters that are neither a link's nor
-        positive ones have zero. Raises NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4), the matrix of its
-        second and first moments and mass, is singular; other impossible links are not refused."""
+        from the prior, with the same `weight` (unitless) of the links. Entries are zero for parameters that are neither
+        a link's nor among those of index `positive`. Raises NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4),
+        the matrix of its second and first moments and mass, is singular; other impossible links are not refused."""
         out = np.zeros_like(x)
         slopes = self.inverses - np.linalg.inv(self._matrices(x))
         out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNITS, slopes).ravel()
@@ -126,8 +127,9 @@ class EntropicPrior:
 
 def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
     """The physically consistent parameters x (P,), SI units, that minimise x' A x/2 - b' x plus the divergence of x
-    from a prior: least squares with a normal matrix A (P, P) and a moment b (P,), weighted so that both are without a
-    unit, and links that rigid bodies can have.
+    from a prior: least squares with links that rigid bodies can have. The normal matrix A (P, P), per SI units of two
+    parameters, and the moment b (P,), per SI unit of each, are of equations divided by their standard deviations,
+    without a unit.
 
     `weight` (unitless) is that of the prior's links in the divergence, `start` (P,), within what is possible, is where
     the search begins, None for the prior's own parameters. Parameters without data, whose rows and columns of A are

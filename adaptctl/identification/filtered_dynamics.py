@@ -124,9 +124,9 @@ class SmoothMotion:
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
         """Rows of filtered equations of motion, one `Rows` for each of the low-pass filters' `cutoffs` (Hz), at the
         instants at which the arm moves; their regressors are on all P parameters of a mechanism, about four instants in
-        a period of the cut-off. Raises `InputError` where too few samples are left to filter and for a mechanism with
-        relations that fix parameters at values other than zero, `ValueError` without a cut-off or for one not below
-        half the motion's rate, `SingularityError` near locked loops."""
+        a period of the cut-off. Raises `InputError` where too few samples are left to filter and for a mechanism whose
+        file has linear relations between parameters that fix some at values other than zero, `ValueError` without a
+        cut-off or for one not below half the motion's rate, `SingularityError` near locked loops."""
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
@@ -174,13 +174,14 @@ class RowFilter:
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
         """The regressor (n, r, P), N m (N for a prismatic joint) per SI unit of each of P parameters, of n rows of
-        filtered equations from a chunk of l samples of a motion, for r primary joints: `momentum` (l, r, P), the
-        regressor of the generalised momenta, N m s (N s) per unit, through the filter's derivative, less `forces` (l,
-        r, P), that of all other forces, friction among them, N m (N) per unit, through the filter.
+        filtered equations from a chunk of l samples of a motion, for r primary joints. It is `momentum` (l, r, P), the
+        regressor of the generalised momenta, N m s (N s) per unit, through the derivative of the filter, minus `forces`
+        (l, r, P), that of all other forces, friction among them, N m (N) per unit, through the filter.
 
-        The rows are those that begin at the motion's samples from index `start` on, in the first `length` samples of
-        the chunk, which has up to `taps` - 1 samples more (the filter's length less one). n is 0 where the chunk is
-        shorter than the filter.
+        `start` is the index in the motion of the chunk's first sample. A row is made for every `every`-th sample of the
+        motion, counted from its first, that is among the first `length` of the chunk; it takes `taps` samples from
+        there on, so the chunk has up to `taps` - 1 more than `length`. n is 0 where the chunk is shorter than the
+        filter.
         """
         skipped = -start % self.every
         end = length + self.taps - 1
@@ -191,7 +192,7 @@ class RowFilter:
 
     def signal(self, values: Array) -> Array:
         """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter, (n, ...) at n rows, in
-        its own unit. A signal shorter than the filter is not refused."""
+        its own unit. The signal must be at least as long as the filter (`taps`), which is not checked."""
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
@@ -221,9 +222,9 @@ class RowFilter:
 def rows_of(motions: Sequence[SmoothMotion], mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
     """Rows of filtered equations of several logs, a list with one `Rows` for each of the low-pass filters' `cutoffs`
     (Hz): those of all smoothed `motions`, one log after the other, with regressors on all parameters of a mechanism.
-    Empty without a motion. Raises `InputError` where a motion is too short to filter and for a mechanism with relations
-    that fix parameters at values other than zero, `ValueError` without a cut-off or for one not below half a motion's
-    rate, `SingularityError` near locked loops."""
+    Empty without a motion. Raises `InputError` where a motion is too short to filter and for a mechanism whose file has
+    linear relations between parameters that fix some at values other than zero, `ValueError` without a cut-off or for
+    one not below half a motion's rate, `SingularityError` near locked loops."""
     each = [motion.rows(mechanism, cutoffs) for motion in motions]
     return [Rows.joined(parts) for parts in zip(*each, strict=True)]
 

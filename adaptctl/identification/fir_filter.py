@@ -31,14 +31,15 @@ def padded(kernel: Array) -> Array:
 
 def derivative(kernel: Array, rate: float) -> Array:
     """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by a kernel (t,), by central
-    differences of fourth order; `rate` is the signal's sampling rate (Hz). It fits to `padded(kernel)` sample by
-    sample."""
+    differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as those
+    of `padded(kernel)`, which filters the signal itself."""
     return np.convolve(kernel, DIFFERENCE) * rate
 
 
 def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
-    """A signal (n, ...) through a filter's kernel (t,): an array (m, ...) of every `every`-th (1 by default) of the n -
-    t + 1 values at which the kernel lies wholly within the signal, in the signal's unit times the kernel's.
+    """A signal (n, ...) through a filter's kernel (t,), in the signal's unit times the kernel's: an array (m, ...) of
+    the values at which the kernel lies wholly within the signal, n - t + 1 in all, or only every `every`-th of them (1
+    by default), beginning with the first; m = ceil((n - t + 1)/every).
 
     Nothing is assumed of the signal beyond its ends, so there is no transient. The signal must be at least as long as
     the kernel, which is not checked.

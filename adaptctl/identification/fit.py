@@ -42,8 +42,9 @@ class Fit:
     `x` (P + r,), SI units, are the P parameters of the mechanism with all kinds of friction, zero for those that the
     friction model does not have, then the shares (unitless) of load-dependent friction in the torques of r primary
     joints. `deviations` (r,) are the standard deviations of the joints' torque residuals, N m (N for a prismatic
-    joint). `curvature` (P + r, P + r), per SI units of two parameters, is the normal matrix of the equations with each
-    joint's divided by its deviation. Made by `LogEvidence.fit`; nothing is checked at construction.
+    joint). `curvature` (P + r, P + r), per SI units of two parameters, is the normal matrix Y' W Y of the equations
+    torque = Y x, in which W divides each joint's by the square of its deviation. Made by `LogEvidence.fit`; nothing is
+    checked at construction.
     """
 
     x: Array
@@ -111,18 +112,19 @@ class LogEvidence:
 
     def load(self, cutoff: float, x: Array) -> Array:
         """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in the n rows of filtered
-        equations at a `cutoff` (Hz): the torques of r joints by each drive's friction, if that were the whole rigid
-        torque at its joint. The rigid torques are those of the first P of the parameters `x`, SI units, without
-        friction. Raises `InputError` for parameters that no mechanism may have (not finite, above 1e20, or a rotor's
-        inertia below zero)."""
+        equations at a `cutoff` (Hz): the torques of r joints (second axis) by the friction of each of r drives (third
+        axis) for a share of 1, that is, as large as the rigid torque (the torque without friction) at the drive's
+        joint. The rigid torques are those of the mechanism's P parameters, SI units, the first P of `x`. Raises
+        `InputError` for parameters that no mechanism may have (not finite, above 1e20, or a rotor's inertia below
+        zero)."""
         columns = load_columns(self.motions, self.mechanism, x, cutoff, self.drives)
         return columns if self.kept is None else columns[self.kept[cutoff]]
 
     def equations(self, cutoff: float, blocks: Sequence[int], load: Array | None = None) -> NormalEquations:
         """Normal equations, a `NormalEquations` of one block, of the rows at a `cutoff` (Hz) in some of the blocks of
         time (numbers from 0), summed, on P + r parameters: the mechanism's P, and the r shares of load-dependent
-        friction. The columns `load` (n, r, r), N m (N), of the latter are those of all n rows at the cut-off, as
-        `load_from` gives them; None for zeros. Raises `KeyError` for a cut-off that the evidence does not have,
+        friction. `load` (n, r, r), N m (N), is the regressor on these shares in all n rows at the cut-off, as
+        `load_from` gives it; None for zeros. Raises `KeyError` for a cut-off that the evidence does not have,
         `IndexError` for a block that there is not."""
         plain = self._plain[cutoff].over(blocks)
         if load is None:
@@ -159,10 +161,11 @@ class LogEvidence:
 
     def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
         """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in all n rows of filtered
-        equations at a `cutoff` (Hz; None for the settings' own): the torques of r joints by the friction of each of r
-        drives, were its share of the rigid torque 1; or None where the settings' friction model has none. The rigid
-        torques that it grows with are those of a fit without it to some of the blocks of time (numbers from 0). Raises
-        `KeyError` for a cut-off that the evidence does not have, `AdaptctlError` where that fit is not found."""
+        equations at a `cutoff` (Hz; None for the settings' own): the torques of r joints (second axis) by the friction
+        of each of r drives (third axis) for a share of 1, that is, as large as the rigid torque (the torque without
+        friction) at the drive's joint. None where the settings' friction model has no such friction. The rigid torques
+        are those of a fit without it to some of the blocks of time (numbers from 0). Raises `KeyError` for a cut-off
+        that the evidence does not have, `AdaptctlError` where that fit is not found."""
         if not settings.friction.load:
             return None
         at = settings.cutoff if cutoff is None else cutoff
@@ -188,10 +191,11 @@ class LogEvidence:
         return {}
 
     def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
-        """The fit, a `Fit`, of physically consistent parameters with some settings to summed normal `equations` on the
-        mechanism's P parameters and r shares of load-dependent friction, each joint's weighted by its residual's
-        standard deviation in least squares. `start` (P + r,), SI units, is where the search begins, None for the prior.
-        Raises `AdaptctlError` where the search does not converge."""
+        """The fit, a `Fit`, of physically consistent parameters to normal `equations` on P + r parameters, the
+        mechanism's P and r shares of load-dependent friction, with the friction model and weight of the `settings`.
+        Sums over the blocks are taken; each joint's equations are divided by the standard deviation of its torque
+        residuals in weighted least squares. `start` (P + r,), SI units, is where the search begins, None for the prior.
+        Raises `AdaptctlError` where the search does not converge, `ValueError` for equations without a row."""
         mask = self.mask(settings.friction)
         _, deviations = weighted_least_squares(equations, self.independent(settings.friction))
         A, b = equations.whitened(deviations)
@@ -201,9 +205,9 @@ class LogEvidence:
         return Fit(x, deviations, A, settings)
 
     def prior_of(self, friction: FrictionModel) -> EntropicPrior:
-        """The prior, an `EntropicPrior`, of the parameters that a friction model has: the evidence's own without other
-        terms of friction, and with the r shares of load-dependent friction, which are positive too and of about 0.1,
-        where the model has them."""
+        """The prior, an `EntropicPrior`, of the parameters that a friction model has: the evidence's own, from which
+        the friction terms that the model lacks are removed. Where the model has load-dependent friction, its r shares
+        are added as positive parameters of rough size 0.1."""
         r, P = self.mechanism.dof, len(self.mechanism.parameter_names)
         kept = self.mask(friction)[self.prior.positive] > 0.0
         loads = np.arange(P, P + r) if friction.load else np.arange(0)
@@ -229,8 +233,8 @@ def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
 def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
     """Indices (c,), among a mechanism's parameters, of the drives' parameters that must be positive (rotor inertias,
     viscous and Coulomb friction), and their rough sizes (c,), SI units. The size of a rotor inertia is a tenth of the
-    mean moment of inertia, at least 1e-6 kg m^2, of the N links whose ten inertial parameters (mass, first moments,
-    inertia tensor) are `tens` (N, 10); others have 1."""
+    mean moment of inertia, at least 1e-6 kg m^2, of the N links whose ten inertial parameters each, m, mc_x, mc_y,
+    mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in SI units, are `tens` (N, 10); the other sizes are 1."""
     first = 10 * len(mechanism.description.bodies)
     drives = mechanism.description.drive_parameters
     own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]

@@ -45,8 +45,8 @@ class Forecast:
 
     @property
     def relative(self) -> Array:
-        """Relative standard deviations (k,), without a unit, of the k fundamental (base) parameters: each over the
-        parameter's own size as the robot's file has it; infinite where that is 0."""
+        """Relative standard deviations (k,), without a unit, of the k fundamental (base) parameters:
+        deviation/|parameter|, with the parameters as the robot's file has them; infinite where a parameter is 0."""
         with np.errstate(divide="ignore"):
             return np.asarray(self.deviations / np.abs(self.model.fundamental_parameters))
 
@@ -56,10 +56,10 @@ def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None 
     squares finds from a motion, sampled at 50 Hz.
 
     `noise` is the standard deviation of the torque residuals, N m (N for a prismatic joint), above zero: one number for
-    all of r joints, or (r,). By default (None) it is 2 % of each joint's largest torque on the motion, which is taken
-    as at least 1 % of the largest of any joint. Raises `InputError` for noise of another shape or not positive and
-    finite, `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked
-    loops.
+    all of r joints, or (r,). By default (None) it is 2 % of the largest torque on the motion, of each joint by itself;
+    a joint whose largest torque is below 1 % of the largest of all joints counts with that 1 %. Raises `InputError` for
+    noise of another shape or not positive and finite, `RankError` where the number of identifiable parameters cannot be
+    certified, `SingularityError` near locked loops.
     """
     given = None if noise is None else positive_per_joint(noise, mechanism.dof, "noise")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))

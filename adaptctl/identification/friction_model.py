@@ -79,12 +79,13 @@ def load_columns(
 ) -> Array:
     """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in the n rows of filtered equations
     that a low-pass filter of `cutoff` Hz makes of smoothed motions: the torques of r joints (second axis) by the
-    friction of each drive (third axis), if that were the whole rigid torque at its joint.
+    friction of each drive (third axis) for a share of 1, that is, as large as the rigid torque (the torque without
+    friction) at the drive's joint.
 
-    `mechanism` has all kinds of friction and `x` its P parameters, SI units (more are ignored); rigid torques are those
-    without friction. `drives` is the transmission, which couples drives with joints. Raises `InputError` for parameters
-    that no mechanism may have (not finite, above 1e20, or a rotor's inertia below zero), `ValueError` without a motion
-    or for a cut-off not below half its rate.
+    `mechanism` has all kinds of friction and `x` its P parameters, SI units (more are ignored); n is the number of
+    instants at which the arm moves. `drives` is the transmission, which couples drives with joints. Raises `InputError`
+    for parameters that no mechanism may have (not finite, above 1e20, or a rotor's inertia below zero), `ValueError`
+    without a motion or for a cut-off not below half its rate.
     """
     rigid = mechanism.with_parameters(np.where(_friction(mechanism), 0.0, x[: len(mechanism.parameter_names)]))
     parts = []

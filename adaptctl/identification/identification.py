@@ -32,13 +32,13 @@ class Identification:
     rows, by name; `choice` is the choice of the fit's settings (friction, low-pass cut-off, prior's weight), `steps`
     are those of the logs' preparation and `remarks` texts on logs and prior.
 
-    `misfit_ratio`, without a unit, is the root mean square of the fitted rows' torque residuals, each over its joint's
-    standard deviation, over that of plain least squares. `space` is the essential space (directions of the inertial
-    parameters that change energies and torques) with the logs' motion as its states, `components` the number of its
-    components that carry the motion's energy but for 1 %. `combinations` are k directions of the fundamental parameters
-    in words, each with its `strength`, without a unit (the plausible range by kind of parameter, `PriorRanges`, over
-    the deviation that the logs leave), the weakest first. `motions` are the logs' smoothed motions, and `drives` those
-    used. Made by `identify`; nothing is checked at construction.
+    `misfit_ratio`, without a unit, is the ratio of the root mean square of the fitted rows' torque residuals, each
+    divided by its joint's standard deviation, to that of plain least squares. `space` is the essential space
+    (directions of the inertial parameters that change energies and torques) with the logs' motion as its states,
+    `components` the number of its components that give the motion's energy to an error of 1 %. `combinations` are k
+    directions of the fundamental parameters in words, each with its `strength`, without a unit (the plausible range by
+    kind of parameter, `PriorRanges`, over the deviation that the logs leave), the weakest first. `motions` are the
+    logs' smoothed motions, and `drives` those used. Made by `identify`; nothing is checked at construction.
     """
 
     mechanism: Mechanism
@@ -106,7 +106,8 @@ class Identification:
     @property
     def unexcited(self) -> list[Combination]:
         """Combinations of the fundamental (base) parameters that the logs hardly excite, a list of `Combination`, the
-        least excited first: those whose plausible range before the logs, by kind of parameter (`PriorRanges`), is below
-        3 standard deviations after them, `inflation` (the factor by which deviations for white residuals are too small)
-        included. Each has `words` and `strength`, that range over the deviation for white residuals, without a unit."""
+        least excited first: those with a `strength` below 3 times `inflation`, the ratio of the standard deviations to
+        those for white (uncorrelated) residuals. `strength`, without a unit, is the ratio of the plausible range before
+        the logs, by kind of parameter (`PriorRanges`), to the standard deviation after them for white residuals;
+        `words` describes the combination."""
         return unexcited(self.combinations, self.inflation)

@@ -16,9 +16,9 @@ ROUNDS = 3
 
 def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
     """The parameters x (P,) that minimise x' A x/2 - b' x, with a normal matrix A (P, P) and a moment b (P,), over
-    those of indices `columns` (c,), the others being zero. Where they are not unique, eigenvalues of the scaled matrix
-    being below 1e-10 of the largest, the shortest scaled ones are taken. Raises `ValueError` for numbers that are not
-    finite, `IndexError` for no index."""
+    those of indices `columns` (c,), the others being zero. A is scaled to a diagonal of ones; where eigenvalues of it
+    are below 1e-10 of the largest, x is not unique, and the one of least norm in the scaled parameters is taken. Raises
+    `ValueError` for numbers that are not finite, `IndexError` where `columns` is empty or has an index of P or more."""
     own, wanted = A[np.ix_(columns, columns)], b[columns]
     size = np.sqrt(np.diag(own))
     size[size == 0.0] = 1.0
@@ -35,7 +35,8 @@ def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64
     the joints' equations are weighted (Gautier 1997).
 
     `equations` are normal equations on P parameters. Weights and parameters are found in three rounds. Raises
-    `ValueError` for numbers that are not finite, as where there is no row, `IndexError` for no index.
+    `ValueError` for numbers that are not finite, as where there is no row, `IndexError` where `columns` is empty or has
+    an index of P or more.
     """
     deviations = np.sqrt(equations.square.sum(axis=0) / equations.count.sum())
     x = np.zeros(equations.moment.shape[-1])

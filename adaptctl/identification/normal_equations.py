@@ -31,7 +31,8 @@ class NormalEquations:
     @classmethod
     def of(cls, rows: Rows, block: NDArray[np.int64]) -> NormalEquations:
         """Normal equations, a `NormalEquations`, of rows of filtered equations at n instants, summed by the blocks that
-        they belong to: `block` (n,) are the blocks' numbers from 0. Raises `ValueError` without an instant."""
+        they belong to: `block` (n,) are the blocks' numbers from 0. Raises `ValueError` without an instant,
+        `IndexError` for another number of blocks' numbers than instants."""
         parts = [_sums(rows.regressor[block == b], rows.torque[block == b]) for b in range(int(block.max()) + 1)]
         return cls(*(np.stack(part) for part in zip(*parts, strict=True)))
 
@@ -43,9 +44,10 @@ class NormalEquations:
         return NormalEquations(*(part[which].sum(axis=0, keepdims=True) for part in parts))
 
     def with_columns(self, rows: Rows, more: Array) -> NormalEquations:
-        """These normal equations, of one block, on c more parameters, a `NormalEquations`: `rows` are the n rows of
-        filtered equations that they are the sums of, and `more` (n, r, c), N m (N for a prismatic joint) per unit of
-        each parameter, is the regressor of the new ones. Raises `ValueError` for arrays that do not fit together."""
+        """These normal equations, of one block, on c more parameters, a `NormalEquations`, the new ones last: `rows`
+        are the n rows of filtered equations that they are the sums of, and `more` (n, r, c), N m (N for a prismatic
+        joint) per unit of each parameter, is the regressor of the new ones. Raises `ValueError` for arrays that do not
+        fit together."""
         Y, L = rows.regressor.transpose(1, 0, 2), more.transpose(1, 0, 2)
         across, own = Y.mT @ L, L.mT @ L
         moment = np.concatenate([self.moment[0], (L.mT @ rows.torque.T[..., None])[..., 0]], axis=-1)
@@ -53,8 +55,8 @@ class NormalEquations:
         return NormalEquations(normal[None], moment[None], self.square, self.count)
 
     def with_blank_columns(self, count: int) -> NormalEquations:
-        """These normal equations on `count` more parameters, a `NormalEquations`, whose regressor is zero. Raises
-        `ValueError` for a count below zero."""
+        """These normal equations on `count` more parameters, a `NormalEquations`: the new ones come last, and their
+        regressor is zero. Raises `ValueError` for a count below zero."""
         wider = (0, count)
         normal = np.pad(self.normal, ((0, 0), (0, 0), wider, wider))
         return NormalEquations(normal, np.pad(self.moment, ((0, 0), (0, 0), wider)), self.square, self.count)
@@ -98,8 +100,8 @@ def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
 
 def blocks_of(rows: Rows, edges: Sequence[tuple[int, float]]) -> NDArray[np.int64]:
     """Numbers (n,), from 0, of the blocks of time that n rows of filtered equations belong to. `edges` are pairs of the
-    number of a log, from 0, and the time (s) at which a block begins in it, in rising order, as `block_edges` gives
-    them."""
+    number of a log, from 0, and the time (s) at which a block begins in it, in rising order; rows before the first are
+    in block 0."""
     keys = np.array(edges)
     found = np.zeros(len(rows), dtype=np.int64)
     for b, (log, time) in enumerate(keys.tolist()):

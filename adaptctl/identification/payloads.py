@@ -32,10 +32,10 @@ def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mech
 
 
 def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Rows:
-    """The rows of filtered equations, a `Rows`, with the torques that the robot alone takes: those of known payloads of
-    `drives`, bodies that links carry, are subtracted (see `payload_torques`). `motions` are the logs' smoothed motions,
-    and the rows' regressors are on the parameters of `mechanism`. Raises `InputError` for a payload on an unknown link,
-    and for a mass, centre and inertia that no body has."""
+    """The rows of filtered equations, a `Rows`, with the torques that the robot alone takes: those of the known
+    payloads of `drives`, bodies that links carry, are subtracted in the rows of the logs that the payloads name.
+    `motions` are the logs' smoothed motions, and the rows' regressors are on the parameters of `mechanism`. Raises
+    `InputError` for a payload on an unknown link, and for a mass, centre and inertia that no body has."""
     return replace(rows, torque=rows.torque - payload_torques(rows, motions, mechanism, drives))
 
 

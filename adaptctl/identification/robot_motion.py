@@ -223,8 +223,8 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
 
 
 def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
-    """The motion, a `RobotMotion`, on the same path at another pace: `slower` (unitless) times slower than its
-    reference was made, whatever the motion's own pace. The number is not checked."""
+    """A copy of a motion, a `RobotMotion`, on the same path at another pace: its `slower` (unitless) is replaced by the
+    given one, by which it is slower than its reference. The number is not checked."""
     return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
 
 

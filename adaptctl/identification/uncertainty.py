@@ -43,10 +43,11 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
 
     The jackknife makes the fit without each block of time in turn, by one Newton step in which nothing has to be
     positive, so that an estimate at the edge of what is possible is not taken for certain. It sees the log's noise, not
-    how far the prior holds the estimate back. With the fit's curvature H, the prior's share H_p of it, and the spread C
-    of the truth about the prior, H^-1 H_p C H_p H^-1 is added for that. C is taken as the inverse of the prior's
-    curvature at a weight of one times how far the logs moved the parameters that they tell: where they tell nothing, it
-    is all that is left. `evidence` is what the fit was made from.
+    how far the prior holds the estimate back; for that c w H^-1 H_p H^-1 is added, as if the truth had the covariance c
+    (H_p/w)^-1 about the prior. H is the curvature of the fit's squares plus H_p, that of the prior's links at the fit's
+    weight w, and c is twice the links' divergence from the prior, divided by the number of links' parameters that the
+    logs determine (at least 1). `evidence` is what the fit was made from. Raises `KeyError` where it does not have the
+    fit's cut-off.
     """
     kept = np.flatnonzero(evidence.mask(fit.settings.friction))
     prior, weight = evidence.prior_of(fit.settings.friction), fit.settings.weight

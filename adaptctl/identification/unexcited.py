@@ -22,9 +22,10 @@ ENERGY_ERROR = 1.0
 
 class Combination(NamedTuple):
     """Combination of fundamental (base) parameters, and how strongly a log excites it: `words`, such as "0.89
-    link2.mc_x -0.45 link3.m", coefficients (unitless) of parameters each over its prior range, up to four of them, and
-    `strength` (unitless), the prior range along the combination over the standard deviation that the log leaves. Made
-    by `combinations`; nothing is checked at construction."""
+    link2.mc_x -0.45 link3.m", the largest coefficients (unitless), up to four, of parameters each divided by its prior
+    range, the greatest plausible distance from a first guess; and `strength` (unitless), the ratio of the prior range
+    along the combination to the standard deviation that the log leaves. Made by `combinations`; nothing is checked at
+    construction."""
 
     words: str
     strength: float
@@ -49,19 +50,19 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 
 
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
-    """Combinations, among those `found`, that a log leaves about as uncertain as they were before it, a list of
-    `Combination`: their `strength` is below 3 times `inflation`, the factor (unitless) by which standard deviations for
-    white (uncorrelated) residuals are too small."""
+    """Combinations, among those `found`, that a log hardly excites, a list of `Combination`: those with a `strength`
+    below 3 `inflation`, which it leaves about as uncertain as they were before it. `inflation` (unitless) is the ratio
+    of the true standard deviations to those for white (uncorrelated) residuals."""
     return [c for c in found if c.strength < WEAK * inflation]
 
 
 def essential_components(mechanism: Mechanism, p: Array, v: Array) -> tuple[EssentialSpace, int]:
     """The essential space of a mechanism, an `EssentialSpace` (directions of the inertial parameters that change
     energies and torques), with a log's motion as its states, and the number of essential components of the mechanism's
-    parameters that carry the motion's energy but for 1 % (Sheu and Walker 1991, section 3.2). The motion has positions
-    `p`, rad (m for a prismatic joint), and velocities `v`, rad/s (m/s), both (n, r). Raises `InputError` for a motion
-    of other shapes or without energy differences, `RankError` where the number of identifiable parameters cannot be
-    certified."""
+    parameters that give the motion's energy differences to a root mean square error of 1 % (Sheu and Walker 1991,
+    section 3.2). The motion has positions `p`, rad (m for a prismatic joint), and velocities `v`, rad/s (m/s), both (n,
+    r). Raises `InputError` for a motion of other shapes or without energy differences, `RankError` where the number of
+    identifiable parameters cannot be certified."""
     space = essential_space(mechanism, states=States(p, v, "the log's motion"))
     return space, reduce(space, mechanism, energy_error=ENERGY_ERROR).kept
 

@@ -47,8 +47,8 @@ class Validation:
 
     @property
     def relative_error(self) -> float:
-        """Relative torque error, without a unit: the root of the errors' squares, summed over all joints and instants,
-        over that of the measured torques; 0 without an error, infinite for any other where these are all zero."""
+        """Relative torque error, without a unit: sqrt(sum of errors^2 / sum of measured torques^2), both sums over all
+        joints and instants. 0 where all errors are zero; else infinite where all measured torques are zero."""
         return float(_relative(np.linalg.norm(self.error), np.linalg.norm(self.measured)))
 
     @property
@@ -58,9 +58,9 @@ class Validation:
 
     @property
     def joint_relative_errors(self) -> Array:
-        """Relative torque errors (r,): the root mean square (RMS) torque error of each of r joints, over all instants,
-        over its RMS measured torque, without a unit; 0 without an error, infinite for any other where the measured
-        torques are all zero."""
+        """Relative torque errors (r,) of r joints, without a unit: for each joint sqrt(sum of errors^2 / sum of
+        measured torques^2), both sums over all instants. 0 where all its errors are zero; else infinite where all its
+        measured torques are zero."""
         return _relative(np.linalg.norm(self.error, axis=0), np.linalg.norm(self.measured, axis=0))
 
     @cached_property

@@ -23,13 +23,14 @@ LONGEST = 12
 class ScreenContents:
     """Contents of a comparison's recording on which its layout on the screen depends: names, units and ranges.
 
-    `viewpoint` is the camera's; `error_unit`, "mrad" or "mm", is that of the joints' errors, whose least and greatest
-    values are `error_range`. Entities are parts of paths in the recording: `links`, of the links and joints with
-    parameter estimates, `link_units` with the units of each as one text, such as "kg·m, kg·m²"; `joints`, of the
-    joints, with `position_units` and `torque_units`; `runs`, of the runs, the first being the one that the comparison
-    is about, with their titles, `labels`. `lyapunov` is words on the Lyapunov function, `leading` the title of errors
-    that are shown before the joints', both None where there are none; `end` is the run's end, s; `truth_known`, True
-    unless given, whether true parameters are drawn. Nothing is checked at construction.
+    `viewpoint` is the camera's; `error_unit`, "mrad", "mm" or "mrad or mm", is the unit of the joints' errors and of
+    `error_range`, the ends of their axis. `links` are the names, as parts of entity paths, of the links and joints with
+    parameter estimates, `link_units` the units of each one's as one text, such as "kg·m, kg·m²"; `joints` are the
+    joints' names, `position_units` and `torque_units` their units; `runs` are the names of the runs whose errors are
+    shown, first the one that the comparison is about, and `labels` their titles. `lyapunov` is words on the Lyapunov
+    function, `leading` the title of errors that are shown before the joints', both None where there are none; `end` is
+    the run's end, s; `truth_known`, True unless given, whether true parameters are drawn. Nothing is checked at
+    construction.
     """
 
     viewpoint: Viewpoint
@@ -66,7 +67,8 @@ class ScreenContents:
 def blueprint(shown: ScreenContents) -> rrb.Blueprint:
     """Blueprint, the layout of a comparison's rerun recording, in tabs: all at a glance; errors of all controllers;
     positions; torques; parameter estimates, where there are any; and the independent parameters with their equations.
-    Raises `ValueError` where, of its `shown` contents, texts and the units for them differ in number."""
+    Raises `ValueError` where the `shown` contents have another number of units than of joints or links, `IndexError`
+    where they have fewer labels than runs."""
     containers = [_overview(shown), _controllers(shown), _tracking(shown), _torques(shown)]
     if shown.links:
         containers.append(_parameters(shown))

@@ -224,12 +224,12 @@ class Comparison:
     numbers; `duration`, s, the length asked for; `complete`, False where the experiment was interrupted: the runs hold
     what was computed until then.
 
-    `without_adaptation` is the name of the run with the subject's gains and adaptation off; `more_drawings`, figures
-    for the report besides those of every comparison; `answer`, the outcome in a sentence or two, None for words made
-    from the errors with and without adaptation; `truth_known`, False where the mechanism's parameters are not the arm's
-    true ones; `leading`, errors that recording and report show before the joints' errors, None for none; `expected`, a
-    mapping from the subject's failures that the experiment expects to the reasons why; `live`, the subject's closed
-    loop for the report to run, or a text that says why there is none.
+    `without_adaptation` is the name of the run with the subject's gains and adaptation off, "adaptation-off" unless
+    given; `more_drawings`, figures for the report besides those of every comparison; `answer`, the outcome in a
+    sentence or two, None for words made from the errors with and without adaptation; `truth_known`, False where the
+    mechanism's parameters are not the arm's true ones; `leading`, errors that recording and report show before the
+    joints' errors, None for none; `expected`, a mapping from the subject's failures that the experiment expects to the
+    reasons why; `live`, the subject's closed loop for the report to run, or a text that says why there is none.
 
     Raises `InputError` without a run, where the first has no samples, where two have one name, for torque limits of
     another shape, not above 0 or no numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without an

@@ -187,8 +187,8 @@ def parameters(comparison: Comparison) -> Figure:
 
 def spectrum(comparison: Comparison) -> Figure:
     """Figure (Matplotlib) of the singular values of the energy differences of a comparison's mechanism, one for each of
-    its inertial parameters, each over the largest (no unit), on a logarithmic scale: a bar for each, and a dashed line
-    in the gap between those that count, as many as parameters are independent, and those that are zero but for
+    its inertial parameters, divided by the largest (no unit), on a logarithmic scale: a bar for each, and a dashed line
+    in the gap between the first k, k being the number of independent parameters, and the others, which are zero but for
     round-off."""
     values, rank = shares(comparison.space), comparison.space.rank
     figure = sheet(3.3)

@@ -23,7 +23,7 @@ def judged(comparison: Comparison) -> Verdict:
 
     Failures are STOPPED, the environment ended the run early; else DIVERGED, a joint's position error was 1 rad (m) or
     more, or NaN, in the run's last two seconds; SATURATED, a torque was at its limit for over 2 s in all; NO_BETTER,
-    the RMS position error of all joints over the last two seconds is not below 0.9 of that with adaptation off. The
+    the RMS position error of all joints over the last two seconds is not below 0.9 times that with adaptation off. The
     last is not judged where the comparison was interrupted, where one of the two runs was stopped or is shorter than 2
     s, or where no other run has adaptation off. Raises `ValueError` for a run of another number of joints than there
     are torque limits.

@@ -48,8 +48,8 @@ class Live:
     it ends with Python.
 
     A context manager, which closes the view at its end. Raises `InputError` for another address or computer, a `to`
-    that is no text, a rate that is not positive and finite, and a mechanism that no file can say, as `mechanism_toml`
-    does, `FileError` for a file in no place to write to.
+    that is no text, a rate that is not positive and finite, and a mechanism with position limits of a continuous joint
+    or with loops that have neither closures nor couplings, `FileError` for a file in no place to write to.
     """
 
     def __init__(
@@ -86,8 +86,9 @@ class Live:
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
         """Send a sample to the viewer, without waiting: `time` in s, positions `p` and desired positions `reference_p`
         (r,) of the r joints, rad (m if prismatic), and `torque` (r,), N m (N). It is left out where it follows the last
-        one sooner than the view's `rate` (samples a second) allows. What is no number, NaN, infinity and arrays that
-        are not (r,) end the view with a `LiveViewWarning`: for the control loop's sake, no error is raised."""
+        one sooner than the view's `rate` (samples a second) allows. Values that are no numbers, NaN or infinite, and
+        arrays of another shape end the view with a `LiveViewWarning`; no error is raised, so that the control loop goes
+        on."""
         try:
             if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
                 return

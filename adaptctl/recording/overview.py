@@ -58,9 +58,9 @@ def _paired(answers: list[Fact]) -> str:
 
 
 def equations_markdown(comparison: Comparison) -> str:
-    """Regrouping equations of a comparison's fundamental basis as Markdown, SI units: one for each inertial parameter
-    that is kept, with what is added to it of those that depend on it, below the number of parameters that are
-    independent."""
+    """Regrouping equations of a comparison's fundamental basis as Markdown, SI units. The heading has the rank, the
+    number of independent inertial parameters, and the number of all; below it is one equation for each parameter that
+    is kept, with what is added to it of the parameters that depend on it."""
     certificate = f"rank {comparison.space.rank} of {len(comparison.space.parameter_names)}"
     equations = "\n".join(f"    {equation}" for equation in comparison.basis.equations())
     return f"""# Independent parameters: {certificate}

@@ -16,35 +16,38 @@ SMALLEST = 1e-18
 
 def shares(space: EssentialSpace) -> Array:
     """Singular values (P,) of a mechanism's matrix of energy differences between states (rows), by its P inertial
-    parameters (columns), each over the largest one, no unit, in falling order; those below 1e-18 are set to that, being
-    round-off or zero. `space` is the mechanism's essential space, which has them."""
+    parameters (columns), as shares sigma_i/sigma_1 of the largest, no unit, in falling order; those below 1e-18, which
+    are round-off or zero, are set to 1e-18. `space` is the mechanism's essential space, which has the singular
+    values."""
     values = np.asarray(space.singular_values)
     return np.maximum(values / values[0], SMALLEST)
 
 
 def threshold(space: EssentialSpace) -> float:
-    """Threshold, as a share of the largest, no unit, between those singular values of a mechanism's energy differences
-    that count, as many as its inertial parameters are independent, and those that are zero but for round-off: the
-    geometric mean of the last that counts and the first that does not, or of the last and 1e-18 where all count.
-    `space` is the mechanism's essential space, which has the singular values."""
+    """Threshold, as a share of the largest, no unit, between the singular values of a mechanism's energy differences
+    that count and those that are zero but for round-off: sqrt(s_k s_(k+1)) with the shares s_i = sigma_i/sigma_1, in
+    falling order and at least 1e-18, and the number k of independent inertial parameters; s_(k+1) is 1e-18 where all
+    count. `space` is the mechanism's essential space, which has the singular values sigma_i."""
     values = shares(space)
     beyond = values[space.rank] if space.rank < len(values) else SMALLEST
     return float(np.sqrt(values[space.rank - 1] * beyond))
 
 
 def decades(space: EssentialSpace) -> Array:
-    """Powers of ten (P,), no unit, by which the singular values of a mechanism's matrix of energy differences between
-    states (rows), by its P inertial parameters (columns) lie above the threshold between those that count, as many as
-    parameters are independent, and round-off; negative below it. `space` is the mechanism's essential space, which has
-    the singular values."""
+    """Powers of ten (P,), no unit, by which the singular values sigma_i of a mechanism's matrix of energy differences
+    between states (rows), by its P inertial parameters (columns), lie above a threshold in their gap: log10(s_i /
+    sqrt(s_k s_(k+1))) with the shares s_i = sigma_i/sigma_1, in falling order and at least 1e-18, and the number k of
+    independent parameters; s_(k+1) is 1e-18 where k = P. The first k are positive, the others negative. `space` is the
+    mechanism's essential space, which has the singular values."""
     return np.log10(shares(space) / threshold(space))
 
 
 def log_spectrum(recording: rr.RecordingStream, path: str, space: EssentialSpace) -> None:
-    """Draw the singular values of a mechanism's energy differences, which its essential space `space` has, in a rerun
-    recording, the same at all times: bars as high as the powers of ten by which they lie above the threshold between
-    those that count, as many as inertial parameters are independent, and round-off. The bars that count are blue, as
-    the entity `path`/essential, the others, negative, grey, as `path`/null_space."""
+    """Draw the singular values of a mechanism's energy differences as bars in a rerun recording, the same at all times.
+    A bar's height, no unit, is the power of ten by which its singular value lies above a threshold: that between the
+    first k, k being the number of independent inertial parameters, and the others, which are round-off. The first k
+    bars, positive, are blue, as the entity `path`/essential; the others, negative, are grey, as `path`/null_space.
+    `space` is the mechanism's essential space, which has the singular values."""
     height, rank = decades(space), space.rank
     parts = (("essential", slice(0, rank), run_color(0)), ("null space", slice(rank, len(height)), MUTED))
     for name, part, color in parts:

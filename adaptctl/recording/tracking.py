@@ -69,15 +69,16 @@ def _log_moving(
 
 def log_curve(recording: rr.RecordingStream, path: str, run: ControllerRun, values: Array, style: Style) -> None:
     """Draw one curve in a rerun recording, as the entity `path`: `values` (T,), in the unit that its view states, at
-    the times of the run's T samples, thinned to at most 4000. `style` has one name and one colour."""
+    the times of the run's T samples, thinned to at most 4000. `style` has one name and one colour. Raises `ValueError`
+    for values that are not one-dimensional; another number of them is not checked."""
     every = thinned(len(values), CURVE_SAMPLES)
     log_series(recording, path, run.rollout.time[every], values[every, None], style)
 
 
 def log_decades(recording: rr.RecordingStream, path: str, run: ControllerRun, errors: Array, style: Style) -> None:
-    """Draw the errors of a run in a rerun recording, as the entity `path`, on a logarithmic scale: `errors` (T,), rad
-    or m, for T samples, as powers of ten of a thousandth (mrad, mm); those below 1e-9 are drawn as that. `style` has
-    one name and one colour."""
+    """Draw the errors of a run in a rerun recording, as the entity `path`, on a logarithmic scale: log10(1000 e) for
+    the `errors` e (T,), rad or m, of T samples, the power of ten in mrad or mm. Errors below 1e-9 are drawn as 1e-9.
+    `style` has one name and one colour."""
     log_curve(recording, path, run, np.log10(1e3 * np.maximum(errors, SMALLEST_ERROR)), style)
 
 

@@ -13,8 +13,8 @@ class Failure(Enum):
     early, a joint's position error having passed its bound, or the mechanism having come near a singularity of its
     kinematic loops or broken a condition that its file states; DIVERGED, a position error was 1 rad (m) or more in the
     run's last 2 s; SATURATED, a torque was at its limit for over 2 s in all; NO_BETTER, the RMS position error over the
-    last 2 s is not below 0.9 of that with adaptation off; DIFFERS, a build of exported code does not compile, or does
-    not repeat Python's torques within its tolerance. The value is a word for it, such as "diverged"."""
+    last 2 s is not below 0.9 times that with adaptation off; DIFFERS, a build of exported code does not compile, or
+    does not repeat Python's torques within its tolerance. The value is a word for it, such as "diverged"."""
 
     STOPPED = "stopped"
     """the environment ended the run, an error having passed its bound"""

@@ -34,16 +34,17 @@ class BatchedRun(NamedTuple):
 def batched(
     experiments: Sequence[Experiment], controllers: Sequence[str], precision: Precision = "double"
 ) -> RunOutcomes:
-    """Outcomes of those `experiments` that can be computed together in native code, by their index: for each a list of
-    pairs, a controller's name and its `RunOutcome`. The others are left out: all where any is no `Learning`, a
-    comparison of controllers, and those whose plant has kinematic loops or effects (delays and limits of torques,
-    friction and springs in joints, sensors, loads) or whose reference is no sinusoids of the joints.
+    """Outcomes of those `experiments` that can be computed together in native code, a mapping from their indices in
+    `experiments`: for each a list of pairs, a controller's name and its `RunOutcome`. It is empty where any of them is
+    no `Learning` (a comparison of controllers). It leaves out those whose plant has kinematic loops or effects (delays
+    and limits of torques, friction and springs in joints, sensors, loads), whose reference is no sinusoids of the
+    joints, or whose controllers take a reference of another size.
 
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of the
-    numbers. In double the outcomes are those of each experiment by itself, to round-off. An experiment that raises
-    one of the `FAILURES` before it runs has the one outcome "failed", with the error's message and no controller's
-    name; so have, in single, runs that cannot be made in that precision. Other errors of an experiment or of the
-    simulation in double go through.
+    numbers. In double the outcomes are those of each experiment by itself, to round-off. An experiment that raises an
+    `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` before it runs has the one outcome "failed", with the
+    error's message and no controller's name; so have, in single, runs that cannot be made in that precision. Other
+    errors of an experiment or of the simulation in double go through.
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
@@ -133,8 +134,9 @@ _MECHANISMS: dict[str, Mechanism] = {}
 
 
 def interned(mechanism: Mechanism) -> Mechanism:
-    """The mechanism that stands for all of one description: the first that was given here, `mechanism` itself where it
-    is. Runs on equal mechanisms then share native code. At most 65 are remembered."""
+    """The first mechanism given here whose description equals that of `mechanism`; `mechanism` itself where there was
+    none. Runs on equal mechanisms then share native code. At most 65 are remembered; at the next call all are
+    forgotten."""
     if len(_MECHANISMS) > 64:
         _MECHANISMS.clear()
     return _MECHANISMS.setdefault(mechanism.description.sha256, mechanism)

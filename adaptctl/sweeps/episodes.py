@@ -39,9 +39,9 @@ class Episodes:
 
     def of(self, experiment: Learning, mechanism: Mechanism) -> BegunEpisode:
         """The episode of an `experiment` on a `mechanism`, a `BegunEpisode`, as the experiment's environment begins it
-        by its seed and options; an experiment with another kind of environment or other options than a payload gets an
-        environment of its own. Raises what the environment raises, such as `InputError` for another number of
-        joints."""
+        by its seed and options. Experiments with the same task and mechanism share an environment; one with another
+        kind of environment, or with options other than a payload, gets its own. Raises what the environment raises,
+        such as `InputError` for another number of joints."""
         if type(experiment).environment is not StatedTask.environment or experiment.options.keys() - WHAT_IS_HELD:
             return _begun(experiment, mechanism)
         key = mechanism, experiment.task(mechanism)  # type: ignore[attr-defined]  # as its environment tells

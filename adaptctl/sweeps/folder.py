@@ -91,7 +91,8 @@ class Folder:
 
     def shards(self) -> Iterator[Shard]:
         """Iterator over the study's shards, its runs in groups of equal number (the last may have fewer) that are kept
-        in a file each, in the order of the runs. Raises what `SweepStudy.runs` raises."""
+        in a file each, in the order of the runs. Raises, unless the study's `sampling` is "grid", `NotFoundError` for
+        an unknown experiment and `KeyError` for a setting that it does not have."""
         runs: list[Mapping[str, Any]] = []
         for settings in self.study.runs():
             runs.append(settings)

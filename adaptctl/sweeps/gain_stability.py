@@ -49,7 +49,8 @@ class GainStability(SweepMeasurement):
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
         """The `RunOutcome` of each of the measurements `chosen`, in their order: "done", "diverged", or "failed" with
         the reason where the robot or its loop cannot be made. Those of equal robot, control period and number of
-        periods are computed together; where one of these fails, all do. None of the `FAILURES` is raised."""
+        periods are computed together; where one of these fails, all do. No `AdaptctlError`, `ArithmeticError` or
+        NumPy's `LinAlgError` is raised."""
         groups: dict[tuple[str, float, int], list[int]] = {}
         for k, one in enumerate(chosen):
             groups.setdefault((one.robot, one.control_period, one.periods), []).append(k)

@@ -12,9 +12,10 @@ from adaptctl.recording.page import Figure
 
 class SettingsMap(NamedTuple):
     """Map of the outcomes of a sweep's runs over two of its settings, named `x` and `y`. `across` (c,) and `down` (d,)
-    have the values of x and y, or the lower ends of bins of them; `error` (d, c) has the mean errors of joint
-    positions, root mean square in rad or m, at the end of the runs that were done, and `stable` (d, c) the share of
-    runs that were done, 0 to 1; NaN where there are none. Nothing is checked."""
+    have the values of x and y, or the lower ends of bins of them; `error` (d, c) has the root mean square errors of
+    joint positions, rad or m, over the last two seconds (over all of a shorter run), as their mean over the runs that
+    were done, and `stable` (d, c) the share of runs that were done, 0 to 1; NaN where there are none. Nothing is
+    checked."""
 
     x: str
     y: str
@@ -28,8 +29,9 @@ class SettingsMap(NamedTuple):
 
 
 def map_figure(controller: str, shown: SettingsMap) -> Figure:
-    """A `Figure`, caption and PNG, of the maps of error and of the share of stable runs that `shown` has, side by side;
-    `controller`, the name of the controller they are of, begins the caption. Nothing is checked."""
+    """A `Figure`, caption and PNG, of the two maps that `shown` has, side by side: of the position errors and of the
+    share of stable runs, those that were done; `controller`, the name of the controller they are of, begins the
+    caption. Nothing is checked."""
     from matplotlib.figure import Figure as Canvas
 
     canvas = Canvas(figsize=(10.0, 3.8), layout="constrained")

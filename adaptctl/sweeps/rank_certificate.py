@@ -43,7 +43,8 @@ class RankCertificate(SweepMeasurement):
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
         """The `RunOutcome` of each of the measurements `chosen`, in their order: "done" where the chain's rank, the
         number of its identifiable parameters, is the same from energies as from its joints one by one, else "failed";
-        both ranks, or the error, are its reason. None of the `FAILURES` is raised."""
+        both ranks, or the error, are its reason. No `AdaptctlError`, `ArithmeticError` or NumPy's `LinAlgError` is
+        raised."""
         return [one._judged() for one in chosen]
 
     def mechanism(self) -> Mechanism:

@@ -43,9 +43,9 @@ def rows_of(
     and `host`, the computer. A run has its settings by name, defaults for the others.
 
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of
-    runs that are computed together in native code. A run that raises one of the `FAILURES` is a row of
-    status "failed" with its reason. Raises `NotFoundError` for an unknown experiment, `TypeError` for a setting that it
-    does not have.
+    runs that are computed together in native code. A run that raises an `AdaptctlError`, an `ArithmeticError` or
+    NumPy's `LinAlgError` is a row of status "failed" with its reason. Raises `NotFoundError` for an unknown experiment,
+    `TypeError` for a setting that it does not have.
     """
     with warnings.catch_warnings():
         for category in (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning):
@@ -108,7 +108,8 @@ def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> Checke
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
     """Outcomes of an `experiment` that runs by itself, not with others: pairs of a controller's name and its
     `RunOutcome`, for those that `controllers` names, all where empty. Where the experiment compares no controllers, or
-    it raises one of the `FAILURES`, there is one outcome "failed" with the reason and an empty name."""
+    it raises an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError`, there is one outcome "failed" with the
+    reason and an empty name."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
         if compare is None:

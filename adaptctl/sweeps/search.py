@@ -24,7 +24,8 @@ SMALLEST = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double"
 @dataclass(frozen=True, eq=False)
 class BestSettings:
     """The best settings that a search found: `settings`, their values by name; `controller`, the name of the one that
-    ran; `value`, the smallest number, in its own unit; and `trials`, the number of runs in all. Nothing is checked."""
+    ran; `value`, the least value found of the number that is minimised, in its own unit; and `trials`, the number of
+    runs in all. Nothing is checked."""
 
     settings: Mapping[str, Any]
     controller: str
@@ -43,9 +44,9 @@ def search(
     `minimise`, such as "rms_error", found in `trials` runs by tree-structured Parzen estimators (Bergstra, Bardenet,
     Bengio and Kegl 2011). Runs that fail or diverge count as infinitely bad.
 
-    The controller is the first that the study names, or else the experiment's first, as the first run that does not
-    fail has it. `progress(share)` is called with the share that is done, 0 to 1; it does nothing unless given. `seed`,
-    0 unless given, is that of the choice of settings. Raises `InputError` for a column that is no number of an outcome,
+    The controller is the first that the study names, or else the experiment's first, as the first run that can be made
+    names it. `progress(share)` is called with the share that is done, 0 to 1; it does nothing unless given. `seed`, 0
+    unless given, is that of the choice of settings. Raises `InputError` for a column that is no number of an outcome,
     and where no run is done with that number; `MissingExtraError` where Optuna is not installed; `NotFoundError` for an
     unknown experiment.
     """

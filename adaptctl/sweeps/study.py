@@ -141,8 +141,9 @@ class SweepStudy:
 
     def runs(self) -> Iterator[dict[str, Any]]:
         """Iterator over the runs, in a fixed order: for each the values, by name, of the settings that the study has;
-        the others keep the experiment's defaults. Draws are the same for the same `sampling_seed`. Raises
-        `NotFoundError` for an unknown experiment where the runs are drawn."""
+        the others keep the experiment's defaults. Draws are the same for the same `sampling_seed`. Raises, unless
+        `sampling` is "grid", `NotFoundError` for an unknown experiment and `KeyError` for a setting that it does not
+        have."""
         if self.sampling == "grid":
             for values in product(*(x for x in self.settings.values() if isinstance(x, tuple))):
                 yield dict(zip(self.settings, values, strict=True))
@@ -181,8 +182,8 @@ class SweepStudy:
 
     @property
     def unusual(self) -> list[str]:
-        """Choices besides settings and controllers that decide results, where they are not the usual ones, for hashes:
-        ["single"] for runs in single precision, else an empty list."""
+        """Choices besides settings and controllers that change results, where they are not the default, for the study's
+        hash: ["single"] for runs in single precision, an empty list for double."""
         return [self.precision] if self.precision != "double" else []
 
 

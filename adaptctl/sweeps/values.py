@@ -35,14 +35,15 @@ class Span:
 
 
 def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | Span:
-    """The values of a setting as they are `typed`: ``4,8,12``, ``0..99`` of whole numbers, ``0..5:11`` for so
-    many evenly apart, and of numbers ``0..5``, a `Span` to draw from; a tuple for all but the last. A setting of
-    several numbers takes them apart by blanks, ``90 150 70``. A sequence of texts, such as a study's file has, is what
-    stands between commas; of a setting that is a text each is a value as it is, whatever is in it. `entry` is the
+    """The values of a setting, as `typed`: a tuple for a list, ``4,8,12``, for a range of whole numbers, ``0..99``, and
+    for evenly spaced numbers, ``0..5:11`` being 11 from 0 to 5; a `Span` to draw from for ``0..5`` of numbers that need
+    not be whole. Where a value is itself a tuple, its parts are separated by blanks, ``90 150 70``; values that are
+    tuples or texts have no ranges. A sequence of texts, such as a study's file has, stands for its texts joined by
+    commas, but for a setting whose values are texts: there each text is a value, commas included. `entry` is the
     setting's dataclass field, whose default tells the kind of value.
 
-    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to
-    1 000 000 values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
+    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to a
+    million values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
     """
     if isinstance(entry.default, str) and not isinstance(typed, str):
         values: tuple[Any, ...] = tuple(typed)
@@ -74,9 +75,9 @@ def _range(entry: Field[Any], match: re.Match[str]) -> tuple[Any, ...] | Span:
 
 
 def as_span(entry: Field[Any], values: tuple[Any, ...] | Span) -> Span | None:
-    """The `Span` to draw from that `values` of a setting are: a span itself, or two or more whole numbers, each one
-    more than the last, of a setting of whole numbers. None for other values, one of which is picked. `entry` is the
-    setting's dataclass field, whose default tells its kind. Nothing is raised."""
+    """The `Span` that a setting is drawn from: `values` where it is one, or the range of `values` that are two or more
+    successive whole numbers, in rising order, of a setting of whole numbers. None for all others, of which one is
+    picked. `entry` is the setting's dataclass field, whose default tells its kind. Nothing is raised."""
     if isinstance(values, Span):
         return values
     if len(values) > 1 and isinstance(entry.default, int) and list(values) == list(range(values[0], values[-1] + 1)):

@@ -17,9 +17,9 @@ def read_delimited(path: str | Path) -> LogTable:
     separated by commas, semicolons or tabs, whichever the first line has most of. Names lose spaces around them; no
     units are read.
 
-    An empty cell, NaN, nan, NA or null becomes NaN, and all of a column in which some other cell is no number. Raises
-    `FileError` for a file that cannot be read, is no table, has no rows or more than 20 million, or two columns of one
-    name.
+    An empty cell, NaN, nan, NA or null becomes NaN. A column with any other cell that is no number becomes NaN in all
+    rows. Raises `FileError` for a file that cannot be read, is no table, has no rows or more than 20 million, or two
+    columns of one name.
     """
     from pyarrow import ArrowInvalid
     from pyarrow.csv import ConvertOptions, ParseOptions, read_csv

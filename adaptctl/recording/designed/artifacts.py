@@ -51,14 +51,14 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Named:
-    """Name, title and further contents of a design study, for its files and pages.
+    """Name, title and further contents of a design study (of masses added to an arm, counterweights and parameters that
+    can go), for its files and pages.
 
     `experiment` is the name of the experiment or command, `title` that of page and recording, `content` the name of the
     JSON file with the numbers, `seed` that of the random numbers, `complete` False where the study was interrupted.
-    `outcome_words` and `facts` take the place of the study's own outcome and facts where they are not empty, `drawings`
-    are figures besides its own, and `runs` closed-loop runs whose errors and torques the recording shows, the last
-    being the motion that the arm makes there; without one every joint swings a little. Nothing is checked at
-    construction.
+    `outcome_words` and `facts`, where not empty, replace the study's own; `drawings` are figures besides its own.
+    `runs` are closed-loop runs whose errors and torques the recording shows; its arm makes the motion of the last of
+    them, or, without runs, swings every joint a little. Nothing is checked at construction.
     """
 
     experiment: str

@@ -48,9 +48,9 @@ def drawings(study: DesignStudy) -> Iterator[Drawing]:
 
 
 def links_figure(study: DesignStudy) -> Figure:
-    """Figure (Matplotlib) of the changes, in percent, of the motion's energy, a root mean square about its mean, that a
-    point with the design study's mass makes on every link: at the cheapest place, at the link's centre of mass and at
-    the dearest place."""
+    """Figure (Matplotlib) of the changes, in percent, of the motion's energy, a root mean square about its mean, by a
+    point with the mass of the study's body on every link: at the place where the energy becomes least, at the link's
+    centre of mass, and where it becomes greatest."""
     figure = sheet(0.55 + 0.5 * len(study.links))
     axes = figure.subplots()
     place = np.arange(len(study.links))
@@ -80,9 +80,9 @@ def torques_figure(study: DesignStudy) -> Figure:
 
 def components_figure(study: DesignStudy) -> Figure:
     """Figure (Matplotlib) of a design study's energy errors, in percent, on a logarithmic scale, by the number of
-    essential components that are kept (combinations of inertial parameters, the weightiest first), without the
-    counterweights and with them. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot
-    be certified."""
+    essential components that are kept (combinations of inertial parameters, those that make most of the energy first),
+    without the counterweights and with them. Raises `RankError` where the mechanism's rank, its number of base
+    parameters, cannot be certified."""
     figure = sheet(2.8)
     axes = figure.subplots()
     for i, (label, task) in enumerate(_two(study)):
@@ -97,10 +97,10 @@ def components_figure(study: DesignStudy) -> Figure:
 
 
 def percent_errors(task: DesignTask) -> Array:
-    """Energy errors (k + 1,) when the 0, 1, ... k weightiest of the k essential components are kept, in percent of the
-    energy: its root mean square about its mean over the task's states; NaN where that is 0. Essential components are
-    combinations of inertial parameters, the right singular vectors of the energies (Sheu and Walker 1991, equation 23).
-    Raises `RankError` where the mechanism's rank k cannot be certified."""
+    """Energy errors (k + 1,) when 0, 1, ... k of the k essential components are kept, those that make most of the
+    energy first, in percent of the energy: its root mean square about its mean over the task's states; NaN where that
+    is 0. Essential components are combinations of inertial parameters, the right singular vectors of the energies (Sheu
+    and Walker 1991, equation 23). Raises `RankError` where the mechanism's rank k cannot be certified."""
     squares = np.sort(np.square(task.matrix("components") @ task.parameters))
     tails = np.append(np.cumsum(squares)[::-1], 0.0)
     return np.asarray(100.0 * np.sqrt(tails / tails[0]))

@@ -42,9 +42,10 @@ class Spots(NamedTuple):
 
 
 def spots(costs: CostMap, parts: Skeleton) -> Spots:
-    """Places along all links of an arm, as `Spots`, with the relative change of the cost, no unit, by a point mass at
-    each: 24, evenly spaced, on the axis of each shape of a link or tool in `parts`, those of massless links left out.
-    `costs` is the map of the changes over the arm. Raises `IndexError` where no shape is on a link with inertia."""
+    """Places along all links of an arm, as `Spots`: 24, evenly spaced, on the axis of each shape of a link or tool in
+    `parts`, those of massless links left out. Each has the relative change, no unit, of the cost of the motion when the
+    point mass of `costs`, a map of these changes over the arm, is fixed there. Raises `IndexError` where no shape is on
+    a link with inertia."""
     rows = []
     names = costs.task.mechanism.description.body_names
     for shape in parts.shapes:
@@ -59,9 +60,10 @@ def spots(costs: CostMap, parts: Skeleton) -> Spots:
 
 
 def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
-    """Scale of colours, a Matplotlib `TwoSlopeNorm`, for relative changes of cost, no unit, with 0 in its middle. It
-    goes from the least of `change` (n,) and of the changes at the cheapest place of each link of the study to the
-    greatest of `change`; an end on whose side of 0 there is none lies a thousandth of the other's size from 0."""
+    """Scale of colours, a Matplotlib `TwoSlopeNorm`, for relative changes of cost, no unit, with 0 in its middle. Its
+    lower end is the least of `change` (n,) and of the changes at the cheapest place of each link of the study, its
+    upper end the greatest of `change`; each end is moved, where need be, at least a thousandth of the other's size
+    below or above 0. Raises `ValueError` for n = 0."""
     low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
     high = max(float(change.max()), 0.0)
     least = 1e-3 * max(high, -low, 1e-9)
@@ -76,10 +78,11 @@ def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
 
 
 def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
-    """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls coloured by the relative change of
-    the motion's energy by a point with the study's mass at their places, blue where it relieves the arm and red where
-    it costs; small balls fill the boxes where masses may be, and yellow ones are the counterweights. `p` (T, r) are the
-    positions, rad (m if prismatic), of its r joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
+    """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls along its links. A ball's colour
+    is the relative change of the motion's energy when a point with the mass of the study's body is fixed at its place:
+    blue where the energy falls, red where it rises. Small balls, coloured alike, fill the box of places that the study
+    allows on each link; yellow balls are the counterweights. `p` (T, r) are the positions, rad (m if prismatic), of the
+    arm's r joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
 
     Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
     where kinematic loops do not fit together, `SingularityError` near where they lock.
@@ -114,10 +117,10 @@ def log_counterweights(recording: rr.RecordingStream, study: DesignStudy, name: 
 
 def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
     """Figure (Matplotlib) of an arm at positions `p` (r,), rad (m if prismatic), of its r joints, from the side and
-    from above, in m: dots along its links are coloured by the relative change of energy that the study's mass makes
-    there, and yellow ones are the counterweights. `parts` are the shapes it is drawn by. Raises `InputError` for
-    another number of positions, `NonFiniteError` for NaN and infinity, `LoopError` where kinematic loops do not fit
-    together, `SingularityError` near where they lock."""
+    from above, in m. Dots along its links are coloured by the relative change of the motion's energy when a point with
+    the mass of the study's body is fixed there; yellow dots are the counterweights. `parts` are the shapes it is drawn
+    by. Raises `InputError` for another number of positions, `NonFiniteError` for NaN and infinity, `LoopError` where
+    kinematic loops do not fit together, `SingularityError` near where they lock."""
     found = spots(study.map, parts)
     world, scale = _in_world(study.task.mechanism, p, found.link, found.place), norm(study, found.change)
     figure = sheet(4.4)

@@ -11,11 +11,12 @@ SCHEMA = "adaptctl/design/1"
 
 def as_builtins(study: DesignStudy, detail: AddedMass | None = None) -> dict[str, Any]:
     """The results of a design study in JSON's types, SI units, changes of energy and torque as shares (0.1 for 10 %
-    more): `robot`; the `task`'s states; `before`, the costs of the motion; the `body` to add, its mass and inertia;
-    `links`, for each link the cheapest and dearest place for the body's mass, and the body's effect at the link's
-    centre of mass; `counterweights`, with the costs after them; `removals`, changes that remove parameters, with the
-    floating-point operations saved. `detail`, the effect of a body at one place, is `added`; left out where None, the
-    default."""
+    more): `robot`, name and hash; the `task`'s states and their number; `before`, the costs of the motion (as `costs`
+    returns them); the `body` to add, its mass and inertia; `links`, for each link its mass, the cheapest and dearest
+    place for the body's mass, with the change of energy, and the body's effect at the link's centre of mass;
+    `counterweights`, with the costs after them; `removals`, changes that remove parameters, with the floating-point
+    operations saved. `detail`, the effect of a body at one place, is `added`; left out where None, the default. Raises
+    `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
     task, mechanism = study.task, study.task.mechanism
     content: dict[str, Any] = {
         "schema": SCHEMA,
@@ -90,9 +91,10 @@ def balanced(found: Counterweights) -> dict[str, Any]:
     "torque", "coupling" or "components"), with `cost_before` and `cost_after` in its unit (J, none, kg m^2, none) and
     `saved`, the share of it that they remove, 0 to 1; `bounds`, for each link that may carry one, the box of places
     from `lower` to `upper`, m in the link's frame, and the greatest `mass`, kg; `weights`, those found, with `link`,
-    `mass`, kg, and `place`, m in the link's frame; `after`, all costs with them; and `inconsistent_links`, names of
-    links that no rigid body can be with them. Raises `RankError` where the mechanism's rank, its number of base
-    parameters, cannot be certified."""
+    `mass`, kg, and `place`, m in the link's frame; `after`, the costs of the motion with them, by the keys of `costs`
+    (rank, carried, components, percent, energy, torque, coupling, torques); and `inconsistent_links`, names of links
+    whose inertial parameters, counterweights included, no rigid body has. Raises `RankError` where the mechanism's
+    rank, its number of base parameters, cannot be certified."""
     return {
         "objective": found.objective,
         "cost_before": found.cost_before,
@@ -113,7 +115,7 @@ def removal_as_builtins(removal: Removal) -> dict[str, Any]:
     symmetries that links have already, and `what`, the change in words; `gone`, names of the base parameters that are
     not needed after it, and `rank`, the number of parameters that then are enough; `mass`, kg, added or moved, 0 for a
     symmetry, and `place`, where to, m in the link's frame, None for a symmetry; `before` and `after`, the regrouping
-    equations that it alters, as texts. Nothing is raised."""
+    equations that it alters, as lists of texts. Nothing is raised."""
     return {
         "way": removal.way,
         "link": removal.link,

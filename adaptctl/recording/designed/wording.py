@@ -22,9 +22,9 @@ def header(study: DesignStudy) -> str:
 
 
 def outcome_words(study: DesignStudy) -> str:
-    """The outcome of a design study in a sentence or two: by how many percent the study's mass, as a point, changes the
-    energy, a root mean square about its mean, at the best and at the worst of all places on links, and how many percent
-    of their objective, such as energy, the counterweights save."""
+    """The outcome of a design study in a sentence or two: by how many percent a point with the mass of the study's
+    body, the one to add, changes the energy, a root mean square about its mean, at the best and at the worst of all
+    places on links, and how many percent of their objective, such as energy, the counterweights save."""
     found, best = study.counterweights, min(study.links, key=lambda cost: cost.least)
     worst = max(study.links, key=lambda cost: cost.most)
     text = (

@@ -25,10 +25,11 @@ from adaptctl.recording.stream import log_markdown, saved_stream
 
 class TorqueCase(NamedTuple):
     """The relative errors of two estimators of a robot's parameters, no units, for one kind of torques that they learn
-    from, described by `torques`. `off` is how far these are off, as a share of the torques of a model that stands for
-    the truth; `momentum` and `energy` are the errors of the torques that they predict for the last part of a log, as
-    shares of the model's, by filtered dynamics (the equations of motion behind a low-pass filter) and by energy
-    differences. Nothing is checked at construction."""
+    from, described by `torques`. `off` is the error of these torques against those of a model that stands for the
+    truth; `momentum` and `energy` are the errors, against the model's, of the torques that the two predict for the last
+    part of a log: filtered dynamics (the equations of motion behind a low-pass filter) and energy differences (work and
+    energy over windows of time). All are root mean square errors divided by the root mean square of the model's
+    torques. Nothing is checked at construction."""
 
     torques: str
     off: float
@@ -51,9 +52,10 @@ class Curves(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Amplification:
-    """Result of an experiment on two estimators of a robot's parameters, how errors of the torques that they learn from
-    become errors of those that they predict: filtered dynamics (the equations of motion behind a low-pass filter), and
-    energy differences, one equation of work and energy over each window of `window`, s.
+    """Result of an experiment that compares two estimators of a robot's parameters by the errors of the torques that
+    they predict, given the errors of the torques that they learn from. The estimators are filtered dynamics (the
+    equations of motion behind a low-pass filter) and energy differences (one equation of work and energy over each
+    window of time, `window` s long).
 
     `experiment` is its name and `title` the report's; `measured` has a `TorqueCase` for each kind of torques, the exact
     ones first, the measured ones last; `curves` are torques over time; `seed` is that of the random numbers, `complete`
@@ -70,8 +72,8 @@ class Amplification:
 
     def headline(self) -> str:
         """The finding in a sentence or two: the relative errors of both estimators from exact and from measured
-        torques. Raises `IndexError` without a case, `ZeroDivisionError` where filtered dynamics has no error in the
-        last."""
+        torques. Raises `IndexError` without a case, `ZeroDivisionError` where the error of filtered dynamics in the
+        last case is zero."""
         last, exact = self.measured[-1], self.measured[0]
         return (
             f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "

@@ -60,7 +60,8 @@ def verdict(found: Identification) -> str:
 
 def consistency(found: Identification) -> str:
     """Sentences on whether rigid bodies can have an identification's parameters, with the names of links that no body
-    can be, and by how many percent the misfit of the fitted rows is worse for that than by plain least squares."""
+    can be, and on the cost of that: by how many percent the root mean square torque residual of the fitted rows exceeds
+    that of plain least squares."""
     wrong = found.mechanism.description.inconsistent_links
     cost = f"The training rows are fitted {found.misfit_ratio - 1.0:.1%} worse than by least squares without that."
     return (
@@ -72,8 +73,8 @@ def consistency(found: Identification) -> str:
 
 def components(found: Identification) -> str:
     """Sentence on model reduction (Sheu and Walker 1991, equation 23): how many of the essential components of an
-    identification's inertial parameters, combinations of them that change energies, carry the energy of the logs'
-    motion to 1 %."""
+    identification's inertial parameters, combinations of them that change energies, are enough to give the energy of
+    the logs' motion to an error of 1 %."""
     return (
         f"Of the {found.space.rank} essential components of the parameters, {found.components} carry the energy of the "
         "logs' motion to 1 % (Sheu and Walker 1991, equation 23)."

@@ -27,17 +27,17 @@ def write_summary(path: str | Path, found: Identification) -> None:
 
 
 def summary(found: Identification) -> dict[str, Any]:
-    """Summary of an identification in JSON's types. `validation` and, by name, `alternatives`, simpler models, have the
-    torque errors on the same rows: `rms_error` in N m (N if prismatic) over all joints, `relative_error` over the
-    measured torques (no unit), `cutoff` in Hz, `rows`, their number, and both errors of each of the `joints`.
+    """Summary of an identification in JSON's types. `validation` has the torque errors of the identified robot, and
+    `alternatives`, by name, those of simpler models on the same rows: `rms_error` in N m (N if prismatic) over all
+    joints, `relative_error`, that divided by the root mean square of the measured torques (no unit), `cutoff` in Hz,
+    `rows`, their number, and both errors of each of the `joints`.
 
     Besides these it has `robot`, its name, `robot_sha256`, and the `logs`; `friction`, the model's terms,
     `prior_weight` (no unit) and the filter's `cutoff` (Hz); `consistent`, True where rigid bodies can have all links'
-    parameters; `training_misfit_over_least_squares`, the fit's residual over that of least squares;
-    `deviations_over_nominal`, the factor by which standard deviations exceed those for white residuals;
-    `essential_components`, the `rank` and the number `for_energy_to_1_percent`; `unexcited`, combinations of parameters
-    that the logs hardly excite, in words; `trials`, the settings tried; `steps` of the logs' preparation, and
-    `remarks`. Nothing is raised.
+    parameters; `training_misfit_over_least_squares`, the ratio of the fit's residual to that of least squares;
+    `deviations_over_nominal`, the ratio of standard deviations to those for white residuals; `essential_components`,
+    the `rank` and the number `for_energy_to_1_percent`; `unexcited`, combinations of parameters that the logs hardly
+    excite, in words; `trials`, the settings tried; `steps` of the logs' preparation, and `remarks`. Nothing is raised.
     """
     settings = found.choice.settings
     return {
