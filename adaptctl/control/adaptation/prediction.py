@@ -11,7 +11,6 @@ import numpy as np
 from adaptctl.arrays import Array, positive_number, stacked
 from adaptctl.compilation import trace
 from adaptctl.control.adaptation.law import Period
-from adaptctl.dynamics.constrained_equations import ConstrainedEquations
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -170,9 +169,10 @@ def require_no_known_share(model: ReducedModel, law: str) -> None:
     """Raise `InputError` where linear constraints fix parameters of the model's mechanism at values other than zero,
     for which filtered torques have no column: the message has these parameters, and `law`, the adaptation law's
     name."""
-    mechanism, equations = model.mechanism, model.mechanism.equations
-    if isinstance(equations, ConstrainedEquations) and equations.has_known_share:
-        pairs = zip(mechanism.description.parameter_names, equations.known, strict=True)
+    mechanism = model.mechanism
+    if mechanism.equations.has_known_share:
+        fixed = mechanism.with_parameters(np.zeros(len(mechanism.parameter_names))).description
+        pairs = zip(fixed.parameter_names, fixed.inertial_parameters.tolist(), strict=True)
         raise InputError(
             f"{law}: {mechanism.name}: constraints fix values other than zero, which torques without accelerations "
             f"cannot be predicted with: {', '.join(f'{name} ({value:g})' for name, value in pairs if value)}: leave "
