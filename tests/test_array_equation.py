@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -188,3 +189,16 @@ def test_a_compiled_mechanism_is_copied_and_pickled() -> None:
     for other in (copy.copy(arm), copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
         assert other._arrays.inverse_dynamics._kernel is None
         alike(other.inverse_dynamics(*given), expected)
+
+
+def test_many_states_are_not_copied() -> None:
+    puma = load("puma560_measured")
+    p, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 10_000, 6))
+    out = np.empty((10_000, 6))
+    for _ in range(4):  # native code by then
+        puma.inverse_dynamics(p, v, a, out=out)
+    tracemalloc.start()
+    puma.inverse_dynamics(p, v, a, out=out)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < p.nbytes / 2

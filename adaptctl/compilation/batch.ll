@@ -33,10 +33,14 @@ define internal i64 @sample(i64 %first, i64 %lane, i64 %last) nounwind alwaysinl
 }
 declare i64 @llvm.smin.i64(i64, i64)
 
+; What all samples share (stride 0) is gathered with the first of them.
 define internal void @gather(ptr noalias %to, ptr noalias %rows, i64 %stride, i64 %count, i64 %first, i64 %last) $attributes {
 start:
   $rows
-  br label %columns
+  %shared = icmp eq i64 %stride, 0
+  %later = icmp ne i64 %first, 0
+  %known = and i1 %shared, %later
+  br i1 %known, label %end, label %columns
 
 columns:
   %k = phi i64 [0, %start], [%next, %column]

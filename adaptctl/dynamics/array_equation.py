@@ -144,4 +144,5 @@ def _rows(array: Array, samples: tuple[int, ...]) -> Array:
     size = array.shape[-1]
     if array.ndim == 1:
         return array
-    return np.broadcast_to(array, (*samples, size)).reshape(math.prod(samples), size)
+    whole = array if array.shape[:-1] == samples else np.broadcast_to(array, (*samples, size))  # that is read-only
+    return whole.reshape(math.prod(samples), size)
