@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.instructions import Instructions
@@ -21,13 +21,6 @@ FAR = 40
 """Expressions without a use of a value after which it is loaded again, where it is in memory: kept, it would take a
 register that others need, or be written to the stack a second time. (Measured from 20 to 200: 8 % of a step of many
 arms, little between 30 and 80.)"""
-
-
-class _Use(NamedTuple):
-    """The latest use of a value: its name there, and how many expressions were written by then."""
-
-    name: str
-    when: int
 
 
 class FunctionBody:
@@ -57,7 +50,7 @@ class FunctionBody:
         self._symbols, self._found, self._same = symbols, found, same
         self._sines = SinesAtOnce(self._text, self._operand)
         self._turns = asked_at_once([x for x in expressions if x.index not in found and x.index not in same.places])
-        self._latest: dict[int, _Use] = {}
+        self._latest: dict[int, tuple[str, int]] = {}  # names, and how many expressions were written at the last use
         self._stored: dict[int, tuple[str, int]] = {}
         self._now = 0
         self._together: dict[tuple[Any, ...], str] = {}
@@ -73,12 +66,13 @@ class FunctionBody:
         result, an invariant, a sine or cosine) needs none of its own: it is loaded where it is used. Raises `KeyError`
         for a call of a routine without a name in `symbols`."""
         self._now += 1
-        self._sines.turn(self._turns.get(expression.index, ()))
+        if expression.index in self._turns:
+            self._sines.turn(self._turns[expression.index])
         if expression.op is Op.CALL:
             self._call(f"%x{expression.index}", expression.detail, arguments(expression))
         elif self._place(expression) is None:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
-            self._latest[expression.index] = _Use(f"%x{expression.index}", self._now)
+            self._latest[expression.index] = f"%x{expression.index}", self._now
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
         """Append the instructions that write `value`, an expression that has been computed or a constant, into memory:
@@ -107,13 +101,13 @@ class FunctionBody:
         """The name of a value, which is loaded where it is in memory and was not used for long."""
         if not isinstance(x, Expression):
             return self._lanes.constant(x)
-        place, last = self._place(x) or self._stored.get(x.index), self._latest.get(x.index)
-        if place is not None and (last is None or self._now - last.when > FAR):
-            load = self._text.broadcast if self._is_uniform(x) else self._text.load
-            name = load(f"%x{x.index}.{self._now}", *place)
-        else:
-            name = f"%x{x.index}" if last is None else last.name
-        self._latest[x.index] = _Use(name, self._now)
+        name, when = self._latest.get(x.index, ("", -FAR))
+        if self._now - when > FAR or not name:
+            place = self._place(x) or self._stored.get(x.index)
+            if place is not None:
+                load = self._text.broadcast if self._is_uniform(x) else self._text.load
+                name = load(f"%x{x.index}.{self._now}", *place)
+        self._latest[x.index] = name, self._now
         return name
 
     def _is_uniform(self, x: Expression) -> bool:

@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from adaptctl.caching import cached_property
 from adaptctl.errors import InputError
 
 Precision: TypeAlias = Literal["double", "single"]
@@ -41,28 +42,28 @@ class Lanes:
         """NumPy type of the numbers: float64 in double precision, float32 in single."""
         return np.dtype(f"f{self.size}")
 
-    @property
+    @cached_property
     def scalar(self) -> str:
         """The LLVM type of one number: "double", or "float" in single precision."""
         return "double" if self.precision == "double" else "float"
 
-    @property
+    @cached_property
     def value(self) -> str:
         """The LLVM type of the numbers in all SIMD lanes, such as "<4 x double>", or of one number where there is one
         lane."""
         return self._of(self.scalar)
 
-    @property
+    @cached_property
     def integer(self) -> str:
         """The LLVM type of whole numbers as long as the floating-point ones, in all SIMD lanes, such as "<4 x i64>"."""
         return self._of(self._whole)
 
-    @property
+    @cached_property
     def condition(self) -> str:
         """The LLVM type of the truth values of a comparison in all SIMD lanes, such as "<4 x i1>"."""
         return self._of("i1")
 
-    @property
+    @cached_property
     def suffix(self) -> str:
         """Ending of the names of LLVM's intrinsic functions for numbers in these SIMD lanes, such as "v4f64", or "f64"
         for one."""
@@ -74,7 +75,7 @@ class Lanes:
         """Alignment in memory, bytes, of the numbers in all SIMD lanes: their size together."""
         return self.size * self.count
 
-    @property
+    @cached_property
     def attributes(self) -> str:
         """LLVM attributes, as text, for every function on SIMD lanes: it raises no exceptions, and its stack is aligned
         so that a vector put there lies in one cache line."""

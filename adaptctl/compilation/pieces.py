@@ -37,7 +37,10 @@ def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece
     function's length. `given` has the indices of expressions that are in memory already and pass between no pieces,
     none unless given. Comparisons are made again in each piece that uses them, for memory holds numbers alone. Nothing
     is checked."""
-    parts = [_with_truths(part) for part in _parts(body)]
+    whole, *others = _parts(body)
+    if not others:
+        return [Piece(whole, {}, {})]
+    parts = [_with_truths(part) for part in (whole, *others)]
     homes = {x.index: k for k, part in reversed(list(enumerate(parts))) for x in part}
     used = [_operands(x for x in part if x.index not in given) for part in parts]
     needed = [{y.index for y in ys if y.index not in given and homes[y.index] < k} for k, ys in enumerate(used)]
