@@ -98,7 +98,7 @@ class FunctionBody:
             self._text.add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
 
     def _operand(self, x: Expression | float) -> str:
-        """The name of a value, which is loaded where it is in memory and was not used for long."""
+        """The name of a value. One that was not used for long is loaded again, or, where cheap, computed again."""
         if not isinstance(x, Expression):
             return self._lanes.constant(x)
         name, when = self._latest.get(x.index, ("", -FAR))
@@ -107,8 +107,16 @@ class FunctionBody:
             if place is not None:
                 load = self._text.broadcast if self._is_uniform(x) else self._text.load
                 name = load(f"%x{x.index}.{self._now}", *place)
+            elif name and self._is_cheap(x):
+                name = f"%x{x.index}.{self._now}"
+                self._evaluate(name, x.op, [self._operand(y) for y in x.operands])
         self._latest[x.index] = name, self._now
         return name
+
+    def _is_cheap(self, x: Expression) -> bool:
+        """True for a sum of values in memory: to compute it again costs no more than to keep it there too."""
+        homes = (not isinstance(y, Expression) or self._place(y) or y.index in self._stored for y in x.operands)
+        return self._lanes.count > 1 and x.op in (Op.ADD, Op.SUBTRACT, Op.NEGATE) and all(homes)
 
     def _is_uniform(self, x: Expression) -> bool:
         return x.op is Op.INPUT and x.detail[0] in self._uniform
