@@ -94,11 +94,11 @@ def outlined(function: F) -> F:
     """A wrapper of `function` whose calls within a trace, in which a function runs on symbolic scalars to be compiled,
     share one native subroutine, instead of being unrolled each.
 
-    Its arguments are scalars and Columns (vectors of scalars) by position, and its result is a scalar, a Column, a list
-    of Columns of one length, or a tuple or NamedTuple of these: any other raises `TraceError` within a trace. Constants
-    among the scalars are folded into the body: a trace keeps one body for each pattern of symbolic scalars and
-    constants. Wrap a function once, not before each call, or each call gets its own body. Outside a trace, and on other
-    scalars, dual numbers among them, the function is simply called.
+    Its arguments are scalars and Columns (vectors of scalars) by position. Its result is a scalar, a Column, a list of
+    Columns of one length, or a tuple or NamedTuple of these: any other result raises `TraceError` within a trace.
+    Constants among the scalars are folded into the body: a trace keeps one body for each pattern of symbolic scalars
+    and constants. Wrap a function once, not before each call, or each call gets its own body. Outside a trace, and on
+    other scalars, dual numbers among them, the function is simply called.
     """
 
     @functools.wraps(function)

@@ -80,8 +80,8 @@ class Continuation:
     def progress(self, p: Array, least: float = NEAREST) -> Array:
         """The share (m,), from 0 to 1, of the straight way from the reference configuration to each of m primary
         positions p (m, r), rad (m if prismatic), that can be gone before the `regularity`, which is 1 at the reference
-        and 0 where the loops lock, falls below `least` (no unit, 0.05 by default): 1 for all of it. Shapes are not
-        checked; NaN gives 0."""
+        and 0 where the loops lock, falls below `least` (no unit, 0.05 by default), counted in steps of at most 0.05 rad
+        (m): 1 for all of it. Shapes are not checked; NaN gives 0."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
