@@ -32,8 +32,8 @@ class Invariants(NamedTuple):
     @classmethod
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
         """The `Invariants` of a step's `routine` (its traced function) whose arguments of the indices `held`, from 0,
-        are the same in all steps: the expressions that depend on these alone, but for calls and comparisons, which are
-        made in each step. Nothing is raised."""
+        are the same in all steps: the expressions that depend on these alone, but for calls and comparisons and all
+        that needs them, which is done in each step. Nothing is raised."""
         same = _same(routine.body, held)
         found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]

@@ -67,7 +67,7 @@ class Routine:
     @cached_property
     def operations(self) -> Operations:
         """Number of scalar operations of one evaluation, counted by kind (`Op`), those of called routines included;
-        inputs and calls themselves are none."""
+        inputs, calls themselves and reading their results are none."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)

@@ -143,8 +143,9 @@ class ConstrainedEquations(Equations):
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
         """The state of motion, a `ConstrainedMotion`, made again from its `Motion.numbers` (`motion_size`,), scalars in
-        SI units, without the work that it took to make it. Not checked: too few numbers raise `TypeError` or
-        `IndexError`, or pass until torques are asked for; too many may pass."""
+        SI units, without the sines, the recursion over the links and the loops' Jacobian that it took to make it. Not
+        checked: too few numbers raise `TypeError` or `IndexError`, or pass until torques are asked for; too many may
+        pass."""
         return ConstrainedMotion(self, self.whole.remembered(numbers))
 
     @property

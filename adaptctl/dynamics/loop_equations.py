@@ -154,8 +154,9 @@ class LoopEquations(Equations):
 
     def posture(self, q: Column) -> Posture:
         """The `Posture` of a closed configuration q (n,) of the tree's n joints, rad (m if prismatic): the links'
-        placements, the factored closure Jacobian, and with it the Jacobian J (n, r) of all joints by the primary ones.
-        Not checked: too short a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
+        placements, the factored closure Jacobian, and with it the Jacobian J (n, r) of all joints by the r primary
+        (independent) ones. Not checked: too short a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in
+        floats."""
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:

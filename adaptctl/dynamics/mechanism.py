@@ -105,8 +105,8 @@ class Mechanism:
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the primary joints, rad (m if prismatic), in the reference configuration, in which the
-        loops are known to close; zeros for a tree. Raises `LoopError` where loops do not fit together."""
+        """Positions (r,) of the primary (independent) joints, rad (m if prismatic), in the reference configuration, in
+        which the loops are known to close; zeros for a tree. Raises `LoopError` where loops do not fit together."""
         if self.continuation is None:
             return np.zeros(self.dof)
         return self.continuation.reference[self.continuation.primary]
@@ -193,8 +193,8 @@ class Mechanism:
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
         """The `ArrayEquation` of `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters of
         indices `columns`: its `call` takes the arrays p, v, a or p, v, v_r, a_r of that method of `Mechanism`, (..., r)
-        of r primary joints, rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N) per unit. Raises `InputError` for
-        another name and for an index that is not from 0 to P - 1."""
+        of r primary (independent) joints, rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per
+        unit. Raises `InputError` for another name and for an index that is not from 0 to P - 1."""
         asked = required_columns(columns, len(self.parameter_names), self.name)
         return self._arrays.on_columns(regressor, tuple(asked))
 
@@ -206,10 +206,10 @@ class Mechanism:
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
         """Energy regressor E (..., P), J per unit of each of P parameters, at positions p and velocities v (..., r) of
-        r primary joints, rad, rad/s (m): E @ D is kinetic plus potential energy, the latter 0 at the ground frame's
-        origin, D (P,) the `inertial_parameters` (Sheu and Walker 1991, section 2.2). `out`, float64 (..., P), is filled
-        and returned; None for a new one. Raises `InputError` on wrong shapes, `NonFiniteError` on NaN or infinity,
-        `SingularityError` near locked loops."""
+        r primary (independent) joints, rad, rad/s (m): E @ D is kinetic plus potential energy, the latter 0 at the
+        ground frame's origin, D (P,) the `inertial_parameters` (Sheu and Walker 1991, section 2.2). `out`, float64
+        (..., P), is filled and returned; None for a new one. Raises `InputError` on wrong shapes, `NonFiniteError` on
+        NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
@@ -217,8 +217,8 @@ class Mechanism:
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad
-        (m), and velocities v, rad/s (m/s), both (..., r), of the r primary joints. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        (m), and velocities v, rad/s (m/s), both (..., r), of the r primary (independent) joints. Raises `InputError` on
+        a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
     def torque_regressor(
@@ -258,19 +258,19 @@ class Mechanism:
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """Torque (..., r), N m (N), of the r primary joints that gives the accelerations a, rad/s^2 (m/s^2), at
-        positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and friction. `out`, float64
-        (..., r), is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError`
-        on NaN or infinity, `SingularityError` near locked loops."""
+        """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints that gives the accelerations a,
+        rad/s^2 (m/s^2), at positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and
+        friction. `out`, float64 (..., r), is filled and returned, None for a fresh array. Raises `InputError` on a
+        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The part of the torque (..., r), N m (N), due to values that linear constraints on parameters fix, which
-        regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of r primary
-        joints, rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, with
-        constraints `SingularityError` near locked loops."""
+        """The part of the torque (..., r), N m (N if prismatic), due to values that linear constraints on parameters
+        fix, which regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of
+        r primary (independent) joints, rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError`
+        on NaN or infinity, with constraints `SingularityError` near locked loops."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 

@@ -92,8 +92,8 @@ class TreeMotion(Motion):
 
 @dataclass(frozen=True)
 class TreeEquations(Equations):
-    """Equations of motion of a tree of n links, one joint each, all of whose joints are primary: positions p and
-    configuration q are the same (n,), rad (m if prismatic), and r = n.
+    """Equations of motion of a tree of n links, one joint each, all of whose joints are primary (independent):
+    positions p and configuration q are the same (n,), rad (m if prismatic), and r = n.
 
     `segments` has the links' geometry, parents before children; `gravity` is the gravitational acceleration in the
     ground frame (3), m/s^2; `layout` the order of the P inertial and friction parameters. Made by `TreeEquations.of`;
@@ -139,8 +139,8 @@ class TreeEquations(Equations):
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
-        """The velocities v (n,) of a tree's n joints, rad/s (m/s if prismatic), themselves, all joints being primary.
-        The configuration q (n,) is not used. Nothing is checked."""
+        """The velocities v (n,) of a tree's n joints, rad/s (m/s if prismatic), themselves, all joints being primary
+        (independent). The configuration q (n,) is not used. Nothing is checked."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:

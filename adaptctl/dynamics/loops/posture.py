@@ -23,9 +23,9 @@ class Following:
         self.closing, self.slopes = closing, slopes
 
     def tree(self, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from those of the r primary ones, v
-        (r,); J (n, r) is the Jacobian of the joints' positions by the primary ones. Raises `ValueError` for v of a
-        wrong length."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from those of the r primary
+        (independent) ones, v (r,); J (n, r) is the Jacobian of the joints' positions by the primary ones. Raises
+        `ValueError` for v of a wrong length."""
         follow = v[0] * self.slopes[0]
         for rate, slope in zip(v.of[1:], self.slopes[1:], strict=True):
             follow = follow + rate * slope
@@ -64,9 +64,9 @@ class Posture(Following):
 
     def bias(self, u: Column, w: Column) -> Column:
         """The velocity terms J_dot v_r (n,) of the accelerations of the tree's n joints, rad/s^2 (m/s^2 if prismatic),
-        zero for the primary ones. Let the r primary joints have velocities v and, in a reference motion, velocities v_r
-        and accelerations a_r; then all n have velocities u = J v, w = J v_r (n,), rad/s (m/s), and accelerations J a_r
-        + J_dot v_r, J (n, r) being their Jacobian by the primary ones and J_dot its rate under u. Symmetric in u and w,
-        which keep the loops closed. Not checked: too short a u or w raises `IndexError`."""
+        zero for the r primary (independent) ones. Let these have velocities v and, in a reference motion, velocities
+        v_r and accelerations a_r; then all n have velocities u = J v, w = J v_r (n,), rad/s (m/s), and accelerations J
+        a_r + J_dot v_r, J (n, r) being their Jacobian by the primary ones and J_dot its rate under u. Symmetric in u
+        and w, which keep the loops closed. Not checked: too short a u or w raises `IndexError`."""
         follow = -self.factor.solve(self.closing.bias(self.places, u, w))
         return self.joined(Column.zeros(len(self.closing.primary)), follow)
