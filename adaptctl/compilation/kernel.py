@@ -62,8 +62,9 @@ class Kernel:
     the function's own. `call` is the built-in function without its Python wrapper: where every call counts, it takes 60
     ns less. Native code is made at the first use, separately for single samples and for many (`map`).
 
-    The constructor takes `traced`, a callable that returns the function's `Routine`, its expressions, and `arguments`,
-    `finite` and `form` as `compile_function` does; it checks none of them, but what `traced` raises goes through.
+    The constructor takes `traced`, a callable that returns the function's `Routine`, its expressions, called at once
+    and again for each further kind of code, and `arguments`, `finite` and `form` as `compile_function` does; it checks
+    none of them, but what `traced` raises goes through.
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")

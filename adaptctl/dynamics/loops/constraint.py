@@ -78,7 +78,7 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 class Constraint:
     """A loop closure at one configuration: its residual, and how that moves with the loop's joints. Made of `places`,
-    the links' `Placement`s in their parents, and the `loop`.
+    the links' `Placement`s in their parents by link index, and the `loop`.
 
     It has 3 scalar conditions (of kind POINT: the sides' closing frames have the same origin), 5 (AXIS: the same z
     axis, too) or 6 (WELD: the same pose), those of position, in m, before those of direction, in rad. They are in the
