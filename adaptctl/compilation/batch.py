@@ -19,12 +19,13 @@ each, and addresses of the results' rows."""
 def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
     """LLVM IR (text) of the function `batch`, one native call of which evaluates a `routine` (traced function) at many
     samples, as many at a time as there are SIMD `lanes`, of doubles. `symbol` is the name of the routine's own
-    function; `checked` says by "inputs" and "outputs" whether these are checked for NaN and infinity.
+    function; `checked` says by "inputs" and "outputs" whether these are checked for NaN and infinity; `KeyError` is
+    raised where it lacks one.
 
     `batch` takes the number of samples and three tables, with an entry for each argument or result: the addresses of
     the arguments' rows, the numbers from one row to the next, 0 for an argument that all samples share, and the
-    addresses of the results' rows. It returns true where all that is checked is finite. Raises `KeyError` where
-    `checked` lacks an entry.
+    addresses of the results' rows. A row is an argument's or a result's doubles, side by side, of one sample. The
+    native call returns true where all that is checked is finite.
     """
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}

@@ -48,7 +48,8 @@ class Form(NamedTuple):
     number of items; the tuple's type is given when the function is made, as are arrays that it is bound to. `wrapped`
     maps the index of a result to that of a tuple argument: the result is returned as the only item of a tuple of that
     type. `into` maps the index of a result to that of an argument: an array of the result's shape, to write to, that
-    shares no memory with others. The last three are empty unless given. Nothing is checked.
+    shares no memory with other arguments. Results in neither are new arrays and floats. The last three are empty unless
+    given. Nothing is checked.
     """
 
     places: tuple[Place, ...]
@@ -92,7 +93,7 @@ class Form(NamedTuple):
     def spares(self) -> int:
         """Index of the first result array that is kept to be returned again, in the tuple of objects that the built-in
         function keeps: first the function that it calls instead of native code, at 0, then the types of tuples, the
-        bound arrays, and these results."""
+        bound arrays, and these results, two for each result that is an array and not written into an argument."""
         return self.bound(len(self.places))
 
 

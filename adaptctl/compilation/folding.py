@@ -108,8 +108,8 @@ def maximum(x: Any, y: Any) -> Any:
 
 
 def elementary(op: Op) -> Callable[[Any], Any]:
-    """A function from an expression (a symbolic scalar) to the expression of one operation `op` on it, such as the
-    square root or rounding, which is never simplified. Nothing is checked."""
+    """A function that makes of an expression (a symbolic scalar) that of one operation `op` on it, an `Op` with one
+    operand, such as the square root or rounding; it is never simplified. Nothing is checked."""
     return lambda x: _make(op, x)
 
 

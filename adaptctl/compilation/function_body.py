@@ -62,9 +62,10 @@ class FunctionBody:
 
     def compute(self, expression: Expression) -> None:
         """Append the instructions that compute an `expression`, whose operands have been computed before. Sines and
-        cosines are computed in groups, each ahead of one expression. One that is in memory already (an input, a call's
-        result, an invariant, a sine or cosine) needs none of its own: it is loaded where it is used. Raises `KeyError`
-        for a call of a routine without a name in `symbols`."""
+        cosines are computed in groups, each just before the first expression in it, those of angles that are inputs
+        before all others. One that is in memory already (an input, a call's result, an invariant, a sine or cosine)
+        needs none of its own: it is loaded where it is used. Raises `KeyError` for a call of a routine without a name
+        in `symbols`."""
         self._now += 1
         if expression.index in self._turns:
             self._sines.turn(self._turns[expression.index])

@@ -7,8 +7,8 @@ from adaptctl.compilation.lanes import Lanes
 
 class Instructions:
     """LLVM instructions of one function's body, as lines of text: `memory` has those that set aside memory, which come
-    first, and `lines` all others, in order. Each number in a register or a place of memory is one in each of `lanes`,
-    the `Lanes` (count and precision). Nothing is checked."""
+    first, and `lines` all others, in order. A register, and a place of memory, holds as many numbers as `lanes`, the
+    `Lanes` (count and precision), has lanes. Nothing is checked."""
 
     def __init__(self, lanes: Lanes) -> None:
         self.memory: list[str] = []

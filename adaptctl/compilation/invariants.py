@@ -15,13 +15,13 @@ _IN_EACH_STEP = (Op.CALL, Op.RESULT, Op.LESS, Op.LESS_EQUAL)
 
 
 class Invariants(NamedTuple):
-    """Loop invariants of a step's routine (its traced function): expressions that depend on held arguments alone, which
-    are the same in all steps, and are computed once before the first.
+    """Loop invariants of a step's routine (its traced function): expressions that are computed once, before the first
+    step, since they depend on held arguments alone, those that are the same in all steps.
 
-    `computed` is the set of all these; `stored` lists the expressions that lie side by side in memory for the steps,
-    which may include held inputs; `places` has the index there of single expressions, by expression index; `groups` the
-    index there of the first of those that a call takes as one argument, by the tuple of their expression indices. Made
-    by `Invariants.of`; nothing is checked.
+    `computed` is the set of all these; `stored` lists the expressions that lie side by side in memory for the steps to
+    read: those of `computed` that a step uses or returns, and held inputs that a call takes with them; `places` has the
+    index there of single expressions, by expression index; `groups` the index there of the first of those that a call
+    takes as one argument, by the tuple of their expression indices. Made by `Invariants.of`; nothing is checked.
     """
 
     computed: frozenset[Expression]
@@ -32,8 +32,8 @@ class Invariants(NamedTuple):
     @classmethod
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
         """The `Invariants` of a step's `routine` (its traced function) whose arguments of the indices `held`, from 0,
-        are the same in all steps: the expressions that depend on these alone, but for calls and comparisons, which are
-        made in each step. Nothing is raised."""
+        are the same in all steps: the expressions that depend on these alone, but for calls and comparisons and all
+        that needs them, which is done in each step. Nothing is raised."""
         same = _same(routine.body, held)
         found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]

@@ -32,8 +32,8 @@ def compile_function(
     finite: Finite = False,
     form: Form | None = None,
 ) -> Kernel:
-    """A `Kernel`, native code for `function`, which is called once, by keyword, with Columns (vectors of scalars);
-    `arguments` maps their names to their lengths n.
+    """A `Kernel`, native code for `function`, which is called by keyword with Columns (vectors of symbolic scalars), at
+    once and again for each further kind of code (`map`, `into`); `arguments` maps their names to their lengths n.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
     these; the kernel returns the same with floats, arrays (n,) and (rows, n) in their place. `name` is the kernel's in
@@ -62,8 +62,9 @@ class Kernel:
     the function's own. `call` is the built-in function without its Python wrapper: where every call counts, it takes 60
     ns less. Native code is made at the first use, separately for single samples and for many (`map`).
 
-    The constructor takes `traced`, a callable that returns the function's `Routine`, its expressions, and `arguments`,
-    `finite` and `form` as `compile_function` does; it checks none of them, but what `traced` raises goes through.
+    The constructor takes `traced`, a callable that returns the function's `Routine`, its expressions, called at once
+    and again for each further kind of code, and `arguments`, `finite` and `form` as `compile_function` does; it checks
+    none of them, but what `traced` raises goes through.
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
@@ -111,9 +112,9 @@ class Kernel:
 
     def filling(self, instead: Callable[..., Any]) -> Callable[..., Any]:
         """A function `f(*outs, *arguments)` that writes the kernel's results at the arguments, (n,) each, into the
-        arrays `outs`, as `into` does, and calls `instead` with them all wherever they are unusual: not as many, not
-        contiguous float64 arrays of the expected shapes, an `out` that is read-only or shares memory with another, or,
-        where the kernel checks for them, NaN and infinity.
+        arrays `outs` and returns these, as `into` does, and calls `instead` with them all wherever they are unusual:
+        not as many, not contiguous float64 arrays of the expected shapes, an `out` that is read-only or shares memory
+        with another, or, where the kernel checks for them, NaN and infinity.
 
         It refuses nothing by itself: errors are those of `instead`. It is `instead` itself where a result is a scalar,
         and on a Python whose arrays native code cannot read, such as any but CPython.
@@ -152,14 +153,14 @@ class Kernel:
         return routine
 
     def map(self, *arguments: ArrayLike, out: Array | Sequence[Array] | None = None) -> Any:
-        """The kernel's results (m, ...) at m samples, the shape of one result after the samples, evaluated in SIMD
-        lanes: arguments are (m, n) each, n the argument's length, one row a sample, or (n,) where all samples share it;
-        m is 1 where all do.
+        """The kernel's results at m samples, evaluated in SIMD lanes: an array (m, ...) of each, with the shape of one
+        result after the m samples, in a tuple of the function's kind if it returns one. Arguments are (m, n) each, n
+        the argument's length, one row a sample, or (n,) where all samples share it; m is 1 where all do.
 
-        `out` takes the result in place of a fresh array, or a sequence of arrays each of the results; None for fresh
-        ones. Raises `InputError` for arguments of another number, another shape or that hold no real numbers, and for
-        an `out` that is no writable, contiguous float64 array of these shapes; `NonFiniteError` for NaN and infinity
-        where the kernel checks for them.
+        `out` is the array that is filled and returned, or a sequence of one for each result; None for fresh ones.
+        Raises `InputError` for arguments of another number, another shape or that hold no real numbers, and for an
+        `out` that is no writable, contiguous float64 array of these shapes; `NonFiniteError` for NaN and infinity where
+        the kernel checks for them: `out` may then hold anything.
         """
         arrays = self._given.arrays(arguments, sample_axes=1)
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)

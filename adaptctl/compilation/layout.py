@@ -57,8 +57,8 @@ def numbered(sizes: Iterable[int]) -> list[tuple[int, int]]:
 
 def flatten(value: Any) -> tuple[Layout, list[Any]]:
     """The `Layout` of a `value` (a function's result or its tuple of arguments) and the list of all its scalars in
-    order. Parts are Columns (vectors), lists of Columns of one length (the rows of a matrix), and all else, which
-    counts as a scalar unseen; a tuple or NamedTuple holds several. Nothing is raised."""
+    order. Parts are Columns (vectors), lists of Columns of one length (the rows of a matrix), and anything else, which
+    counts as one scalar, whatever it is; a tuple or NamedTuple holds several. Nothing is raised."""
     container = type(value) if isinstance(value, tuple) else None
     parts = [_flat(part) for part in (value if isinstance(value, tuple) else (value,))]
     return Layout(container, tuple(shape for shape, _ in parts)), [x for _, scalars in parts for x in scalars]

@@ -40,7 +40,10 @@ class Source(StrEnum):
 
 def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]], same: int = 0) -> str:
     """LLVM IR (text) of the function `run`, one native call of which takes many steps of a `routine` (traced function)
-    for many members (copies of its state), a block of them, as many as `lanes`, at a time.
+    for many members (copies of its state), a block of them, as many as `lanes`, at a time. `run` takes the index of the
+    first block and of the one after the last, the number of steps, how many numbers lie from step to step in the arrays
+    of shared and driven arguments and of outputs (0 for an array without steps), and the addresses of state, held,
+    shared, driven and outputs.
 
     `symbol` is the name of the routine's own function; `columns` has the lengths of its arguments by `Source` (state,
     held, shared, driven), in that order; its first results are the new state, the others outputs. `same` is the number

@@ -54,7 +54,8 @@ class ObjectCache(NamedTuple):
 
     def get(self, key: bytes) -> bytes | None:
         """The bytes kept under `key`, 32 bytes, or None where there are none, they are damaged, or the folder or file
-        belongs to another user or could be written by one. The log tells the reason; no `OSError` is raised."""
+        belongs to another user or could be written by one. A file that is read is marked as used now. The log tells the
+        reason for None; no `OSError` is raised."""
         try:
             _require_own(self.folder.stat())
             content = _read(self._path(key))

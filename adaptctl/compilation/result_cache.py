@@ -50,9 +50,10 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 def arithmetic() -> list[str]:
-    """Texts that tell what decides the last bits of results: NumPy's version, its BLAS, the kind of machine, the number
-    of processors that may be used, the instruction sets that NumPy sees, and those environment variables for OpenBLAS,
-    MKL, OMP_NUM_THREADS and ADAPTCTL_PROCESSOR that are set. Nothing is raised."""
+    """Texts, in this order, that tell what decides the last bits of results: NumPy's version, its BLAS, the kind of
+    machine, the number of processors that may be used, each instruction set that NumPy sees, and, as NAME=value, each
+    environment variable whose name begins with OPENBLAS_, MKL_, OMP_NUM_THREADS or ADAPTCTL_PROCESSOR. Nothing is
+    raised."""
     chosen = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING))
     return [*_here(), *chosen]
 

@@ -67,7 +67,7 @@ class Routine:
     @cached_property
     def operations(self) -> Operations:
         """Number of scalar operations of one evaluation, counted by kind (`Op`), those of called routines included;
-        inputs and calls themselves are none."""
+        inputs, calls themselves and reading their results are none."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)
@@ -94,11 +94,11 @@ def outlined(function: F) -> F:
     """A wrapper of `function` whose calls within a trace, in which a function runs on symbolic scalars to be compiled,
     share one native subroutine, instead of being unrolled each.
 
-    Its arguments are scalars and Columns (vectors of scalars) by position, and its result is a scalar, a Column, a list
-    of Columns of one length, or a tuple or NamedTuple of these: any other raises `TraceError` within a trace. Constants
-    among the scalars are folded into the body: a trace keeps one body for each pattern of symbolic scalars and
-    constants. Wrap a function once, not before each call, or each call gets its own body. Outside a trace, and on other
-    scalars, dual numbers among them, the function is simply called.
+    Its arguments are scalars and Columns (vectors of scalars) by position. Its result is a scalar, a Column, a list of
+    Columns of one length, or a tuple or NamedTuple of these: any other result raises `TraceError` within a trace.
+    Constants among the scalars are folded into the body: a trace keeps one body for each pattern of symbolic scalars
+    and constants. Wrap a function once, not before each call, or each call gets its own body. Outside a trace, and on
+    other scalars, dual numbers among them, the function is simply called.
     """
 
     @functools.wraps(function)

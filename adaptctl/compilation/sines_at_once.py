@@ -20,7 +20,7 @@ _WIDE = (2, 4, 8)
 
 class SinesAtOnce:
     """Sines and cosines of groups of angles, rad, as LLVM instructions appended to a function's `text`
-    (`Instructions`), which leave them in memory, pair after pair.
+    (`Instructions`), which leave them in memory, pair (sine, cosine) after pair.
 
     Angles that are too large for the fast formula are left to the C library. The branch to it is costly, since
     registers are written to memory for it, so each group of angles has only one. `operand` is a function that returns

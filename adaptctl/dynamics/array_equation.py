@@ -34,10 +34,10 @@ class ArrayEquation:
 
     Made of the mechanism's `name`, for messages; `function`, called by position with one `Column` (size,) for each
     argument, which returns one `Column` (m,) or a list of m of them, the rows (k,); `sizes`, a callable without
-    arguments that returns the arguments' sizes by name, first that of the positions p (r,) of the r primary joints, rad
-    (m if prismatic); `configured`, a callable that makes of p the configuration (..., n) of the tree's n joints, which
-    `function` takes in its place, None where that is p; `links`, the number n of links; and `longest`, the most links
-    with which it is compiled, 100 by default.
+    arguments that returns the arguments' sizes by name, first that of the positions p (r,) of the r primary
+    (independent) joints, rad (m if prismatic); `configured`, a callable that makes of p the configuration (..., n) of
+    the tree's n joints, which `function` takes in its place, None where that is p; `links`, the number n of links; and
+    `longest`, the most links with which it is compiled, 100 by default.
 
     It runs in Python at first. Once calls/50 + samples/25000, summed over all calls, is 1 it is compiled and runs as
     native code, several samples at once in SIMD registers where there are many. Both agree to round-off. `call` and

@@ -21,8 +21,8 @@ REGRESSORS = "torque_regressor", "slotine_li_regressor"
 
 class ArrayMechanism(Protocol):
     """Protocol of the members of a `Mechanism` that `ArrayEquations` uses: its description and equations of motion, its
-    name, the number r of its primary joints, its parameters' names, its configurations, and the check of its links'
-    mass."""
+    name, the number r of its primary (independent) joints, its parameters' names, its configurations, and the check of
+    its links' mass."""
 
     @property
     def description(self) -> Description:
@@ -32,7 +32,7 @@ class ArrayMechanism(Protocol):
     @property
     def equations(self) -> Equations:
         """The mechanism's equations of motion, an `Equations`, over scalars of any kind (floats, arrays, dual numbers,
-        traced ones)."""
+        symbolic ones)."""
 
     @property
     def name(self) -> str:
@@ -49,8 +49,9 @@ class ArrayMechanism(Protocol):
 
     def configuration(self, p: ArrayLike) -> Array:
         """The closed configuration (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of
-        the r primary joints, rad (m); p itself for a tree. An implementation raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity, and `SingularityError` near locked loops."""
+        the r primary (independent) joints, rad (m); p itself for a tree. An implementation raises `InputError` on a
+        wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit together, and
+        `SingularityError` near where they lock."""
 
     def require_mass(self) -> None:
         """Check that torques determine the accelerations; nothing is returned. An implementation raises `InputError`
@@ -59,7 +60,7 @@ class ArrayMechanism(Protocol):
 
 class ArrayEquations:
     """The equations of motion of one mechanism on NumPy arrays: `ArrayEquation`s, whose `call` takes arrays and returns
-    one, as attributes. Made of a `Mechanism`, of r primary joints and P inertial and friction parameters.
+    one, as attributes. Made of a `Mechanism`, of r primary (independent) joints and P inertial and friction parameters.
 
     `energy_regressor.call(p, v)` is (..., P), J per unit of each parameter; `torque_regressor.call(p, v, a)` and
     `slotine_li_regressor.call(p, v, v_r, a_r)` are (..., r, P), N m (N if prismatic) per unit of each;
@@ -96,8 +97,8 @@ class ArrayEquations:
         """The `ArrayEquation` of a `regressor`, "torque_regressor" or "slotine_li_regressor", of the k parameters of
         indices `columns` alone, each from 0 to P - 1: its `call` takes arrays (p, v, a), or (p, v, v_r, a_r), each
         (..., r), rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per unit of each parameter, for
-        r primary joints. The same request returns the same object. Raises `InputError` for another name; indices are
-        not checked."""
+        r primary (independent) joints. The same request returns the same object. Raises `InputError` for another name;
+        indices are not checked."""
         if regressor not in REGRESSORS:
             raise InputError(f"regressor: expected {' or '.join(REGRESSORS)}, got {regressor!r}")
         key = regressor, columns
@@ -116,8 +117,8 @@ class ArrayEquations:
         is called with the configuration q (n,) of the tree's n joints, rad (m if prismatic), and one column for each
         further name in `arguments`, and returns a `Column` (m,) or a list of m rows (k,).
 
-        The equation's `call` takes the positions p (..., r) of the r primary joints in place of q, then the further
-        arguments, and returns an array (..., m) or (..., m, k). An argument named in `sizes` has that size,
+        The equation's `call` takes the positions p (..., r) of the r primary (independent) joints in place of q, then
+        the further arguments, and returns an array (..., m) or (..., m, k). An argument named in `sizes` has that size,
         `parameters` otherwise P (the number of parameters), any other r. Mechanisms of more than `longest` links, 100
         by default, are never compiled. Nothing is checked or run before the equation is called.
         """

@@ -6,10 +6,10 @@ from adaptctl.scalars import Column
 
 
 class ClosedPositions(Column):
-    """Positions (r,) of a mechanism's r primary joints, rad (m if prismatic), a `Column`, of which the closed
-    `configuration` (n,) of the tree's n joints, rad (m), is known: `Equations.closed` returns that at once where it
-    would find it in closed form; Newton's steps are made anew. Sums and other results of arithmetic with them are plain
-    `Column`s. Nothing is checked."""
+    """Positions (r,) of a mechanism's r primary (independent) joints, rad (m if prismatic), a `Column`, of which the
+    closed `configuration` (n,) of the tree's n joints, rad (m), is known: `Equations.closed` returns that at once where
+    it would find it in closed form; Newton's steps are made anew. Sums and other results of arithmetic with them are
+    plain `Column`s. Nothing is checked."""
 
     __slots__ = ("configuration",)
 

@@ -12,8 +12,8 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ConstrainedMotion(Motion):
-    """The motion of a mechanism of r primary joints at one instant, with torques and regressors in the Z parameters z
-    that linear constraints leave free: all P parameters are D = D0 + N z.
+    """The motion of a mechanism of r primary (independent) joints at one instant, with torques and regressors in the Z
+    parameters z that linear constraints leave free: all P parameters are D = D0 + N z.
 
     Made of `equations`, the `ConstrainedEquations`, which have D0 (P,) and N (P, Z), and `whole`, the same motion of
     the mechanism without constraints, a `Motion`. Nothing is checked.
@@ -25,27 +25,27 @@ class ConstrainedMotion(Motion):
         self.equations, self.whole = equations, whole
 
     def torque(self, parameters: Column) -> Column:
-        """The torque M a_r + C v_r + g + friction at v_r (r,), N m (N if prismatic), of the r primary joints under
-        reference velocities v_r and accelerations a_r, M the mass matrix, C the Christoffel (Coriolis) matrix, g
-        gravity's torque, for values z (Z,) of the free `parameters` in SI units, with the torque of the values that
-        linear constraints fix. Raises `ValueError` for another number of them."""
+        """The torque M a_r + C v_r + g + friction at v_r (r,), N m (N if prismatic), of the r primary (independent)
+        joints under reference velocities v_r and accelerations a_r, M the mass matrix, C the Christoffel (Coriolis)
+        matrix, g gravity's torque, for values z (Z,) of the Z free inertial and friction `parameters` in SI units, with
+        the torque of the values that linear constraints fix. Raises `ValueError` for another number of them."""
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the Slotine-Li regressor Y N (r, k), one `Column` (k,) each, for the k of Z free parameters z
-        whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. By linear constraints all P
-        parameters are D = D0 + N z, and Y (r, P) is their regressor; over all columns Y N z is the torque but for that
-        of D0. Raises `IndexError` for an index of Z or more; negative ones are not refused."""
+        """The r rows of the Slotine-Li regressor Y N (r, k), one `Column` (k,) each, for the k of the Z free inertial
+        and friction parameters z whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. By
+        linear constraints all P parameters are D = D0 + N z, and Y (r, P) is their regressor; over all columns Y N z is
+        the torque but for that of D0. Raises `IndexError` for an index of Z or more; negative ones are not refused."""
         needed = self.equations.needed(columns)
         rows = self.whole.regressor(needed)
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """The powers (Y N)' s (k,), W per unit of each, for the k of Z free parameters whose indices `columns` are, at
-        rates s (r,) of the r primary joints, rad/s (m/s if prismatic). Y N (r, Z), whose transpose is (Y N)', is the
-        Slotine-Li regressor in the free parameters z, which is not formed; by linear constraints all P parameters are D
-        = D0 + N z. Raises `IndexError` for an index of Z or more, `IndexError` or `ValueError` for too short an s;
-        negative indices are not refused."""
+        """The powers (Y N)' s (k,), W per unit of each, for the k of the Z free inertial and friction parameters whose
+        indices `columns` are, at rates s (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Y N (r,
+        Z), whose transpose is (Y N)', is the Slotine-Li regressor in the free parameters z, which is not formed; by
+        linear constraints all P parameters are D = D0 + N z. Raises `IndexError` for an index of Z or more,
+        `IndexError` or `ValueError` for too short an s; negative indices are not refused."""
         needed = self.equations.needed(columns)
         return self.equations.combined(dict(zip(needed, self.whole.powers(s, needed), strict=True)), columns)
 
@@ -96,53 +96,56 @@ class ConstrainedEquations(Equations):
 
     def closed(self, p: Column, guess: Column) -> Column:
         """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
-        primary joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a tree. Where no
-        closed form exists it is found by Newton's steps, exact to round-off from within 0.05 rad. Constraints on
-        parameters do not change it. Not checked: where the loops stay open, nothing is raised; with loops, too short a
-        p or guess raises `ValueError` or `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
+        primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a
+        tree. Where no closed form exists it is found by Newton's steps, exact to round-off from within 0.05 rad.
+        Constraints on parameters do not change it. Not checked: where the loops stay open, nothing is raised; with
+        loops, too short a p or guess raises `ValueError` or `IndexError`, exactly locked loops `ZeroDivisionError` in
+        floats."""
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
-        """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary joints' positions of q
-        (n,) and the loops closed: exactly where a closed form exists, else by one Newton step from q, which is near a
-        closed one; q itself for a tree. Constraints on parameters do not change it. Not checked: with loops, too short
-        a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
+        """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary (independent) joints'
+        positions of q (n,) and the loops closed: exactly where a closed form exists, else by one Newton step from q,
+        which is near a closed one; q itself for a tree. Constraints on parameters do not change it. Not checked: with
+        loops, too short a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:
         """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their configuration q (n,), rad (m),
-        and velocities v (r,) of the r primary joints; J (n, r) is the derivative of q by the primary positions. For a
-        tree v itself. Not checked: with loops, columns too short raise `IndexError` or `ValueError`, exactly locked
-        loops `ZeroDivisionError` in floats."""
+        and velocities v (r,) of the r primary (independent) joints; J (n, r) is the derivative of q by the primary
+        positions. For a tree v itself. Not checked: with loops, vectors too short raise `IndexError` or `ValueError`,
+        exactly locked loops `ZeroDivisionError` in floats."""
         return self.whole.rates(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """Energy regressor N' E (Z,), J per unit of each of the Z free parameters z, at a configuration q (n,) of the
-        tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary joints, rad/s (m/s). N' is the
-        transpose of N, D = D0 + N z being all P parameters, and E (P,) their energy regressor; the inner product with z
-        is kinetic plus potential energy in J but for the share of D0. Not checked: columns too short raise `IndexError`
-        or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        """Energy regressor N' E (Z,), J per unit of each of the Z free inertial and friction parameters z, at a
+        configuration q (n,) of the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary
+        (independent) joints, rad/s (m/s). N' is the transpose of N, D = D0 + N z being all P parameters, and E (P,)
+        their energy regressor; the inner product with z is kinetic plus potential energy in J but for the share of D0.
+        Not checked: vectors too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in
+        floats."""
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part (Z,) of the energy regressor, J per unit of each of the Z free parameters z, at a
-        configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with z is the potential
-        energy in J, 0 at the ground frame's origin, but for the share of the values that linear constraints fix. Not
-        checked: too short a q raises `IndexError`."""
+        """The potential part (Z,) of the energy regressor, J per unit of each of the Z free inertial and friction
+        parameters z, at a configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with z
+        is the potential energy in J, 0 at the ground frame's origin, but for the share of the values that linear
+        constraints fix. Not checked: too short a q raises `IndexError`."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:
         """The state of motion, a `ConstrainedMotion`, at a configuration q (n,) of the tree's n joints, rad (m if
-        prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary joints, rad/s
-        (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers in the Z free
-        parameters follow from it. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked
-        loops `ZeroDivisionError` in floats."""
+        prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary (independent)
+        joints, rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers in
+        the Z free inertial and friction parameters follow from it. Not checked: vectors too short raise `IndexError` or
+        `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
         """The state of motion, a `ConstrainedMotion`, made again from its `Motion.numbers` (`motion_size`,), scalars in
-        SI units, without the work that it took to make it. Not checked: too few numbers raise `TypeError` or
-        `IndexError`, or pass until torques are asked for; too many may pass."""
+        SI units, without the sines, the recursion over the links and the loops' Jacobian that it took to make it. Not
+        checked: too few numbers raise `TypeError` or `IndexError`, or pass until torques are asked for; too many may
+        pass."""
         return ConstrainedMotion(self, self.whole.remembered(numbers))
 
     @property
@@ -152,11 +155,11 @@ class ConstrainedEquations(Equations):
         return self.whole.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary joints under a torque (r,), N m (N),
-        gravity and friction, at a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s
-        (m/s), for values z (Z,) of the free `parameters` in SI units, with the share of the values that linear
-        constraints fix. Not checked: columns too short raise `IndexError` or `ValueError`, a joint without inertia or
-        locked loops `ZeroDivisionError` in floats."""
+        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under a torque (r,),
+        N m (N), gravity and friction, at a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,),
+        rad/s (m/s), for values z (Z,) of the Z free inertial and friction `parameters` in SI units, with the share of
+        the values that linear constraints fix. Not checked: vectors too short raise `IndexError` or `ValueError`, a
+        joint without inertia or locked loops `ZeroDivisionError` in floats."""
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
     def weightless(self) -> ConstrainedEquations:
@@ -165,19 +168,20 @@ class ConstrainedEquations(Equations):
         return replace(self, whole=self.whole.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the mass matrix (r, r) of the r primary joints, symmetric, rotors included, in kg m^2 (kg
-        between prismatic joints, kg m mixed), at a configuration q (n,) of the tree's n joints, rad (m), for values z
-        (Z,) of the free `parameters` in SI units, with the share of the values that linear constraints fix. Not
-        checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in
-        floats."""
+        """The r rows of the mass matrix (r, r) of the r primary (independent) joints, symmetric, rotors included, in kg
+        m^2 (kg between prismatic joints, kg m mixed), at a configuration q (n,) of the tree's n joints, rad (m), for
+        values z (Z,) of the Z free inertial and friction `parameters` in SI units, with the share of the values that
+        linear constraints fix. Not checked: vectors too short raise `IndexError` or `ValueError`, exactly locked loops
+        `ZeroDivisionError` in floats."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the damping matrix B (r, r) of the r primary joints, symmetric, in N m s/rad (N s/m between
-        prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s (m/s), but for its
-        constant offsets. At a configuration q (n,) of the tree's n joints, rad (m), for values z (Z,) of the free
-        `parameters` in SI units. Not checked: columns too short raise `IndexError` or `ValueError` where they are read,
-        exactly locked loops `ZeroDivisionError` in floats."""
+        """The r rows of the damping matrix B (r, r) of the r primary (independent) joints, symmetric, in N m s/rad (N
+        s/m between prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s (m/s), but for
+        its constant offsets. At a configuration q (n,) of the tree's n joints, rad (m), for values z (Z,) of the Z free
+        inertial and friction `parameters` in SI units, with the share of the values that linear constraints fix. Not
+        checked: vectors too short raise `IndexError` or `ValueError` where they are read, exactly locked loops
+        `ZeroDivisionError` in floats."""
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
@@ -200,9 +204,9 @@ class ConstrainedEquations(Equations):
         return self.combined(dict(enumerate(entries)), range(self.parameters))
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
-        """Derivatives (k,) of one scalar, such as an energy or a joint's torque, by k of the Z free parameters z, from
-        its derivatives y (P,) by all P parameters D = D0 + N z: those entries of N' y, N' being the transpose of N (P,
-        Z), that `columns` has as indices. Their unit is that of y times that of N.
+        """Derivatives (k,) of one scalar, such as an energy or a joint's torque, by k of the Z free inertial and
+        friction parameters z, from its derivatives y (P,) by all P parameters D = D0 + N z: those entries of N' y, N'
+        being the transpose of N (P, Z), that `columns` has as indices. Their unit is that of y times that of N.
 
         `entries` has y's entries by index from 0 to P - 1, those of `needed(columns)` at least, else `KeyError` is
         raised; an index in `columns` of Z or more raises `IndexError`.

@@ -65,9 +65,9 @@ class ConstrainedMechanism(Mechanism):
 
     @cached_property
     def equations(self) -> ConstrainedEquations:
-        """The equations of motion in the Z free parameters z, a `ConstrainedEquations`, over scalars of any kind
-        (floats, arrays, dual numbers, traced ones), to trace or to differentiate; they check nothing. Raises
-        `LoopError` where loops do not fit together."""
+        """The equations of motion in the Z free inertial and friction parameters z, a `ConstrainedEquations`, over
+        scalars of any kind (floats, arrays, dual numbers, symbolic ones), to trace or to differentiate; they check
+        nothing. Raises `LoopError` where loops do not fit together."""
         N = self.parametrisation.matrix
         columns = (np.flatnonzero(column) for column in N.T)
         spread = tuple(tuple((int(i), float(N[i, j])) for i in places.tolist()) for j, places in enumerate(columns))
@@ -113,7 +113,7 @@ class ConstrainedMechanism(Mechanism):
     @property
     def energetic(self) -> int:
         """Number of the free parameters that enter the energy: all but friction terms. They are the first of the Z free
-        parameters; free friction terms come after them."""
+        inertial and friction parameters; free friction terms come after them."""
         return sum(i < self.whole.energetic for i in self.parametrisation.left)
 
     @property
@@ -135,16 +135,16 @@ class ConstrainedMechanism(Mechanism):
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad (m
-        if prismatic), and velocities v, rad/s (m/s), both (..., r), of the r primary joints; with the share of
-        parameters that the constraints fix. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-        `SingularityError` near locked loops."""
+        if prismatic), and velocities v, rad/s (m/s), both (..., r), of the r primary (independent) joints; with the
+        share of parameters that the constraints fix. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+        infinity, `LoopError` where loops do not fit together, `SingularityError` near where they lock."""
         return Mechanism(self.description).energy(p, v)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Torque (..., r), N m (N if prismatic), of the r primary joints due to the known share D0 of all parameters D
-        = D0 + N z, which regressors times the free parameters z leave out, at positions p, velocities v and
-        accelerations a, all (..., r), rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape and where D0 has a
-        rotor's inertia, viscous or Coulomb friction below 0, `NonFiniteError` on NaN or infinity, `SingularityError`
-        near locked loops."""
+        """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints due to the known share D0 of all
+        parameters D = D0 + N z, which regressors times the free parameters z leave out, at positions p, velocities v
+        and accelerations a, all (..., r), rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape and where D0
+        has a rotor's inertia, viscous or Coulomb friction below 0, `NonFiniteError` on NaN or infinity, `LoopError`
+        where loops do not fit together, `SingularityError` near where they lock."""
         known = self.whole.with_parameters(self.parametrisation.known)
         return known.inverse_dynamics(p, v, a)

@@ -13,8 +13,8 @@ from adaptctl.scalars import Column, spread
 
 class EquationCosts(NamedTuple):
     """Counts of floating-point operations of one evaluation of a mechanism's equations with k of its inertial
-    parameters, for r primary joints: additions, subtractions, multiplications, divisions and negations, unitless;
-    sines, cosines, roots and comparisons are not among them. Made by `equation_costs`; nothing is refused at
+    parameters, for r primary (independent) joints: additions, subtractions, multiplications, divisions and negations,
+    unitless; sines, cosines, roots and comparisons are not among them. Made by `equation_costs`; nothing is refused at
     construction.
 
     `regressor` counts the Slotine-Li regressor Y (r, k). `tick` counts what an adaptive law needs in a control period,

@@ -47,8 +47,8 @@ class Tip:
 
     def at(self, p: ArrayLike) -> Array:
         """Coordinates (..., 3) of the point in the world frame, m, at positions p (..., r) of the mechanism's r primary
-        joints, rad (m if prismatic). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-        `SingularityError` near locked loops."""
+        (independent) joints, rad (m if prismatic). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+        infinity, `LoopError` where loops do not fit together, `SingularityError` near where they lock."""
         return self._moved(self.mechanism.configuration(p))[0]
 
     def joints(self, goals: ArrayLike, start: ArrayLike) -> Array:

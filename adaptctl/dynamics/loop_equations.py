@@ -35,34 +35,35 @@ class LoopMotion(Motion):
         self.following, self.tree = following, tree
 
     def torque(self, parameters: Column) -> Column:
-        """The torque J' tau (r,), N m (N if prismatic), of the r primary joints for values (P,) of the P inertial and
-        friction `parameters` in SI units: tau (n,) is the torque M a_r + C v_r + g + friction of the n joints of the
-        tree under its reference velocities v_r and accelerations a_r (M the mass matrix, C the Christoffel matrix, g
-        gravity), J (n, r) their Jacobian by the primary joints, J' its transpose. Too short `parameters` raise
-        `IndexError` or `ValueError`."""
+        """The torque J' tau (r,), N m (N if prismatic), of the r primary (independent) joints for values (P,) of the P
+        inertial and friction `parameters` in SI units: tau (n,) is the torque M a_r + C v_r + g + friction of the n
+        joints of the tree under its reference velocities v_r and accelerations a_r (M the mass matrix, C the
+        Christoffel matrix, g gravity), J (n, r) their Jacobian by the primary joints, J' its transpose. Too short
+        `parameters` raise `IndexError` or `ValueError`."""
         return self.following.primary(self.tree.torque(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the Slotine-Li regressor Y = J' Y_tree (r, k) of r primary joints, one `Column` (k,) each, for
-        the k of P parameters whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. Y_tree
-        (n, k) is that of the tree's n joints, J' the transpose of their Jacobian (n, r) by the primary ones. Raises
-        `IndexError` for an index of P or more; negative ones are not refused."""
+        """The r rows of the Slotine-Li regressor Y = J' Y_tree (r, k) of r primary (independent) joints, one `Column`
+        (k,) each, for the k of the P inertial and friction parameters whose indices `columns` are, in their order: N m
+        (N if prismatic) per unit of each. Y_tree (n, k) is that of the tree's n joints, J' the transpose of their
+        Jacobian (n, r) by the primary ones. Raises `IndexError` for an index of P or more; negative ones are not
+        refused."""
         rows = self.tree.regressor(columns)
         by_column = [self.following.primary([row[k] for row in rows]) for k in range(len(columns))]
         return [Column(column[i] for column in by_column) for i in range(len(self.following.slopes))]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
         """The powers Y' s (k,), W per unit of each parameter, with the transpose Y' of the Slotine-Li regressor Y (r,
-        k), which is not formed, for the k of P parameters whose indices `columns` are, at rates s (r,) of the r primary
-        joints, rad/s (m/s if prismatic). Raises `IndexError` for an index of P or more, `ValueError` for s of a wrong
-        length."""
+        k), which is not formed, for the k of the P inertial and friction parameters whose indices `columns` are, at
+        rates s (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Raises `IndexError` for an index
+        of P or more, `ValueError` for s of a wrong length."""
         return self.tree.powers(self.following.tree(s), columns)
 
     @property
     def numbers(self) -> Column:
         """The scalars in SI units that hold this motion, a `Column` of length `LoopEquations.motion_size`: for each of
-        the r primary joints in turn the derivatives of the n - r dependent joints by it, then the numbers of the tree's
-        motion."""
+        the r primary joints in turn the derivatives of the n - r dependent joints by it, then the tree's
+        `TreeMotion.numbers`."""
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
 
 
@@ -90,8 +91,8 @@ class LoopEquations(Equations):
 
     @property
     def parameters(self) -> int:
-        """Number P of inertial and friction parameters: ten for each body and one for each rotor or friction term of a
-        drive."""
+        """Number P of inertial and friction parameters: ten for each link that is not massless and one for each rotor
+        or friction term of a drive."""
         return self.tree.parameters
 
     @property
@@ -101,11 +102,11 @@ class LoopEquations(Equations):
 
     def closed(self, p: Column, guess: Column) -> Column:
         """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
-        primary joints, on the assembly branch of `guess` (n,), a closed configuration nearby: in closed form where one
-        exists, else by three Newton steps.
+        primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration nearby: in closed
+        form where one exists, else by three Newton steps.
 
         In closed form, angles are within half a turn of the guess's. The number of steps is fixed, so that no code
-        branches on a value: from 0.05 rad away the first leaves 1e-3, the second 1e-6, the third round-off. Not
+        branches on a value: from 0.05 rad away the first leaves 1e-3 rad, the second 1e-6 rad, the third round-off. Not
         checked: where the loops stay open, nothing is raised; too short a p or guess raises `ValueError` or
         `IndexError`, locked loops `ZeroDivisionError` in floats.
         """
@@ -146,51 +147,53 @@ class LoopEquations(Equations):
 
     def residual(self, q: Column) -> Column:
         """Closure residual (d,) of the loops and couplings at a configuration q (n,) of the tree's n joints, rad (m if
-        prismatic): by how much each of the d = n - r independent closure conditions is violated, in m for positions and
-        rad for directions, zero at a closed configuration. Not checked: too short a q raises `IndexError`."""
+        prismatic): by how much each of the d = n - r independent closure conditions, those of loops before those of
+        couplings, is violated, in m for positions and rad for directions, a coupling's in its joint's unit; zero at a
+        closed configuration. Not checked: too short a q raises `IndexError`."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
         """The `Posture` of a closed configuration q (n,) of the tree's n joints, rad (m if prismatic): the links'
-        placements, the factored closure Jacobian, and with it the Jacobian J (n, r) of all joints by the primary ones.
-        Not checked: too short a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
+        placements, the factored closure Jacobian, and with it the Jacobian J (n, r) of all joints by the r primary
+        (independent) ones. Not checked: too short a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in
+        floats."""
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
-        """The d columns (d,) of the Jacobian (d, d) of the closure residual by the d = n - r dependent joints, at a
-        configuration q (n,) of the tree's n joints, rad (m if prismatic): rad or m per rad or m. It is singular where
-        the loops lock, the primary joints not determining the others. Not checked: too short a q raises
+        """The d columns (d,) of the Jacobian (d, d) of the closure residual by the d = n - r dependent joints, in their
+        order, at a configuration q (n,) of the tree's n joints, rad (m if prismatic): rad or m per rad or m. It is
+        singular where the loops lock, the primary joints not determining the others. Not checked: too short a q raises
         `IndexError`."""
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
     def rates(self, q: Column, v: Column) -> Column:
         """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their closed configuration q (n,),
-        rad (m), and velocities v (r,) of the r primary joints; J (n, r) is the derivative of q by the primary
-        positions. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops
+        rad (m), and velocities v (r,) of the r primary (independent) joints; J (n, r) is the derivative of q by the
+        primary positions. Not checked: vectors too short raise `IndexError` or `ValueError`, exactly locked loops
         `ZeroDivisionError` in floats."""
         return self.posture(q).tree(v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
-        """Energy regressor E (P,), J per unit of each of the P parameters D (P,), at a closed configuration q (n,) of
-        the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary joints, rad/s (m/s): the inner
-        product of E and D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin. E is 0 for
-        friction. Not checked: columns too short raise `IndexError` or `ValueError`, exactly locked loops
-        `ZeroDivisionError` in floats."""
+        """Energy regressor E (P,), J per unit of each of the P inertial and friction parameters D (P,), at a closed
+        configuration q (n,) of the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary
+        (independent) joints, rad/s (m/s): the inner product of E and D is kinetic plus potential energy in J, the
+        latter 0 at the ground frame's origin. E is 0 for friction. Not checked: vectors too short raise `IndexError` or
+        `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
         return self.tree.energy_regressor(q, self.posture(q).tree(v))
 
     def potential_regressor(self, q: Column) -> Column:
-        """The potential part (P,) of the energy regressor, J per unit of each of the P parameters D (P,), at a
-        configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with D is the potential
-        energy in J, 0 at the ground frame's origin. Not checked: too short a q raises `IndexError`."""
+        """The potential part (P,) of the energy regressor, J per unit of each of the P inertial and friction parameters
+        D (P,), at a configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with D is the
+        potential energy in J, 0 at the ground frame's origin. Not checked: too short a q raises `IndexError`."""
         return self.tree.potential_regressor(q)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
         """The state of motion, a `LoopMotion`, at a closed configuration q (n,) of the tree's n joints, rad (m if
-        prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary joints, rad/s
-        (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). The tree's joints move at J v, J v_r and J a_r +
-        J_dot v_r, J (n, r) being their Jacobian by the primary ones. Not checked: columns too short raise `IndexError`
-        or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary (independent)
+        joints, rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). The tree's joints move at J v, J v_r
+        and J a_r + J_dot v_r, J (n, r) being their Jacobian by the primary ones. Not checked: vectors too short raise
+        `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
     def remembered(self, numbers: Column) -> LoopMotion:
@@ -208,10 +211,11 @@ class LoopEquations(Equations):
         return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary joints under their torque (r,), N m (N),
-        gravity and friction, at a closed configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,),
-        rad/s (m/s), for values (P,) of the P `parameters` in SI units. Not checked: columns too short raise
-        `IndexError` or `ValueError`, an exactly singular mass matrix or locked loops `ZeroDivisionError` in floats."""
+        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under their torque
+        (r,), N m (N), gravity and friction, at a closed configuration q (n,) of the tree's n joints, rad (m), and
+        velocities v (r,), rad/s (m/s), for values (P,) of the P inertial and friction `parameters` in SI units. Not
+        checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular mass matrix or locked loops
+        `ZeroDivisionError` in floats."""
         posture = self.posture(q)
         inertia = factorised(self._mass_matrix(posture, q, parameters))
         bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
@@ -223,20 +227,20 @@ class LoopEquations(Equations):
         return replace(self, tree=self.tree.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the mass matrix J' M J (r, r) of the r primary joints, symmetric, rotors included, in kg m^2
-        (kg between prismatic joints, kg m mixed), at a closed configuration q (n,) of the tree's n joints, rad (m), for
-        values (P,) of the P `parameters` in SI units: M (n, n) is the tree's mass matrix, J (n, r) the Jacobian of its
-        joints by the primary ones, J' its transpose. Not checked: columns too short raise `IndexError` or `ValueError`,
-        exactly locked loops `ZeroDivisionError` in floats."""
+        """The r rows of the mass matrix J' M J (r, r) of the r primary (independent) joints, symmetric, rotors
+        included, in kg m^2 (kg between prismatic joints, kg m mixed), at a closed configuration q (n,) of the tree's n
+        joints, rad (m), for values (P,) of the P inertial and friction `parameters` in SI units: M (n, n) is the tree's
+        mass matrix, J (n, r) the Jacobian of its joints by the primary ones, J' its transpose. Not checked: vectors too
+        short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the damping matrix B = J' B_tree J (r, r) of the r primary joints, symmetric, in N m s/rad (N
-        s/m between prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s (m/s), but for
-        its constant offsets. At a closed configuration q (n,) of the tree's n joints, rad (m), for values (P,) of the P
-        `parameters` in SI units; J (n, r) is the Jacobian of these joints by the primary ones, J' its transpose, B_tree
-        (n, n) their own damping matrix. Not checked: columns too short raise `IndexError` or `ValueError` where they
-        are read, exactly locked loops `ZeroDivisionError` in floats."""
+        """The r rows of the damping matrix B = J' B_tree J (r, r) of the r primary (independent) joints, symmetric, in
+        N m s/rad (N s/m between prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s
+        (m/s), but for its constant offsets. At a closed configuration q (n,) of the tree's n joints, rad (m), for
+        values (P,) of the P inertial and friction `parameters` in SI units; J (n, r) is the Jacobian of these joints by
+        the primary ones, J' its transpose, B_tree (n, n) their own damping matrix. Not checked: vectors too short raise
+        `IndexError` or `ValueError` where they are read, exactly locked loops `ZeroDivisionError` in floats."""
         posture = self.posture(q)
         rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]
         ways = self._ways(posture)

@@ -35,9 +35,9 @@ class Mechanism:
     """A mechanism made from a `Description`, with its energies, torques, regressors and accelerations on arrays.
 
     Positions p, velocities v, accelerations a, torques are (..., r), regressors (..., P) and (..., r, P), of r primary
-    joints and P parameters; leading axes are samples. Units are SI: rad, N m (m, N if prismatic). Equations run in
-    Python for some 50 calls or 25000 samples, then in native code. `out` takes a result in place of a fresh array.
-    Methods on arrays raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops
+    (independent) joints and P inertial and friction parameters; leading axes are samples. SI units: rad, N m (m, N if
+    prismatic). Equations run in Python for 50 calls or 25000 samples, then natively. `out` takes a result instead of a
+    new array. Methods raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops
     do not fit together, `SingularityError` near where they lock; construction checks nothing."""
 
     def __init__(self, description: Description) -> None:
@@ -71,7 +71,7 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """The equations of motion, an `Equations`, over scalars of any kind (floats, arrays, dual numbers, traced
+        """The equations of motion, an `Equations`, over scalars of any kind (floats, arrays, dual numbers, symbolic
         ones), to trace or to differentiate; they check nothing. Raises `LoopError` where loops do not fit together."""
         if self._looped is None:
             return TreeEquations.of(self.description)
@@ -105,17 +105,17 @@ class Mechanism:
 
     @property
     def home(self) -> Array:
-        """Primary positions (r,), rad (m for a prismatic joint), of the reference configuration, in which the loops are
-        known to close; zeros for a tree. Raises `LoopError` where loops do not fit together."""
+        """Positions (r,) of the primary (independent) joints, rad (m if prismatic), in the reference configuration, in
+        which the loops are known to close; zeros for a tree. Raises `LoopError` where loops do not fit together."""
         if self.continuation is None:
             return np.zeros(self.dof)
         return self.continuation.reference[self.continuation.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Positions (..., n), rad (m), of the tree's n joints at those of the r primary ones, p (..., r), loops closed
-        (Sheu and Walker 1991, equation 1), followed along straight lines in p from the closed `start` (..., n), None
-        being the reference; for a tree p itself, whatever `start` is. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """Positions (..., n), rad (m), of the tree's n joints, loops closed, at those of the r primary (independent)
+        ones, p (..., r) (Sheu and Walker 1991, equation 1), followed along straight lines in p from the closed `start`
+        (..., n), None being the reference; for a tree p itself, whatever `start` is. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         (p,), _ = self._joints(p=p)
         start = None if start is None else checked(start, len(self.links), f"{self.name}: start")
         return p if self.continuation is None else self.continuation.follow(p, start)
@@ -137,15 +137,15 @@ class Mechanism:
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: ten of each body, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as in
-        `link3.I_xx`, then the drives', as in `joint2.viscous`, kind by kind: rotor_inertia, viscous, coulomb,
-        square_root, stribeck, offset."""
+        """Names of the P parameters: ten of each body (link not massless), mass m, first moment mc_x, mc_y, mc_z and
+        inertia I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as in `link3.I_xx`, then the drives', as in `joint2.viscous`, kind
+        by kind: rotor_inertia, viscous, coulomb, square_root, stribeck, offset."""
         return self.description.parameter_names
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P inertial parameters D (P,), read-only: of each body m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
-        I_zz (kg, kg m, kg m^2) about its link frame's origin, then drives', SI, in the order of `parameter_names`."""
+        """The P parameters D (P,), read-only: of each body (link not massless) m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+        I_xz, I_yz, I_zz (kg, kg m, kg m^2) about its frame's origin, then drives', SI, ordered as `parameter_names`."""
         return self.description.inertial_parameters
 
     @property
@@ -182,7 +182,7 @@ class Mechanism:
 
     @property
     def primary_joints(self) -> tuple[Joint, ...]:
-        """The r primary joints, in the order of their positions p (r,); loops move the others."""
+        """The r primary (independent) joints, in the order of their positions p (r,); loops move the others."""
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
@@ -191,9 +191,10 @@ class Mechanism:
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
-        """The `ArrayEquation` of `regressor`, "torque_regressor" or "slotine_li_regressor", for k parameters, those of
-        indices `columns`: its `call` takes (p, v, a) or (p, v, v_r, a_r), (..., r) of r primary joints, rad, rad/s,
-        rad/s^2 (m), returns (..., r, k), N m (N) per unit. Raises `InputError` for another name or a wrong index."""
+        """The `ArrayEquation` of `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters of
+        indices `columns`: its `call` takes the arrays p, v, a or p, v, v_r, a_r of that method of `Mechanism`, (..., r)
+        of r primary (independent) joints, rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per
+        unit. Raises `InputError` for another name and for an index that is not from 0 to P - 1."""
         asked = required_columns(columns, len(self.parameter_names), self.name)
         return self._arrays.on_columns(regressor, tuple(asked))
 
@@ -205,9 +206,10 @@ class Mechanism:
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
         """Energy regressor E (..., P), J per unit of each of P parameters, at positions p and velocities v (..., r) of
-        r primary joints, rad, rad/s (m): E @ D is kinetic plus potential energy, D (P,) the `inertial_parameters` (Sheu
-        and Walker 1991, section 2.2). `out`, float64 (..., P), is filled and returned; None for a new one. Raises
-        `InputError` on wrong shapes, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        r primary (independent) joints, rad, rad/s (m): E @ D is kinetic plus potential energy, the latter 0 at the
+        ground frame's origin, D (P,) the `inertial_parameters` (Sheu and Walker 1991, section 2.2). `out`, float64
+        (..., P), is filled and returned; None for a new one. Raises `InputError` on wrong shapes, `NonFiniteError` on
+        NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
@@ -215,8 +217,8 @@ class Mechanism:
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad
-        (m), and velocities v, rad/s (m/s), both (..., r), of the r primary joints. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        (m), and velocities v, rad/s (m/s), both (..., r), of the r primary (independent) joints. Raises `InputError` on
+        a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
     def torque_regressor(
@@ -227,10 +229,10 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The torque regressor Y (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): Y D is the
-        torque that gives r primary joints the accelerations a at positions p and velocities v, all (..., r), rad,
-        rad/s, rad/s^2 (m). `columns` are the indices of the k parameters asked for, then Y is (..., r, k); None for
-        all. `out`, float64 of Y's shape, is filled and returned, None for a fresh array. Raises `InputError` on a wrong
+        """The torque regressor Y (..., r, P), N m (N) per unit of the `inertial_parameters` D (P,): Y D is the torque,
+        gravity and friction included, that gives r primary joints the accelerations a at positions p and velocities v,
+        all (..., r), rad, rad/s, rad/s^2 (m). `columns` are the indices of k parameters, then Y is (..., r, k); None
+        for all. `out`, float64 of Y's shape, is filled and returned, None for a new one. Raises `InputError` on a wrong
         shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.on_columns("torque_regressor", columns)
@@ -256,27 +258,27 @@ class Mechanism:
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """Torque (..., r), N m (N), of the r primary joints that gives the accelerations a, rad/s^2 (m/s^2), at
-        positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and friction. `out`, float64
-        (..., r), is filled and returned, None for a fresh array. Raises `InputError` on a wrong shape, `NonFiniteError`
-        on NaN or infinity, `SingularityError` near locked loops."""
+        """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints that gives the accelerations a,
+        rad/s^2 (m/s^2), at positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and
+        friction. `out`, float64 (..., r), is filled and returned, None for a fresh array. Raises `InputError` on a
+        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The part of the torque (..., r), N m (N), due to values that linear constraints on parameters fix, which
-        regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of r joints,
-        rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, with
-        constraints `SingularityError` near locked loops."""
+        """The part of the torque (..., r), N m (N if prismatic), due to values that linear constraints on parameters
+        fix, which regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of
+        r primary (independent) joints, rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError`
+        on NaN or infinity, with constraints `SingularityError` near locked loops."""
         _, samples = self._joints(p=p, v=v, a=a)
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
         """Accelerations (..., r), rad/s^2 (m/s^2), of the r primary joints under torques (..., r), N m (N), gravity and
         friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (..., r). `out`, float64 (..., r), is
-        filled and returned, None for a fresh array. Raises `InputError` on a wrong shape and for a tree's last links
-        without mass or rotor, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        filled and returned, None for a fresh array. Raises `InputError` on a wrong shape and for a tree's links without
+        mass or rotor that carry none, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
@@ -289,8 +291,8 @@ class Mechanism:
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
-        """The mass matrix (..., r, r), kg m^2 (kg between prismatic joints, kg m mixed), at positions p (..., r), rad
-        (m), of the r primary joints. `out`, float64 (..., r, r), is filled and returned, None for a fresh array. Raises
+        """Mass matrix (..., r, r), symmetric, with rotors, kg m^2 (kg if prismatic, kg m mixed), at positions p (...,
+        r), rad (m), of r primary joints. `out`, float64 (..., r, r), is filled and returned; None: a new one. Raises
         `InputError` on wrong shapes, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
         if out is None:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
@@ -298,10 +300,9 @@ class Mechanism:
 
     @needed("Mechanism.to_pinocchio")
     def to_pinocchio(self) -> pinocchio.Model:
-        """The same mechanism as a Pinocchio model, built depth first; with loops the model of its tree, loops left
-        open. Raises `InputError` for a first moment without mass and for drives that turn with several joints,
-        `MissingExtraError` without Pinocchio. Warns (`SimplificationWarning`) of friction other than viscous and
-        Coulomb's, left out."""
+        """The same mechanism as a Pinocchio model, built depth first, its loops left open. Raises `InputError` for a
+        first moment without mass and for drives that turn with several joints, `MissingExtraError` without Pinocchio.
+        Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out."""
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
@@ -327,9 +328,9 @@ class Mechanism:
 
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
         """Write at `path` the URDF or MJCF file `original` with the inertias of this mechanism's links; the rest,
-        drives included, stays byte for byte. `root` names its first body in an MJCF scene; None: the one root body that
-        moves. Raises `FileError` for a file of another mechanism or not readable or writable, inertias without mass
-        and, in MJCF, of no rigid body, `InputError` for another suffix or a `root` for a URDF."""
+        drives included, stays byte for byte. `root` is the mechanism's first body in an MJCF scene; None: the one root
+        body that moves. Raises `FileError` for a file of another mechanism or not readable or writable, inertias
+        without mass and, in MJCF, inertias of no rigid body, `InputError` for another suffix or a `root` of a URDF."""
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)
@@ -380,13 +381,12 @@ def load(
 ) -> Mechanism:
     """A mechanism by a built-in's name (`puma560`, ...), from a file (.toml, .urdf, .xml, .mjcf), or from a Pinocchio
     or MuJoCo model. With `floating_base`, a URDF file's root link floats, not fixed to the ground; its meshes are shown
-    from its package and the folders `mesh_folders`. With `snap`, angles between successive joint axes within 1e-3 rad
-    of a multiple of 90 degrees are made exact. `root` names the mechanism's first body in an MJCF scene or a MuJoCo
-    model; None for the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model,
-    `FileError` for a file that cannot be used, `InputError` for a model that cannot, other objects, a floating base or
-    mesh folders without URDF, a `root` without MJCF or MuJoCo, `LoopError` where a file's loops do not fit together.
-    Warns (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, (`SimplificationWarning`) of
-    what is left out."""
+    from its package and `mesh_folders`. With `snap`, angles between successive joint axes within 1e-3 rad of a multiple
+    of 90 degrees are made exact. `root` names the mechanism's first body in an MJCF scene or a MuJoCo model; None for
+    the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError` for a file
+    that cannot be used, `InputError` for a model that cannot, other objects, a floating base or mesh folders without
+    URDF, a `root` without MJCF or MuJoCo, `LoopError` where a file's loops do not fit together. Warns
+    (`PhysicalConsistencyWarning`) of inertias that no rigid body has, (`SimplificationWarning`) of what is left out."""
     from adaptctl.description.readers.registry import read, read_model
 
     options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}

@@ -13,12 +13,12 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ParameterLayout(NamedTuple):
-    """Order of a mechanism's P inertial and friction parameters: ten for each body, m, mc_x, mc_y, mc_z, I_xx, I_xy,
-    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), bodies in the order of the links; then one
-    for each of `drives`, the terms (rotor inertia or friction) of the joints' drives.
+    """Order of a mechanism's P inertial and friction parameters: ten for each body (link that is not massless), m,
+    mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), bodies in
+    the order of the links; then one for each of `drives`, the terms (rotor inertia or friction) of the joints' drives.
 
-    `links` is the number N of the tree's links; `bodies` are the indices, rising, of those with parameters, the others
-    being massless. Nothing is checked at construction.
+    `links` is the number N of the tree's links; `bodies` are the indices, rising, of those that are not massless.
+    Nothing is checked at construction.
     """
 
     links: int
@@ -33,7 +33,8 @@ class ParameterLayout(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number P of parameters: ten a body, and one for each rotor or friction term of a drive."""
+        """Number P of parameters: ten for each link that is not massless, and one for each rotor or friction term of a
+        drive."""
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:

@@ -26,8 +26,8 @@ of a chain of 12. In shorter trees the mass matrix costs less, for its entries a
 
 class TreeMotion(Motion):
     """The motion of a tree of n links, one joint each, at one instant, from which joint torques, regressors and powers
-    follow: under velocities v, Slotine and Li's reference velocities v_r and reference accelerations a_r (n,) of its
-    joints.
+    follow: under velocities v and Slotine and Li's reference velocities v_r (n,) of its joints, rad/s (m/s if
+    prismatic), and reference accelerations a_r (n,), rad/s^2 (m/s^2).
 
     Made of `layout`, the order of the P parameters; `places`, the n links' placements in their parents; `links`, their
     n `LinkMotion`s; and `drives`, for each rotor or friction term of the drives the torque about its shaft per unit of
@@ -58,10 +58,10 @@ class TreeMotion(Motion):
         return Column(total)
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The n rows of the Slotine-Li regressor Y (n, k) of a tree's n joints, one `Column` (k,) each, for the k of P
-        parameters whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. Over all P
-        columns Y D is the torque of parameters D (P,). Raises `IndexError` for an index of P or more; negative ones are
-        not refused."""
+        """The n rows of the Slotine-Li regressor Y (n, k) of a tree's n joints, one `Column` (k,) each, for the k of
+        the P inertial and friction parameters whose indices `columns` are, in their order: N m (N if prismatic) per
+        unit of each. Over all P columns Y D is the torque of parameters D (P,). Raises `IndexError` for an index of P
+        or more; negative ones are not refused."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
         by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
@@ -72,9 +72,9 @@ class TreeMotion(Motion):
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
         """The powers Y' s (k,), W per unit of each parameter, with the transpose Y' of the Slotine-Li regressor Y (n,
-        k), which is not formed, for the k of P parameters whose indices `columns` are, at rates s (n,) of the tree's n
-        joints, rad/s (m/s if prismatic). Raises `IndexError` for an index of P or more, or for s too short; negative
-        indices are not refused."""
+        k), which is not formed, for the k of the P inertial and friction parameters whose indices `columns` are, at
+        rates s (n,) of the tree's n joints, rad/s (m/s if prismatic). Raises `IndexError` for an index of P or more, or
+        for s too short; negative indices are not refused."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
         found |= {column: self.layout.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}
@@ -83,16 +83,17 @@ class TreeMotion(Motion):
     @property
     def numbers(self) -> Column:
         """The scalars in SI units that hold this motion, a `Column` of length `TreeEquations.motion_size`: of every
-        link the cosine and sine of its joint's angle (or its displacement), then of every link twelve numbers of its
-        accelerations, then the torque per unit of each rotor or friction term of the drives."""
+        link in turn the cosine and sine of its joint's angle (or its displacement), then of every link its twelve
+        `LinkMotion.numbers`, which determine its accelerations, then the torque per unit of each rotor or friction term
+        of the drives."""
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 
 
 @dataclass(frozen=True)
 class TreeEquations(Equations):
-    """Equations of motion of a tree of n links, one joint each, all of whose joints are primary: positions p and
-    configuration q are the same (n,), rad (m if prismatic), and r = n.
+    """Equations of motion of a tree of n links, one joint each, all of whose joints are primary (independent):
+    positions p and configuration q are the same (n,), rad (m if prismatic), and r = n.
 
     `segments` has the links' geometry, parents before children; `gravity` is the gravitational acceleration in the
     ground frame (3), m/s^2; `layout` the order of the P inertial and friction parameters. Made by `TreeEquations.of`;
@@ -123,8 +124,8 @@ class TreeEquations(Equations):
 
     @property
     def parameters(self) -> int:
-        """Number P of inertial and friction parameters: ten for each body and one for each rotor or friction term of a
-        drive."""
+        """Number P of inertial and friction parameters: ten for each link that is not massless and one for each rotor
+        or friction term of a drive."""
         return self.layout.size
 
     def closed(self, p: Column, guess: Column) -> Column:
@@ -138,15 +139,15 @@ class TreeEquations(Equations):
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
-        """The velocities v (n,) of a tree's n joints, rad/s (m/s if prismatic), themselves, all joints being primary.
-        The configuration q (n,) is not used. Nothing is checked."""
+        """The velocities v (n,) of a tree's n joints, rad/s (m/s if prismatic), themselves, all joints being primary
+        (independent). The configuration q (n,) is not used. Nothing is checked."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
-        """Energy regressor E (P,), J per unit of each of the P parameters D (P,), at positions p, rad (m if prismatic),
-        and velocities v, rad/s (m/s), both (n,), of a tree's n joints: the inner product of E and D is kinetic plus
-        potential energy in J, the latter 0 at the ground frame's origin (Sheu and Walker 1991, section 2.2). E is 0 for
-        friction. Not checked: columns too short raise `IndexError`."""
+        """Energy regressor E (P,), J per unit of each of the P inertial and friction parameters D (P,), at positions p,
+        rad (m if prismatic), and velocities v, rad/s (m/s), both (n,), of a tree's n joints: the inner product of E and
+        D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin (Sheu and Walker 1991,
+        section 2.2). E is 0 for friction. Not checked: vectors too short raise `IndexError`."""
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:
@@ -157,9 +158,9 @@ class TreeEquations(Equations):
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
-        """Potential part (P,) of the energy regressor, J per unit of each of the P parameters D (P,), at positions p
-        (n,) of a tree's n joints, rad (m if prismatic): the inner product with D is the potential energy in J, 0 at the
-        ground frame's origin. Not checked: too short a p raises `IndexError`."""
+        """Potential part (P,) of the energy regressor, J per unit of each of the P inertial and friction parameters D
+        (P,), at positions p (n,) of a tree's n joints, rad (m if prismatic): the inner product with D is the potential
+        energy in J, 0 at the ground frame's origin. Not checked: too short a p raises `IndexError`."""
         links = energy.potential_regressor(self.segments, p, self.gravity)
         return Column((*self.layout.owned(links), *(0.0 for _ in self.layout.drives)))
 
@@ -167,7 +168,7 @@ class TreeEquations(Equations):
         """The state of motion, a `TreeMotion`, at positions p (n,) of a tree's n joints, rad (m if prismatic), under
         velocities v and Slotine and Li's reference velocities v_r (n,), rad/s (m/s), and reference accelerations a_r
         (n,), rad/s^2 (m/s^2): the forward recursion of Newton and Euler's equations over the links. Not checked:
-        columns too short raise `IndexError`."""
+        vectors too short raise `IndexError`."""
         places = placements(self.segments, p)
         drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
@@ -189,9 +190,9 @@ class TreeEquations(Equations):
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
         """The n rows of the mass matrix (n, n) of a tree's n joints, symmetric, rotors included, in kg m^2 (kg between
-        prismatic joints, kg m mixed), at positions p (n,), rad (m), for values (P,) of the P `parameters` in SI units;
-        by composite rigid bodies (Walker and Orin 1982). Not checked: columns too short raise `IndexError` or
-        `ValueError`."""
+        prismatic joints, kg m mixed), at positions p (n,), rad (m), for values (P,) of the P inertial and friction
+        `parameters` in SI units; by composite rigid bodies (Walker and Orin 1982). Not checked: vectors too short raise
+        `IndexError` or `ValueError`."""
         rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
@@ -217,10 +218,10 @@ class TreeEquations(Equations):
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree's n joints under a torque (n,), N m (N), gravity
         and friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (n,), for values (P,) of the P
-        `parameters` in SI units. Found by the articulated-body algorithm (Featherstone 2008, chapter 7) where 6.5
-        joints or more are between a link and the ground on average and each rotor turns with one joint, else from the
-        mass matrix. Not checked: columns too short raise `IndexError` or `ValueError`, a joint without inertia raises
-        `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
+        inertial and friction `parameters` in SI units. Found by the articulated-body algorithm (Featherstone 2008,
+        chapter 7) where 6.5 joints or more are between a link and the ground on average and each rotor turns with one
+        joint, else from the mass matrix. Not checked: vectors too short raise `IndexError` or `ValueError`, a joint
+        without inertia raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
         if not self._is_long:
             return super().forward_dynamics(p, v, torque, parameters)
         motion, own, rotors = self.motion(p, v, v, Column.zeros(self.dof)), list(torque), [0.0] * self.dof

@@ -20,7 +20,8 @@ class ClosureSide:
     closure makes coincide with that of the other side.
 
     `links` are the chain's link indices outward, without the common link, empty where the frame is on that; `rotation`
-    (3, 3), whose columns are the closing frame's axes, and `origin` (3), m, place the frame in the chain's last link.
+    (3, 3), whose columns are the closing frame's axes, and `origin` (3), m, place the frame in the chain's last link,
+    in the common one where the chain is empty.
     """
 
     links: tuple[int, ...]
@@ -77,7 +78,7 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 class Constraint:
     """A loop closure at one configuration: its residual, and how that moves with the loop's joints. Made of `places`,
-    the links' `Placement`s in their parents, and the `loop`.
+    the links' `Placement`s in their parents by link index, and the `loop`.
 
     It has 3 scalar conditions (of kind POINT: the sides' closing frames have the same origin), 5 (AXIS: the same z
     axis, too) or 6 (WELD: the same pose), those of position, in m, before those of direction, in rad. They are in the
@@ -110,7 +111,8 @@ class Constraint:
     def rates(self) -> dict[int, list[Scalar]]:
         """Derivatives of the closure residual by the loop's joint positions, at a closed configuration: by joint index
         a list of 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS) or 6 (with the same pose,
-        WELD) scalars, m or rad per rad (or per m of a prismatic joint), the joint's column of the closure Jacobian."""
+        WELD) scalars, m or rad per rad (or per m of a prismatic joint), the joint's column of the closure Jacobian, in
+        the order and the axes of `residual`."""
         outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
         inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
         return outward | inward
@@ -118,9 +120,9 @@ class Constraint:
     def bias(self, u: Column, w: Column) -> list[Scalar]:
         """The second derivative of the closure residual along two joint velocities u and w (n,) of the tree's n joints,
         rad/s (m/s if prismatic): a list of 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS)
-        or 6 (with the same pose, WELD) scalars, m/s^2, then rad/s^2. For u = w it is the residual's acceleration while
-        no joint accelerates; it is bilinear and symmetric in both. u and w must keep the loop closed. Nothing is
-        checked: too short a u or w raises `IndexError`."""
+        or 6 (with the same pose, WELD) scalars, m/s^2, then rad/s^2, in the order and the axes of `residual`. For u = w
+        it is the residual's acceleration while no joint accelerates; it is bilinear and symmetric in both. u and w must
+        keep the loop closed. Nothing is checked: too short a u or w raises `IndexError`."""
         one, other = _carried(self.first, u, w), _carried(self.second, u, w)
         turning = other.alpha - one.alpha
         if self.kind is ClosureKind.AXIS:
@@ -201,10 +203,11 @@ class Follower:
 class Closing:
     """Loop closure conditions of a tree of n joints: its loops and couplings, and which joints depend on which.
 
-    `loops` and `followers` (couplings) give scalar conditions, in this order, 3, 5 or 6 for a loop of kind POINT, AXIS
-    or WELD and one for a coupling; `rows` are the indices, rising, of those that are used, the independent ones.
-    `primary` (r) are the indices of the joints whose positions are given, `dependent` (n - r) those of the others,
-    which the conditions determine. Nothing is checked.
+    `loops` and `followers` (couplings) give scalar conditions, in this order: 3 for a loop whose two closing frames
+    have one origin (POINT), 5 where they have one z axis, too (AXIS), 6 where they have one pose (WELD), and 1 for a
+    coupling; `rows` are the indices, rising, of those that are used, the independent ones. `primary` (r) are the
+    indices of the joints whose positions are given, `dependent` (n - r) those of the others, which the conditions
+    determine. Nothing is checked.
     """
 
     loops: tuple[Loop, ...]
@@ -215,14 +218,14 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """True for each of the r primary joints, in their order, that moves a loop, being part of it or leading a joint
-        that is; False for one whose motion closes with no loop."""
+        """True for each of the r primary (independent) joints, in their order, that moves a loop, being part of it or
+        leading a joint that is; False for one whose motion closes with no loop."""
         links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """Closure residual (c,), the violation of the c independent conditions of loops and couplings, in m for
+        """Closure residual (c,), the violation of the c independent conditions of loops, then of couplings, in m for
         positions and rad for directions (a coupling's in its joint's unit): zero at a closed configuration. `places`
         has the n links' placements at the configuration q (n,) of the tree's n joints, rad (m if prismatic). Nothing is
         checked: too few placements raise `IndexError`."""
@@ -231,9 +234,10 @@ class Closing:
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """Jacobian (c, n) of the c independent closure conditions by the positions of the tree's n joints, as n
-        columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic joint). `places` has the n links'
-        placements at a closed configuration. Nothing is checked: too few placements raise `IndexError`."""
+        """Jacobian (c, n) of the c independent closure conditions, in the order of `residual`, by the positions of the
+        tree's n joints, as n columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic joint). `places`
+        has the n links' placements at a closed configuration. Nothing is checked: too few placements raise
+        `IndexError`."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -245,10 +249,10 @@ class Closing:
         return [Column(columns[j].get(i, 0.0) for i in self.rows) for j in range(n)]
 
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
-        """The second derivative (c,) of the closure residual's c independent conditions along two velocities u and w
-        (n,) of the tree's n joints, rad/s (m/s if prismatic), that keep the loops closed: m/s^2 or rad/s^2, bilinear
-        and symmetric in u and w. `places` has the n links' placements at a closed configuration. Nothing is checked:
-        too few placements, u or w too short raise `IndexError`."""
+        """The second derivative (c,) of the closure residual's c independent conditions, in the order of `residual`,
+        along two velocities u and w (n,) of the tree's n joints, rad/s (m/s if prismatic), that keep the loops closed:
+        m/s^2 or rad/s^2, bilinear and symmetric in u and w. `places` has the n links' placements at a closed
+        configuration. Nothing is checked: too few placements, u or w too short raise `IndexError`."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
         rows += [0.0] * len(self.followers)
         return Column(rows[i] for i in self.rows)

@@ -45,13 +45,15 @@ class Continuation:
 
     @property
     def primary(self) -> list[int]:
-        """Indices, among the tree's n joints, of the r primary ones, in the order of their positions p (r,)."""
+        """Indices, among the tree's n joints, of the r primary (independent) ones, in the order of their positions p
+        (r,)."""
         return list(self.equations.closing.primary)
 
     def follow(self, p: Array, start: Array | None = None) -> Array:
         """Closed configurations (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of the r
-        primary joints, rad (m), reached from the closed configurations `start` (..., n) along straight lines in p, in
-        steps of at most 0.05 rad (m); None starts at the reference configuration. `start` may be one for all samples.
+        primary (independent) joints, rad (m), reached from the closed configurations `start` (..., n) along straight
+        lines in p, in steps of at most 0.05 rad (m); None starts at the reference configuration. `start` may be one for
+        all samples.
 
         Raises `SingularityError` where the way comes near a configuration in which the loops lock, the smallest
         singular value of the closure Jacobian by the dependent joints being below 0.05 of that at the reference, or
@@ -72,16 +74,16 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
-        """Mask (m,) of m primary positions p (m, r), rad (m if prismatic): True where `follow` reaches a position from
-        the reference along a straight line without coming near a configuration in which the loops lock, False where
-        not. Positions out of reach raise no error; shapes are not checked."""
+        """Mask (m,) of m positions p (m, r) of the r primary (independent) joints, rad (m if prismatic): True where
+        `follow` reaches a position from the reference along a straight line without coming near a configuration in
+        which the loops lock, False where not. Positions out of reach raise no error; shapes are not checked."""
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """The share (m,), from 0 to 1, of the straight way from the reference configuration to each of m primary
-        positions p (m, r), rad (m if prismatic), that can be gone before the `regularity`, which is 1 at the reference
-        and 0 where the loops lock, falls below `least` (no unit, 0.05 by default): 1 for all of it. Shapes are not
-        checked; NaN gives 0."""
+        """The share (m,), from 0 to 1, of the straight way from the reference configuration to each of m positions p
+        (m, r) of the r primary (independent) joints, rad (m if prismatic), that can be gone before the `regularity`,
+        which is 1 at the reference and 0 where the loops lock, falls below `least` (no unit, 0.05 by default), counted
+        in steps of at most 0.05 rad (m): 1 for all of it. Shapes are not checked; NaN gives 0."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start

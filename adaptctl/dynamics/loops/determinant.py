@@ -10,7 +10,7 @@ from adaptctl.scalars import Column, Scalar, absolute, where
 
 def determinant(rows: Iterable[Column]) -> Scalar:
     """Determinant of a square matrix (n, n), given by its n rows, each a `Column` (n,), over scalars of any kind
-    (floats, arrays, traced ones), by elimination with partial pivoting that does not branch on a value.
+    (floats, arrays, symbolic ones), by elimination with partial pivoting that does not branch on a value.
 
     Rows change places by quarter turns of the plane they span, which keep the sign. Where a pivot but the last is zero,
     the result is NaN in arrays, and floats raise `ZeroDivisionError`. Columns of different lengths raise `ValueError`.

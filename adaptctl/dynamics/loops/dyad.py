@@ -20,7 +20,7 @@ PARALLEL = 1e-12
 
 class Flat(NamedTuple):
     """A vector (2) in the plane of a planar loop, in m: its components `x` and `y` are scalars of any kind (floats,
-    arrays, traced ones)."""
+    arrays, symbolic ones)."""
 
     x: Any
     y: Any

@@ -9,7 +9,8 @@ from adaptctl.scalars import Column, Scalar
 
 
 class System(Protocol):
-    """Protocol of a linear system A x = b whose matrix A (m, n), m >= n, is ready to be solved for any right side."""
+    """Protocol of a linear system A x = b whose matrix A (m, n), m >= n, is ready to be solved for any right side: an
+    implementation gives `solve`."""
 
     def solve(self, right: Column) -> Column:
         """The solution x (n,) of A x = b for a right side b (m,), in the unit of b over that of A. An implementation

@@ -23,18 +23,18 @@ class Following:
         self.closing, self.slopes = closing, slopes
 
     def tree(self, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from those of the r primary ones, v
-        (r,); J (n, r) is the Jacobian of the joints' positions by the primary ones. Raises `ValueError` for v of a
-        wrong length."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from those of the r primary
+        (independent) ones, v (r,); J (n, r) is the Jacobian of the joints' positions by the primary ones. Raises
+        `ValueError` for v of a wrong length."""
         follow = v[0] * self.slopes[0]
         for rate, slope in zip(v.of[1:], self.slopes[1:], strict=True):
             follow = follow + rate * slope
         return self.joined(v, follow)
 
     def primary(self, torque: Sequence[Any] | Column) -> Column:
-        """Torques J' tau (r,) of the r primary joints, N m (N if prismatic), that do the same work as torques tau (n,)
-        of all n joints of the tree; J' is the transpose of the Jacobian J (n, r) of the joints' positions by the
-        primary ones. Not checked: too short a tau raises `IndexError`."""
+        """Torques J' tau (r,) of the r primary (independent) joints, N m (N if prismatic), that do the same work as
+        torques tau (n,) of all n joints of the tree; J' is the transpose of the Jacobian J (n, r) of the joints'
+        positions by the primary ones. Not checked: too short a tau raises `IndexError`."""
         follow = Column(torque[d] for d in self.closing.dependent)
         pairs = zip(self.closing.primary, self.slopes, strict=True)
         return Column(torque[i] + slope @ follow for i, slope in pairs)
@@ -42,7 +42,7 @@ class Following:
     def joined(self, first: Column, follow: Column) -> Column:
         """A `Column` (n,) of one entry for each joint of the tree, in the tree's order, put together from those of the
         r primary joints, `first` (r,), and those of the dependent ones, `follow` (n - r,), each in the order of its
-        indices. Raises `ValueError` for another number of either."""
+        indices in `closing`. Raises `ValueError` for another number of either."""
         entries = dict(zip(self.closing.primary, first, strict=True))
         entries |= dict(zip(self.closing.dependent, follow, strict=True))
         return Column(entries[i] for i in range(len(entries)))
@@ -63,9 +63,10 @@ class Posture(Following):
         super().__init__(closing, [self.factor.solve(-columns[i]) for i in closing.primary])
 
     def bias(self, u: Column, w: Column) -> Column:
-        """The velocity terms J_dot v_r (n,) of the accelerations J a_r + J_dot v_r of the tree's n joints, rad/s^2
-        (m/s^2 if prismatic), zero for the primary ones, under two velocities u = J v and w = J v_r (n,) of these
-        joints, rad/s (m/s), that keep the loops closed; J (n, r) is their Jacobian by the r primary joints, J_dot its
-        rate under u. Symmetric in u and w. Not checked: too short a u or w raises `IndexError`."""
+        """The velocity terms J_dot v_r (n,) of the accelerations of the tree's n joints, rad/s^2 (m/s^2 if prismatic),
+        zero for the r primary (independent) ones. Let these have velocities v and, in a reference motion, velocities
+        v_r and accelerations a_r; then all n have velocities u = J v, w = J v_r (n,), rad/s (m/s), and accelerations J
+        a_r + J_dot v_r, J (n, r) being their Jacobian by the primary ones and J_dot its rate under u. Symmetric in u
+        and w, which keep the loops closed. Not checked: too short a u or w raises `IndexError`."""
         follow = -self.factor.solve(self.closing.bias(self.places, u, w))
         return self.joined(Column.zeros(len(self.closing.primary)), follow)

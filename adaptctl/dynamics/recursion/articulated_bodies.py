@@ -21,9 +21,9 @@ from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, dot, product
 
 class ArticulatedBody(NamedTuple):
     """Articulated-body inertia (6, 6) of a link with all that hangs on it, whose joints are free (Featherstone 2008,
-    chapter 7), about a point, in blocks (3, 3): the moment (3), N m, and force (3), N, that accelerate the link by
-    alpha, rad/s^2, and its point by acc, m/s^2, are moment = inertia alpha + coupling acc, force = coupling' alpha +
-    mass acc.
+    chapter 7), about a point, in the axes of one frame, in blocks (3, 3): the moment (3), N m, and force (3), N, that
+    accelerate the link by alpha, rad/s^2, and its point by acc, m/s^2, are moment = inertia alpha + coupling acc, force
+    = coupling' alpha + mass acc.
 
     `inertia` (kg m^2) and `mass` (kg) are symmetric, `coupling` (kg m) is not; coupling' is its transpose. `+` adds two
     of the same point and axes.
@@ -113,11 +113,11 @@ def accelerations(
     """Joint accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree of n links, one joint each, under joint torques
     by the articulated-body algorithm (Featherstone 2008, chapter 7), in time linear in n.
 
-    `places` are the links' placements in their parents; `unaccelerated` their motion, gravity included, at the given
-    velocities with all joint accelerations zero; `parameters` (10 n,) ten for each link, m, mc_x, mc_y, mc_z, I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin); `rotors` (n,) inertias of the joints
-    themselves, kg m^2 (kg); `torque` (n,) the joint torques less friction, N m (N). A joint without inertia raises
-    `ZeroDivisionError` in floats.
+    `places` are the links' placements in their parents, parents before children; `unaccelerated` their motions, a
+    `LinkMotion` each, gravity included, at the given velocities with all joint accelerations zero; `parameters` (10 n,)
+    ten for each link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin); `rotors` (n,) inertias of the joints themselves, kg m^2 (kg); `torque` (n,) the joint torques less
+    friction, N m (N). A joint without inertia raises `ZeroDivisionError` in floats.
     """
     joints = _freed(places, unaccelerated, parameters, rotors, torque)
     found: list[Scalar] = []

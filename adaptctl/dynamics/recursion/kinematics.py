@@ -61,7 +61,7 @@ def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
 
 def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
     """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`: rotations (..., N, 3, 3) and
-    translations (..., N, 3), m, at positions p (..., r) of its r primary joints, rad (m if prismatic).
+    translations (..., N, 3), m, at positions p (..., r) of its r primary (independent) joints, rad (m if prismatic).
 
     Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit
     together, and `SingularityError` near where they lock.
@@ -75,7 +75,8 @@ def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
 
 def joint_axes(mechanism: Mechanism, p: ArrayLike) -> JointAxes:
     """Axes in the world of the joints of a mechanism's N links, as `JointAxes`: points on them (..., N, 3), m, and
-    their directions (..., N, 3), unit vectors, at positions p (..., r) of its r primary joints, rad (m if prismatic).
+    their directions (..., N, 3), unit vectors, at positions p (..., r) of its r primary (independent) joints, rad (m if
+    prismatic).
 
     Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit
     together, and `SingularityError` near where they lock.

@@ -13,7 +13,8 @@ GROUND = -1
 
 class Twist:
     """A link's twist in its own axes: its angular velocity `w` (3), rad/s, and the velocity `v` (3) of its origin, m/s.
-    It also holds their accelerations, rad/s^2 and m/s^2, and either per unit of a joint's velocity or acceleration."""
+    An object of this class may hold their accelerations instead, rad/s^2 and m/s^2, or either per unit of a joint's
+    velocity or acceleration."""
 
     __slots__ = ("v", "w")
 
@@ -99,16 +100,17 @@ class LinkMotion:
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """The twelve scalars that determine the motion: the six `products` of angular velocities (xx, xy, yy, xz, yz,
-        zz), rad^2/s^2, then x, y, z of the angular acceleration `alpha`, rad/s^2, and of the origin's acceleration
-        `acc` less gravity's, m/s^2."""
+        """The twelve scalars that determine the motion, all in the link's axes: the six symmetric `products` of its
+        actual and its reference angular velocity (xx, xy, yy, xz, yz, zz), rad^2/s^2, then x, y, z of the angular
+        acceleration `alpha`, rad/s^2, and of the origin's acceleration `acc` less gravity's, m/s^2."""
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
     def of(cls, numbers: Sequence[Scalar]) -> LinkMotion:
-        """The motion, a `LinkMotion`, made again from its twelve `numbers`: six products of angular velocities,
-        rad^2/s^2, then x, y, z of the angular acceleration, rad/s^2, and of the origin's acceleration less gravity's,
-        m/s^2. Raises `TypeError` for fewer or more."""
+        """The motion, a `LinkMotion`, made again from its twelve `numbers`, all in the link's axes: the symmetric
+        products xx, xy, yy, xz, yz, zz of its actual and its reference angular velocity (`Products`), rad^2/s^2, then
+        x, y, z of the angular acceleration, rad/s^2, and of the origin's acceleration less gravity's, m/s^2. Raises
+        `TypeError` for fewer or more."""
         return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
 
@@ -130,7 +132,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
     With v_r = v it is the ordinary recursion; otherwise torques have the term C v_r with the Christoffel matrix C at v
     that Slotine and Li (1987) need. `places` has the links' placements in their parents, parents before children;
-    `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked: columns too short raise
+    `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked: vectors too short raise
     `IndexError`.
     """
     w = angular_velocities(places, v)

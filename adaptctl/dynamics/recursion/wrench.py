@@ -52,10 +52,10 @@ def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
 
 
 def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
-    """Powers of wrenches on a link at its `twist`, a list of one scalar for each index in `keep`, W per unit of the
-    parameter: the indices, from 0 to 9, are those of the ten inertial parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-    I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), and the wrench is the one that gives the link
-    its `motion` where that parameter is 1 and the others are 0.
+    """Powers, W per unit of an inertial parameter, of wrenches on a link that moves with a `twist`: a list of one
+    scalar for each index in `keep`, from 0 to 9, of the parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
+    I_zz (kg, kg m, kg m^2, about the link frame's origin). The wrench is the one that gives the link its `motion` where
+    the parameter of that index is 1 and the nine others are 0.
 
     `motion` is a `LinkMotion`; `twist` has the link's angular velocity, rad/s, and its origin's velocity, m/s, in the
     link's axes. For the twist under unit velocity of a joint, powers are entries of the torque regressor, N m (N if
