@@ -117,8 +117,8 @@ class LinearController(Controller[LinearState]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after it,
         the n numbers of the controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s
-        (m/s), (r,), towards `reference`, positions, velocities and accelerations (r,), from the state in `memory`.
-        Nothing is checked here: `step` checks shapes."""
+        (m/s), (r,), towards `reference`, positions, velocities and accelerations (r,) in rad (m) and s, from the state
+        in `memory`. Nothing is checked here: `step` checks shapes."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward
