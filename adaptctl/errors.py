@@ -9,7 +9,7 @@ LONGEST_MESSAGE = 2_000
 class AdaptctlError(Exception):
     """Base class of every error that this package raises on purpose, made of its `message`, empty unless given: the
     control characters in it are written out, so that no terminal obeys them, and a message that then has more than
-    LONGEST_MESSAGE (2000) characters is cut to these in its middle."""
+    LONGEST_MESSAGE (2000) characters is cut in its middle to that many."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(printable(str(message), LONGEST_MESSAGE))

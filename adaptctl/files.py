@@ -39,7 +39,7 @@ Content = TypeVar("Content")
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
     """Context that gives a temporary path beside `path` to write a file to. When the block ends, the file is flushed to
-    disk and takes the place of `path`, of the file behind it if that is a link, at one stroke.
+    disk and takes the place of `path` or, where that is a link, of the file behind it, at one stroke.
 
     When the block fails, `path` stays as it was, and nothing is left behind. The temporary path has the same suffix, so
     that writers which go by suffix work. Raises `FileError` where the folder does not exist or cannot be written, where

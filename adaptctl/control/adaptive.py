@@ -66,13 +66,14 @@ class AdaptiveController(Controller[AdaptiveState]):
     """Base class of adaptive controllers: a control law for r joints on a model's k parameters, and an adaptation law
     of choice.
 
-    A subclass is a frozen dataclass of these fields. It writes the method `law` and the property `_motion_size`, the
-    number w of numbers that its memory keeps of a control period's motion, and calls `self._settle()` at construction,
-    which checks them. `model` is the mechanism's model in these parameters; `adaptation` is an adaptation law, or a
-    gain Gamma for `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to
-    switch adaptation off; `initial` (k,) is the first estimate in SI units, None for zero; `period` is the control
-    period T_c in s. Nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N
-    for a prismatic joint), None for the mechanism's own. Raises `InputError` for a period or torque limits that are not
+    A subclass is a frozen dataclass of these fields. It writes the method `law(p, v, reference, memory)`, which returns
+    the torque (r,) and the `AdaptiveState` after it, and the property `_motion_size`, the number w of numbers that its
+    memory keeps of a control period's motion, and calls `self._settle()`, which checks the fields, at construction.
+    `model` is the mechanism's model in these parameters; `adaptation` is an adaptation law, or a gain Gamma for
+    `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch
+    adaptation off; `initial` (k,) is the first estimate in SI units, None for zero; `period` is the control period T_c
+    in s. Nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N for a
+    prismatic joint), None for the mechanism's own. Raises `InputError` for a period or torque limits that are not
     positive, a first estimate that is not finite, another shape of either, a gain that is not positive definite, and a
     gain or law that does not fit the model.
     """

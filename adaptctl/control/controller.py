@@ -58,10 +58,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
     many arms at once.
 
     A subclass is a frozen dataclass of configuration. It writes the property `dof`, the number r, and the methods
-    `start`, the memory before the first control period, and `law`, the equation of a tick. What changes over time is
-    that memory, a named tuple of arrays, which `step` takes and returns. `law` computes on scalars of any kind (floats,
-    arrays, dual numbers, symbols), so that it can be compiled to native code and differentiated; above 100 joints it
-    runs in Python instead.
+    `start(p, v)`, the memory before the first control period, and `law(p, v, reference, memory)`, the equation of a
+    tick, which returns torque and memory. What changes over time is that memory, a named tuple of arrays, which `step`
+    takes and returns. `law` computes on scalars of any kind (floats, arrays, dual numbers, symbols), so that it can be
+    compiled to native code and differentiated; above 100 joints it runs in Python instead.
 
     Attributes that the class names in `tunable` hold its gains; these are arguments of the native code. Controllers
     that differ in them alone share one code, and `tuned` makes such a copy. Without names in `tunable` all numbers are
@@ -111,8 +111,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
         prismatic) and velocities v in rad/s (m/s), both (..., r) for r joints.
 
         Leading axes are arms, and each has its own state: a named tuple of arrays (..., n), n the length of each.
-        `gains` are tunable numbers, by their names in the property `numbers` each with the leading axes of p before its
-        own shape, for arms that have their own; None for the controller's. Their values are not checked. Raises
+        `gains` are tunable numbers, by their names in the property `numbers`, each with the leading axes of p before
+        its own shape, for arms that have their own; None for the controller's. Their values are not checked. Raises
         `InputError` on a wrong shape, `NotFoundError` for a name that is not there, `NonFiniteError` where p, v or the
         state are not finite; laws of closed kinematic loops `SingularityError` near a configuration that locks them.
         """
@@ -164,10 +164,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N arms, each with tunable
         gains of its own, and the next state (memory).
 
-        A row of `gains` (N, g) has an arm's g tunable numbers in the order of the property `numbers`; they are not
-        checked. Measured positions p (N, r) are in rad (m), velocities v in rad/s (m/s); v and the reference's parts
-        have a row an arm or one, (r,), for all. Raises `InputError` on a wrong shape, `NonFiniteError` for results that
-        are not finite.
+        A row of `gains` (N, g) has an arm's g tunable numbers in the order of the property `numbers`, matrices row by
+        row; they are not checked. Measured positions p (N, r) are in rad (m), velocities v in rad/s (m/s); v and the
+        reference's parts have a row an arm or one, (r,), for all. Raises `InputError` on a wrong shape,
+        `NonFiniteError` for results that are not finite.
         """
         return self._step_many(state, p, v, reference, gains)
 

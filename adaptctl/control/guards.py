@@ -32,8 +32,9 @@ class Marks(NamedTuple):
     `torque_limited`: a torque was beyond its limit; `rate_limited`: a torque would have changed faster than its limit;
     `frozen`: nothing is learned from the period that begins; `bounded`: an estimate was brought back to its bounds;
     `ringing`: a joint's sliding variable (or velocity error, where the law has none) changes its sign from one control
-    period to the next; `stopped`: the arm is braked, now and in all control periods after, until `init` makes a new
-    state. Nothing is checked.
+    period to the next, its correlation with itself one period ago having been below -0.5 for 25 periods in a row;
+    `stopped`: the arm is braked, now and in all control periods after, until `init` makes a new state. Nothing is
+    checked.
     """
 
     torque_limited: Any

@@ -26,8 +26,8 @@ class BranchState(NamedTuple):
 class ModelBased(Controller[BranchState]):
     """Base class of control laws for a `mechanism` with given `parameters` (P,), right or wrong: all its P inertial and
     friction parameters, SI units, None for the mechanism's own. A subclass is a frozen dataclass that writes the method
-    `law` and calls `self._settle()` at construction, which raises `InputError` for parameters of another shape or not
-    finite."""
+    `law(p, v, reference, memory)`, which returns the torque (r,) and the `BranchState` after it, and calls
+    `self._settle()` at construction, which raises `InputError` for parameters of another shape or not finite."""
 
     mechanism: Mechanism
     parameters: Array | None

@@ -76,14 +76,16 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """Base class of adaptation laws, which move the estimate (k,) of a model's k parameters from one control period to
     the next, whatever control law uses it.
 
-    A subclass is a frozen dataclass of configuration that writes the methods `require`, `start` and `law`; a field of
-    type float that is given no number raises `InputError` at construction. Its method `law` is an equation over scalars
-    of any kind (floats, arrays of samples, nodes of an expression graph), compiled into the control law's own native
-    code. The attributes that the class names in `tunable`, a tuple of their names, are arguments of that code, all its
-    other numbers are compiled in. What changes over time, besides the estimate, is the memory, a NamedTuple of columns
-    (each m numbers) and of further such tuples, `NoMemory` for none; recorded runs hold the memory's property
-    `recorded`, if it has one. `needs_double` is true for a law whose memory is a matrix that single precision spoils,
-    false unless a subclass says so.
+    A subclass is a frozen dataclass of configuration that writes the methods `require(model, initial, period)`, a
+    check, `start(model, initial, q, v, period)`, which returns the memory before the first control period, and
+    `law(model, estimate, period, memory)`, which returns the estimate (k,) and the memory after one; a field of type
+    float that is given no number raises `InputError` at construction. Its method `law` is an equation over scalars of
+    any kind (floats, arrays of samples, nodes of an expression graph), compiled into the control law's own native code.
+    The attributes that the class names in `tunable`, a tuple of their names, are arguments of that code, all its other
+    numbers are compiled in. What changes over time, besides the estimate, is the memory, a NamedTuple of columns (each
+    m numbers) and of further such tuples, `NoMemory` for none; recorded runs hold the memory's property `recorded`, if
+    it has one. `needs_double` is true for a law whose memory is a matrix that single precision spoils, false unless a
+    subclass says so.
     """
 
     needs_double: ClassVar[bool] = False

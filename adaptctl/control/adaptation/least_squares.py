@@ -28,9 +28,11 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
     J; `weight` the weight of the squared errors of predicted torques, in 1/(N m s) (m/(N s) for a prismatic joint), one
     number, by default 1, or one for each of r joints (r,); `cutoff` the torque filter's corner frequency, 20 rad/s by
     default; `forgetting` the rate at which the past is forgotten, in 1/s, 1 by default; `called`, which a subclass
-    sets, the law's name in messages. A subclass also writes the methods `start` and `law` of an `AdaptationLaw`. Raises
-    `InputError` at construction for a gain, weight or cutoff that is not positive and finite or of another shape, and a
-    forgetting that is not finite or below 0; a weight of NaN is a `NonFiniteError`.
+    sets, the law's name in messages. A subclass also writes the methods `start(model, initial, q, v, period)`, which
+    returns the memory before the first control period, and `law(model, estimate, period, memory)`, which returns the
+    estimate (k,) and the memory after one. Raises `InputError` at construction for a gain, weight or cutoff that is not
+    positive and finite or of another shape, and a forgetting that is not finite or below 0; a weight of NaN is a
+    `NonFiniteError`.
     """
 
     called: ClassVar[str]

@@ -99,9 +99,10 @@ class FourierSearch:
     It is over vectors x (`size`,) without bounds or units, r (2 h + 2) numbers for h harmonics, in this order:
     coefficients of the sines (h, r), row by row, then of the cosines (h, r), both divided by the harmonic's number when
     used; then r numbers whose logistic function is the share of each joint's limits that is used, and r whose logistic
-    function is the place, 0 to 1, of the swing between the position limits. The condition number of the torque
-    regressor, its columns scaled by `scale` (k,), the parameters' prior ranges (greatest plausible errors) in SI units,
-    is what is to be small. Nothing is checked here: `exciting_reference` checks, and searches.
+    function is the place of the swing between the position limits, from 0 at the lower to 1 at the upper one. The
+    condition number of the torque regressor, its columns scaled by `scale` (k,), the parameters' prior ranges (greatest
+    plausible errors) in SI units, is what is to be small. Nothing is checked here: `exciting_reference` checks, and
+    searches.
     """
 
     model: ReducedModel
