@@ -59,9 +59,9 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
 
 
 def checked(values: ArrayLike, size: int, what: str) -> Array:
-    """The `values` as a float64 array (..., size) of finite numbers, the last axis of the given `size`. Raises
-    `InputError` for another shape and for what holds no numbers, `NonFiniteError` for NaN and infinity; `what` is the
-    name of the values in the messages."""
+    """The `values` as a float64 array (..., size) of finite numbers, the last axis of the given `size`; an array that
+    is one already is returned as it is, not copied. Raises `InputError` for another shape and for what holds no
+    numbers, `NonFiniteError` for NaN and infinity; `what` is the name of the values in the messages."""
     array = numbers(values, what, f"of shape (..., {size})")
     if array.ndim == 0 or array.shape[-1] != size:
         raise InputError(f"{what}: expected shape (..., {size}), got {array.shape}")
@@ -95,7 +95,7 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def positive_number(value: object, what: str) -> float:
-    """The float of a positive finite number, given as a Python or NumPy number or an array of shape (). Raises
+    """The float of a positive finite number, `value`, given as a Python or NumPy number or an array of shape (). Raises
     `InputError` for all else, such as zero, NaN, texts, booleans, longer arrays and whole numbers beyond the largest
     double. `what` begins its message, as in "gap: expected a positive finite number"."""
     value = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
@@ -109,25 +109,27 @@ def positive_number(value: object, what: str) -> float:
 
 
 def real_number(value: object, what: str) -> float:
-    """The float of a number, given as a Python or NumPy real number or an array of shape (); NaN and infinity are
-    allowed. Raises `InputError` for all else, such as texts, booleans, longer arrays, complex numbers and whole numbers
-    beyond the largest double; `what` is the name of the number in its message."""
+    """The float of a number, `value`, given as a Python or NumPy real number or an array of shape (); NaN and infinity
+    are allowed. Raises `InputError` for all else, such as texts, booleans, longer arrays, complex numbers and whole
+    numbers beyond the largest double; `what` is the name of the number in its message."""
     if _is_number(value) or (isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype != np.bool_):
         return float(numbers(value, what))
     raise InputError(f"{what}: expected a number, got {printable(repr(value))}")
 
 
 def whole_number(value: object, what: str, least: int, most: int) -> int:
-    """The int of a whole number from `least` to `most`, both included, given as a Python or NumPy integer. Raises
-    `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its message."""
+    """The int of a whole number, `value`, from `least` to `most`, both included, given as a Python or NumPy integer.
+    Raises `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its
+    message."""
     if _is_whole(value) and least <= value <= most:
         return int(value)
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
 
 def whole_count(value: object, what: str, least: int = 0) -> int:
-    """The int of a whole number of at least `least`, 0 unless given, passed as a Python or NumPy integer. Raises
-    `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its message."""
+    """The int of a whole number, `value`, of at least `least`, 0 unless given, passed as a Python or NumPy integer.
+    Raises `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its
+    message."""
     if _is_whole(value) and value >= least:
         return int(value)
     raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")

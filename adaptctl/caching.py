@@ -21,8 +21,9 @@ State = tuple[dict[str, Any], tuple[Path, ...]]
 
 def sent_as_made(owner: type[Owner]) -> type[Owner]:
     """The class `owner` itself, for use as a decorator: from now on its instances are copied and pickled without the
-    values of their cached properties, and their read-only arrays are read-only in the copy too. A class that has a
-    `__getstate__` of its own keeps it. Nothing is raised."""
+    values of their cached properties (those of this module's `cached_property`), and their read-only arrays are
+    read-only in the copy too. It is given a `__getstate__` and a `__setstate__` for this, unless it has a
+    `__getstate__` of its own; a named tuple is given a `__reduce__` instead. Nothing is raised."""
     if issubclass(owner, tuple):
         setattr(owner, "__reduce__", _record)  # noqa: B010  # a class of any kind
     elif "__getstate__" not in vars(owner):
@@ -38,7 +39,7 @@ class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands
     A process that forks while a thread computes, such as a compilation, would inherit a held lock and wait for ever
     (Python 3.12 has done away with it too). Values are not copied or pickled because native code cannot be, and because
     they can be computed again. The class it is used in gets a `__getstate__` and a `__setstate__` for this, unless it
-    has its own.
+    has its own; its instances need a `__dict__`. Two threads that ask at once may both compute.
     """
 
     def __set_name__(self, owner: type[Any], name: str) -> None:

@@ -9,7 +9,7 @@ LONGEST_MESSAGE = 2_000
 class AdaptctlError(Exception):
     """Base class of every error that this package raises on purpose, made of its `message`, empty unless given: the
     control characters in it are written out, so that no terminal obeys them, and a message that then has more than
-    LONGEST_MESSAGE (2000) characters is cut to these in its middle."""
+    LONGEST_MESSAGE (2000) characters is cut in its middle to that many."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(printable(str(message), LONGEST_MESSAGE))
@@ -54,11 +54,12 @@ class NonFiniteError(InputError):
 
 class RankError(AdaptctlError):
     """Error, with its `message`, of a rank k, the number of identifiable parameters, that cannot be certified.
-    `singular_values`, a tuple of falling floats, no unit, holds the singular values of the matrix of scaled energy
-    differences between random states: P of them for P inertial parameters, one a column, or, where a tree's rank was
-    found joint by joint, the 11 of the joint with the smallest gap between them, for its link's ten parameters and its
-    rotor inertia. It is empty, the default, where the cause is another, such as a fundamental basis of another rank, or
-    angles that are nearly, but not exactly, right ones."""
+    `singular_values`, a tuple of falling floats, no unit, holds the singular values of the matrix of energy
+    differences, whose rows are for pairs of successive random states and whose columns, scaled, are for the P inertial
+    parameters: P values or, where a tree's rank was found joint by joint, the 11 of the joint with the smallest gap
+    between them, for its link's ten parameters and its rotor inertia. It is empty, the default, where the cause is
+    another, such as a fundamental basis of another rank, or angles between joint axes that are nearly, but not exactly,
+    right angles."""
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
         super().__init__(message)

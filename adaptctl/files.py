@@ -39,7 +39,7 @@ Content = TypeVar("Content")
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
     """Context that gives a temporary path beside `path` to write a file to. When the block ends, the file is flushed to
-    disk and takes the place of `path` at one stroke.
+    disk and takes the place of `path` or, where that is a link, of the file behind it, at one stroke.
 
     When the block fails, `path` stays as it was, and nothing is left behind. The temporary path has the same suffix, so
     that writers which go by suffix work. Raises `FileError` where the folder does not exist or cannot be written, where
@@ -169,8 +169,8 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
-    """The text of the file at `path`, in UTF-8. Raises `FileError` where it is not UTF-8, missing, not a regular file,
-    not readable, or larger than `limit` bytes, by default 16 MiB (16 * 2**20)."""
+    """The text of the file at `path`, in UTF-8, without a byte order mark. Raises `FileError` where it is not UTF-8,
+    missing, not a regular file, not readable, or larger than `limit` bytes, by default 16 MiB (16 * 2**20)."""
     try:
         return read_bytes(path, limit).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -192,8 +192,9 @@ def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> 
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
     """The contents of the TOML file at `path` as an object of `kind`, such as a dataclass or a msgspec Struct. Raises
-    `FileError` where it cannot be read, is larger than 1 MiB or not TOML, and, naming the element and its line, where
-    contents do not fit `kind`, a number is not finite or above 1e30 in size, or a text holds control characters."""
+    `FileError` where it cannot be read, is larger than 1 MiB or not TOML, or has a key of more than 16 parts, and,
+    naming the element and its line, where contents do not fit `kind`, a number is not finite or above 1e30 in size, or
+    a text holds control characters."""
     text = read_text(path, MAX_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -220,7 +221,8 @@ def with_line(message: str, text: str) -> str:
 
 def toml_line(text: str, element: str) -> int:
     """The line number, from 1, in a TOML `text` where an `element` such as ``.links[2].mass`` begins, or else the table
-    that it is in; 0 where neither is found."""
+    that it is in; 0 where neither is found. Indices count from 0, and of the `element` its first two names and the
+    index between them count."""
     table = re.match(r"\.([\w-]+)(?:\[(\d+)\])?(?:\.([\w-]+))?", element)
     if table is None:
         return 0

@@ -26,10 +26,10 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
     place of `path`.
 
     When the block fails, `path` stays as it was, and nothing is left behind. By default `path` must not exist, or be
-    empty. With `overwrite` it may hold an older run, which is replaced whole: all files with suffixes of results (.rrd,
-    .json, .parquet, .html, .png, .toml, .csv, .urdf, .yaml) and folders of these; other files are kept. Raises
-    `FileError` where `path` holds something without `overwrite`, is a file, cannot be written, or another run is
-    writing it.
+    empty; missing folders above it are made. With `overwrite` it may hold an older run, which is replaced whole: all
+    files with suffixes of results (.rrd, .json, .parquet, .html, .png, .toml, .csv, .urdf, .yaml) and folders of these;
+    other files are kept. Raises `FileError` where `path` holds something without `overwrite`, is a file, cannot be
+    written, or another run is writing it.
     """
     target = Path(os.path.realpath(path))
     _require_place(path, target, overwrite)

@@ -56,9 +56,9 @@ class AdaptiveState(NamedTuple):
     @property
     def recorded(self) -> Any:
         """Part of the adaptation law's memory that a recorded run holds. For `ConcurrentLearning`, (..., 1): 1 where a
-        sample was put on its stack, else 0. For `CompositeLearning`, (..., 1): the number of joints' equations learned
-        from. For `ConsistentLift`, (..., P): the P inertial and friction parameters, SI units, that stand for its
-        estimate. Raises `AttributeError` for other laws, or with adaptation off."""
+        sample was put on its stack, else 0. For `CompositeLearning`, (..., 1): the number, 0 to r, of the r joints
+        whose torque equation was learned from. For `ConsistentLift`, (..., P): the P inertial and friction parameters,
+        SI units, that stand for its estimate. Raises `AttributeError` for other laws, or with adaptation off."""
         return self.learning.recorded
 
 
@@ -66,6 +66,9 @@ class AdaptiveController(Controller[AdaptiveState]):
     """Base class of adaptive controllers: a control law for r joints on a model's k parameters, and an adaptation law
     of choice.
 
+    A subclass is a frozen dataclass of these fields. It writes the method `law(p, v, reference, memory)`, which returns
+    the torque (r,) and the `AdaptiveState` after it, and the property `_motion_size`, the number w of numbers that its
+    memory keeps of a control period's motion, and calls `self._settle()`, which checks the fields, at construction.
     `model` is the mechanism's model in these parameters; `adaptation` is an adaptation law, or a gain Gamma for
     `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch
     adaptation off; `initial` (k,) is the first estimate in SI units, None for zero; `period` is the control period T_c
@@ -111,7 +114,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def dof(self) -> int:
-        """Number r of the mechanism's primary joints; kinematic loops move the other joints."""
+        """Number r of the mechanism's primary (independent) joints; kinematic loops, if any, move the others."""
         return self.model.mechanism.dof
 
     @property
@@ -122,9 +125,10 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
         """The memory before the first control period, of arms at positions p in rad (m for a prismatic joint) and
-        velocities v in rad/s (m/s), (..., r) for r primary (independent) joints: the first estimate, zero torque, and a
-        period of no length to learn from. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or
-        infinity in it, `SingularityError` where kinematic loops are near a configuration that locks them."""
+        velocities v in rad/s (m/s), (..., r) for r primary (independent) joints: the first estimate, zero torque, and 0
+        s as the time since the last period, so that nothing is learned from it. Raises `InputError` on a wrong shape of
+        p, `NonFiniteError` on NaN or infinity in it, `SingularityError` where kinematic loops are near a configuration
+        that locks them."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law

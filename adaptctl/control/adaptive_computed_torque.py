@@ -80,8 +80,8 @@ class AdaptiveComputedTorque(AdaptiveController):
     ) -> tuple[Column, AdaptiveState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after
         learning from the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s),
-        (r,), towards `reference`, its positions, velocities and accelerations (r,), with the last control period's
-        `memory`. Nothing is checked here."""
+        (r,), towards `reference`, its positions, velocities and accelerations (r,) in rad (m) and s, with the last
+        control period's `memory`. Nothing is checked here."""
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v

@@ -59,8 +59,8 @@ class ComputedTorque(ModelBased):
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, by inverse dynamics from
         the acceleration that brings the tracking error back to zero, and the memory after it: the positions (n,) of all
         n joints of the spanning tree. Measured positions p are in rad (m), velocities v in rad/s (m/s), (r,);
-        `reference` has positions, velocities and accelerations (r,); `memory` is that of the last control period.
-        Nothing is checked here: `step` checks shapes."""
+        `reference` has positions, velocities and accelerations (r,), in rad (m) and s; `memory` is that of the last
+        control period. Nothing is checked here: `step` checks shapes."""
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)

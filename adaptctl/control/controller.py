@@ -57,8 +57,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
     """Base class of control laws for a mechanism of r joints, called once a control period, a tick, for one arm or for
     many arms at once.
 
-    A subclass is a frozen dataclass of configuration. It writes `start`, the memory before the first control period,
-    and `law`, the equation of a tick. What changes over time is that memory, a named tuple of arrays, which `step`
+    A subclass is a frozen dataclass of configuration. It writes the property `dof`, the number r, and the methods
+    `start(p, v)`, the memory before the first control period, and `law(p, v, reference, memory)`, the equation of a
+    tick, which returns torque and memory. What changes over time is that memory, a named tuple of arrays, which `step`
     takes and returns. `law` computes on scalars of any kind (floats, arrays, dual numbers, symbols), so that it can be
     compiled to native code and differentiated; above 100 joints it runs in Python instead.
 
@@ -100,20 +101,20 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
         """The torque (r,) of the r joints, N m (N if prismatic), for one control period, and the control law's memory
         after it. Measured positions p are in rad (m) and velocities v in rad/s (m/s), columns (r,); `reference` has the
-        desired positions, velocities and accelerations, columns (r,) or, in a task space of m coordinates, (m,);
-        `memory` is that of the last period, at first that of `start`. An implementation computes on scalars of any kind
-        and checks nothing: `step` does, and raises `InputError` where what `law` returns is not a `Column` of r scalars
-        and a memory of the same sizes."""
+        desired positions, velocities and accelerations, columns (r,) in rad (m) and s or, in a task space of m
+        coordinates, (m,); `memory` is that of the last period, at first that of `start`. An implementation computes on
+        scalars of any kind and checks nothing: `step` does, and raises `InputError` where what `law` returns is not a
+        `Column` of r scalars and a memory of the same sizes."""
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The controller's state (memory) before the first control period, from measured positions p in rad (m if
         prismatic) and velocities v in rad/s (m/s), both (..., r) for r joints.
 
         Leading axes are arms, and each has its own state: a named tuple of arrays (..., n), n the length of each.
-        `gains` are tunable numbers, by their names in the property `numbers` and with the same leading axes, for arms
-        that have their own; None for the controller's. Their values are not checked. Raises `InputError` on a wrong
-        shape, `NotFoundError` for a name that is not there, `NonFiniteError` where p, v or the state are not finite;
-        laws of closed kinematic loops `SingularityError` near a configuration that locks them.
+        `gains` are tunable numbers, by their names in the property `numbers`, each with the leading axes of p before
+        its own shape, for arms that have their own; None for the controller's. Their values are not checked. Raises
+        `InputError` on a wrong shape, `NotFoundError` for a name that is not there, `NonFiniteError` where p, v or the
+        state are not finite; laws of closed kinematic loops `SingularityError` near a configuration that locks them.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -127,8 +128,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
         their first control period, as when an episode begins anew.
 
         These arms are at positions p in rad (m if prismatic) and velocities v in rad/s (m/s), (..., r) for r joints;
-        other rows of p and v are not used. The state given is not changed. Raises `InputError` for a mask that is not
-        of bools and for shapes that do not fit together, `NonFiniteError` for p or v not finite where the mask is True.
+        other rows of p and v are not used. The state given is not changed; where no arm is chosen it is itself
+        returned. Raises `InputError` for a mask that is not of bools and for shapes that do not fit together,
+        `NonFiniteError` for p or v not finite where the mask is True.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not (*chosen.shape, self.dof) == p.shape == v.shape:
@@ -162,10 +164,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N arms, each with tunable
         gains of its own, and the next state (memory).
 
-        A row of `gains` (N, g) has an arm's g tunable numbers in the order of the property `numbers`; they are not
-        checked. Measured positions p (N, r) are in rad (m), velocities v in rad/s (m/s); v and the reference's parts
-        have a row an arm or one, (r,), for all. Raises `InputError` on a wrong shape, `NonFiniteError` for results that
-        are not finite.
+        A row of `gains` (N, g) has an arm's g tunable numbers in the order of the property `numbers`, matrices row by
+        row; they are not checked. Measured positions p (N, r) are in rad (m), velocities v in rad/s (m/s); v and the
+        reference's parts have a row an arm or one, (r,), for all. Raises `InputError` on a wrong shape,
+        `NonFiniteError` for results that are not finite.
         """
         return self._step_many(state, p, v, reference, gains)
 
@@ -244,9 +246,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
         reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), the
-        memory as one array and, where there are any, the g tunable numbers (g,) as in the property `packed`; it returns
-        the torque (r,), N m (N), and the memory after the control period as one array. Raises `InputError` where `law`
-        returns anything else, `TraceError` where it cannot be traced.
+        memory as one array, all of its own one after the other, and, where there are any, the g tunable numbers (g,) as
+        in the property `packed`; it returns the torque (r,), N m (N), and the memory after the control period as one
+        array. Raises `InputError` where `law` returns anything else, `TraceError` where it cannot be traced.
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
@@ -256,9 +258,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
         reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), and
-        each array of the memory; it returns a tuple: the torque (r,), N m (N), then each array of the memory after the
-        control period. The function raises `InputError` on a wrong shape and `NonFiniteError` where the attribute
-        `finite` asks for finite numbers.
+        each array (n,) of the memory, n its length, in the order of its fields, all by position; it returns a tuple:
+        the torque (r,), N m (N), then each array of the memory after the control period, in the same order. The
+        function raises `InputError` on a wrong shape and `NonFiniteError` where the attribute `finite` asks for finite
+        numbers.
         """
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)

@@ -32,8 +32,9 @@ class Marks(NamedTuple):
     `torque_limited`: a torque was beyond its limit; `rate_limited`: a torque would have changed faster than its limit;
     `frozen`: nothing is learned from the period that begins; `bounded`: an estimate was brought back to its bounds;
     `ringing`: a joint's sliding variable (or velocity error, where the law has none) changes its sign from one control
-    period to the next; `stopped`: the arm is braked, now and in all control periods after, until `init` makes a new
-    state. Nothing is checked.
+    period to the next, its correlation with itself one period ago having been below -0.5 for 25 periods in a row;
+    `stopped`: the arm is braked, now and in all control periods after, until `init` makes a new state. Nothing is
+    checked.
     """
 
     torque_limited: Any
@@ -72,9 +73,9 @@ class GuardedState(NamedTuple):
     @property
     def recorded(self) -> Any:
         """Part of the adaptation law's memory that a run records: for `ConcurrentLearning` (..., 1), 1 where the last
-        period's sample was kept and 0 where not; for `CompositeLearning` (..., 1), the number of joints' equations
-        learned; for `ConsistentLift` (..., P), the P inertial and friction parameters, SI units, that stand for its
-        estimate. Raises `AttributeError` where there is none."""
+        period's sample was kept and 0 where not; for `CompositeLearning` (..., 1), the number, 0 to r, of the r joints
+        whose torque equation was learned from; for `ConsistentLift` (..., P), the P inertial and friction parameters,
+        SI units, that stand for its estimate. Raises `AttributeError` where there is none."""
         return self.of.recorded
 
 
@@ -170,9 +171,9 @@ class Guarded(Controller[GuardedState]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, within the limits of
         torque and rate, and the memory after it; at measured positions `p` (r,), rad or m, and velocities `v` (r,),
-        rad/s or m/s, towards `reference`, with the last control period's `memory`. Numbers that are not finite raise
-        nothing: the wrapped law is given 0 for them, and the arm is braked. Shapes are not checked here: `step` checks
-        them."""
+        rad/s or m/s, towards `reference`, the wrapped law's reference point, with the last control period's `memory`.
+        Numbers that are not finite raise nothing: the wrapped law is given 0 for them, and the arm is braked. Shapes
+        are not checked here: `step` checks them."""
         given = (p, v, *reference)
         clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)

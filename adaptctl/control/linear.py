@@ -65,10 +65,11 @@ class LinearController(Controller[LinearState]):
     @classmethod
     def state_feedback(cls, gain: ArrayLike, feedforward: Mechanism | None = None) -> LinearController:
         """The state feedback torque = -K (p - p_d, v - v_d) of r joints: p and v are measured positions and velocities,
-        p_d and v_d desired ones. `gain` is K (r, 2 r) in N m/rad and N m s/rad (N/m and N s/m for a prismatic joint),
-        as `control.lqr` and `control.dlqr` return it. The torque that the inverse dynamics of the mechanism
-        `feedforward` asks for on the reference is added, none for None. Raises `InputError` for another shape, for a
-        gain that is not finite, and for a `feedforward` that is no tree of r joints."""
+        p_d and v_d desired ones. `gain` is K (r, 2 r), r columns for positions, in N m/rad (N/m for a prismatic joint),
+        then r for velocities, in N m s/rad (N s/m), as `control.lqr` and `control.dlqr` return it. The torque that the
+        inverse dynamics of the mechanism `feedforward` asks for on the reference is added, none for None. Raises
+        `InputError` for another shape, for a gain that is not finite, and for a `feedforward` that is no tree of r
+        joints."""
         K = np.atleast_2d(numbers(gain, "state feedback: gain"))
         r = len(K)
         if K.shape != (r, 2 * r):
@@ -81,7 +82,7 @@ class LinearController(Controller[LinearState]):
         cls, system: control.StateSpace, period: float, feedforward: Mechanism | None = None
     ) -> LinearController:
         """Linear controller made of a linear system of python-control in discrete time, `system`, whose r outputs are
-        the torques in N m (N for a prismatic joint), at the control `period` in s.
+        the torques of the r joints, in their order, in N m (N for a prismatic joint), at the control `period` in s.
 
         The system's inputs are named p[j], v[j], reference_p[j], reference_v[j], reference_a[j], error[j] (reference_p
         - p) or error_rate[j] (reference_v - v), with j from 0 to r - 1 for the r joints, in any order and number: p and
@@ -117,8 +118,8 @@ class LinearController(Controller[LinearState]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after it,
         the n numbers of the controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s
-        (m/s), (r,), towards `reference`, positions, velocities and accelerations (r,), from the state in `memory`.
-        Nothing is checked here: `step` checks shapes."""
+        (m/s), (r,), towards `reference`, positions, velocities and accelerations (r,) in rad (m) and s, from the state
+        in `memory`. Nothing is checked here: `step` checks shapes."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward

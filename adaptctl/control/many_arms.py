@@ -24,9 +24,10 @@ class ManyArms:
     """Control law for many arms at once: compiled to one native step in SIMD lanes (arms computed at once) where
     `native` is True, else NumPy on arrays of arms.
 
-    `law` is the law's equation for one arm: called with `Column`s by keyword, it returns the torque (r,) of r joints
-    and the columns of the memory after the control period. `given` has the names and lengths of the columns that it is
-    given each time, `memory` those of the memory, which each call replaces. Nothing is checked at construction.
+    `law` is the law's equation for one arm: called with `Column`s by keyword, it returns the torque (r,) of r joints, N
+    m (N if prismatic), and then the columns of the memory after the control period, in the order of `memory`. `given`
+    has the names and lengths of the columns that it is given each time, `memory` those of the memory, which each call
+    replaces. Nothing is checked at construction.
     """
 
     law: Callable[..., tuple[Column, ...]]
@@ -39,7 +40,7 @@ class ManyArms:
 
     def step(self, arms: int, given: Columns, memory: Columns) -> tuple[Array, list[Array]]:
         """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N = `arms` arms, and the list
-        of their memory's arrays (N, n) after it; all are new arrays.
+        of their memory's arrays (N, n) after it, in the order of the attribute `memory`; all are new arrays.
 
         `given` and `memory` hold the columns given and the last memory by name, arrays (N, n), n a column's length, or
         (n,) for all arms alike. In native code the first call compiles the law, and the memory returned is read-only.

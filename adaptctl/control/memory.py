@@ -21,8 +21,8 @@ Parts = tuple[tuple[str, Any], ...]
 
 def leaves(memory: tuple[Any, ...]) -> list[Any]:
     """The columns of a control law's `memory` as a flat list: `memory` is a (named) tuple of columns, arrays (..., n),
-    n the length of each, or `Column`s, and of further such tuples, whose columns stand in their place. Nothing is
-    checked."""
+    n the length of each, or `Column`s (n scalars), in the order of its fields, and of further such tuples, whose
+    columns stand in their place. Nothing is checked."""
     flat: list[Any] = []
     for part in memory:
         if isinstance(part, tuple):
@@ -34,9 +34,9 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
 
 def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
     """Iterator over the dotted names of the columns of a control law's `memory`, such as ``state.learning.filtered``,
-    one for each column, in the order of `leaves`. `memory` is a (named) tuple of columns and of further such tuples;
-    without field names a part's index stands for its name. `to` is what names begin with, "state" unless given. Nothing
-    is checked."""
+    one for each column, in the order of the fields, those of a tuple within it in its place. `memory` is a (named)
+    tuple of columns and of further such tuples; without field names a part's index stands for its name. `to` is what
+    names begin with, "state" unless given. Nothing is checked."""
     for name, part in zip(_names(memory), memory, strict=True):
         if isinstance(part, tuple):
             yield from paths(part, f"{to}.{name}")
@@ -46,8 +46,8 @@ def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
 
 def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
     """A control law's memory of the kind of `pattern`, a (named) tuple of columns and of further such tuples, whose
-    columns are `parts`, in the order in which `leaves` lists them. Raises `StopIteration` for too few parts; further
-    ones are left out."""
+    columns are `parts`, in the order of its fields, those of a tuple within it in its place. The columns of `pattern`
+    itself are not used. Raises `StopIteration` for too few parts; further ones are left out."""
     return _filled(pattern, iter(parts))
 
 

@@ -25,8 +25,9 @@ class BranchState(NamedTuple):
 
 class ModelBased(Controller[BranchState]):
     """Base class of control laws for a `mechanism` with given `parameters` (P,), right or wrong: all its P inertial and
-    friction parameters, SI units, None for the mechanism's own. A subclass writes the method `law`, and raises
-    `InputError` at construction for parameters of another shape or not finite."""
+    friction parameters, SI units, None for the mechanism's own. A subclass is a frozen dataclass that writes the method
+    `law(p, v, reference, memory)`, which returns the torque (r,) and the `BranchState` after it, and calls
+    `self._settle()` at construction, which raises `InputError` for parameters of another shape or not finite."""
 
     mechanism: Mechanism
     parameters: Array | None
@@ -39,8 +40,8 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def dof(self) -> int:
-        """Number r of the mechanism's primary joints, which the control law moves; kinematic loops, if any, move the
-        others."""
+        """Number r of the mechanism's primary (independent) joints, which the control law moves; kinematic loops, if
+        any, move the others."""
         return self.mechanism.dof
 
     @property

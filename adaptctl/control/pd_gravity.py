@@ -65,9 +65,9 @@ class PDGravity(ModelBased):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period: gravity's, a spring's and
         a damper's; and the memory after it, the positions (n,) of all n joints of the spanning tree. Measured positions
-        p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and velocities (r,), its
-        accelerations are not used; `memory` is that of the last control period. Nothing is checked here: `step` checks
-        shapes."""
+        p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and velocities (r,), in rad
+        (m) and s, its accelerations are not used; `memory` is that of the last control period. Nothing is checked here:
+        `step` checks shapes."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

@@ -60,8 +60,9 @@ def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
 
     `numbers`, for r joints and h sinusoids i of each, are center (r,) and amplitude in rad (m), frequency (Hz) and
     phase (rad), the last three (h r,), the r numbers of one i before those of the next, and start_time (1,), s, in
-    which the fade rises from 0 to 1. Time and numbers are scalars of any kind: floats, symbols, or arrays with an entry
-    for each of many arms.
+    which the fade 10u^3 - 15u^4 + 6u^5, u = t/start_time, rises from 0 to 1, where it stays; without one, at start_time
+    0, it is 1. Time and numbers are scalars of any kind: floats, symbols, or arrays with an entry for each of many
+    arms.
     """
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
@@ -136,7 +137,7 @@ def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
     in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2).
 
     Its arguments are an array (2,), the time since the stretch's start and its length (s), and the first and the last
-    positions (r,), rad or m. It raises `InputError` on a wrong shape.
+    positions (r,), rad or m, in which it rests before and after the stretch. It raises `InputError` on a wrong shape.
     """
 
     def equation(given: Column, start: Column, end: Column) -> ReferencePoint:
@@ -156,9 +157,10 @@ class Sinusoids:
 
     `center` (r,) in rad or m; `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero) are (r,) for one
     sinusoid a joint or (h, r) for the sum of h; `start_time`, 2 s by default, is the length of the fade 10u^3 - 15u^4 +
-    6u^5, u = t/start_time, from 0 to 1, and 0 for none. With a fade the arm starts at rest in the centre. Called with
-    times t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (..., r). Raises
-    `InputError` for other shapes, what is no number or not finite, and a negative start time.
+    6u^5, u = t/start_time, from 0 to 1, and 0 for none. With a fade the arm is at rest in the centre at time 0 and
+    before; without one the sinusoids run at all times. Called with times t (...) in s, it returns the `ReferencePoint`
+    then: positions, velocities and accelerations (..., r). Raises `InputError` for other shapes, what is no number or
+    not finite, and a negative start time.
     """
 
     center: Array
@@ -215,9 +217,9 @@ class Spline:
 
     `positions` (w, r) are w >= 6 positions of r joints in rad or m, `times` (w,) in s, increasing: samples of a path
     that has no formula in joints, such as what inverse kinematics makes of one in space. Velocities and accelerations
-    are the spline's own derivatives. Before the first time and after the last the arm rests, with a jump of velocity
-    and acceleration unless the samples rest there. Called with times t (...) in s, it returns the `ReferencePoint`
-    then: positions, velocities and accelerations (..., r).
+    are the spline's own derivatives. Before the first time it rests in the first position and after the last time in
+    the last, with a jump of velocity and acceleration unless the samples rest there. Called with times t (...) in s, it
+    returns the `ReferencePoint` then: positions, velocities and accelerations (..., r).
 
     Raises `InputError` for fewer positions, another number of times, what is no number or not finite, and times that do
     not increase; `MissingExtraError` at the first use without SciPy.
@@ -244,8 +246,8 @@ class Spline:
 
     def at(self, t: float) -> ReferencePoint:
         """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
-        accelerations in rad/s^2 (m/s^2); computed in microseconds, for loops that ask each period. Raises
-        `MissingExtraError` without SciPy."""
+        accelerations in rad/s^2 (m/s^2); at rest in the nearest end outside the spline's times; computed in
+        microseconds, for loops that ask each period. Raises `MissingExtraError` without SciPy."""
         inside = min(max(t, self._starts[0]), float(self.times[-1]))
         k = max(bisect_right(self._starts, inside) - 1, 0)
         return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])
@@ -286,9 +288,10 @@ class MinimumJerk:
     jerk (Flash and Hogan 1985).
 
     `waypoints` (w, r) are w >= 2 positions of r joints in rad or m, `times` (w,) when they are reached, in s,
-    increasing. Before the first time and after the last the arm rests. Called with times t (...) in s, it returns the
-    `ReferencePoint` then: positions, velocities and accelerations (..., r). Raises `InputError` for fewer waypoints,
-    another number of times, what is no number or not finite, and times that do not increase.
+    increasing. Before the first time it rests in the first waypoint, after the last time in the last. Called with times
+    t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (..., r). Raises
+    `InputError` for fewer waypoints, another number of times, what is no number or not finite, and times that do not
+    increase.
     """
 
     waypoints: Array
@@ -313,7 +316,8 @@ class MinimumJerk:
 
     def at(self, t: float) -> ReferencePoint:
         """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
-        accelerations in rad/s^2 (m/s^2); computed in microseconds, for loops that ask each period."""
+        accelerations in rad/s^2 (m/s^2); at rest in the first waypoint before its time, in the last after its; computed
+        in microseconds, for loops that ask each period."""
         starts = self._starts
         k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
         given = np.array((t - starts[k], starts[k + 1] - starts[k]))

@@ -90,9 +90,10 @@ def _least(values: Column) -> Any:
 
 def ringing(s: Array) -> Array:
     """The correlation rho (T, r), without a unit, of the sliding variables of r joints with themselves one control
-    period ago, averaged over about 100 control periods, in the T control periods of a run. -0.5 is an alarm: s mostly
-    changes its sign from one control period to the next, the loop rings. At -0.9 it is about to be lost. `s` (T, r) has
-    the sliding variables in every control period, in rad/s (m/s if prismatic). Nothing is checked."""
+    period ago, averaged over about 100 control periods, in the T control periods of a run, the averages starting at 0.
+    -0.5 is an alarm: s mostly changes its sign from one control period to the next, the loop rings. At -0.9 it is about
+    to be lost. `s` (T, r) has the sliding variables in every control period, in rad/s (m/s if prismatic). Nothing is
+    checked."""
     averages, found = Ringing(*map(Column, Ringing.silent(s.shape[-1]))), np.empty(s.shape)
     for k, row in enumerate(s):
         averages = averages.heard(Column(row.tolist()))

@@ -10,9 +10,9 @@ from adaptctl.scalars import Column
 
 
 def ticked(law: Any, *given: Any) -> Any:
-    """The result of the method `law` of a controller, the argument `law`, called with what is `given`: torque and
-    memory, not checked. Raises `TraceError`, which names the law, where NumPy's functions were applied to a
-    `Column`."""
+    """The result of `law.law(*given)`, torque and memory, not checked: the argument `law` is a controller, whose method
+    `law` is called with what is `given`. Raises `TraceError`, which names the law, where NumPy's functions were applied
+    to a `Column`."""
     try:
         return law.law(*given)
     except TypeError as error:

@@ -16,7 +16,7 @@ class Column:
     """A column (n,) of n scalars of one kind: floats, arrays of samples, dual numbers or nodes of an expression graph.
     `of`, any iterable of them, is kept as a tuple. `+`, `-` and `*` of two columns are elementwise, a scalar may be a
     factor on either side, and `@` is the inner product, a scalar; columns of different lengths raise `ValueError`.
-    Nothing is checked at construction."""
+    `column[i]` is entry i, from 0; `len` and iteration are those of a tuple. Nothing is checked at construction."""
 
     __slots__ = ("of",)
     __array_ufunc__ = None
@@ -89,7 +89,8 @@ def column(array: Any) -> Column:
 def each(values: Any, n: int) -> Column:
     """A column (n,) from one scalar of any kind (float, dual number, node of an expression graph), the same for all n
     entries, or from numbers (n,) or (1,), an array, list or tuple, as floats; a column is returned as it is, not
-    checked. Raises `ValueError` for numbers of another shape and for texts."""
+    checked. Raises `ValueError` for numbers of another shape and texts in a list that do not read as one, `TypeError`
+    for other entries that are no real numbers."""
     if isinstance(values, Column):
         return values
     if isinstance(values, np.ndarray | list | tuple):

@@ -29,10 +29,10 @@ from adaptctl.scalars.scalar import (
 class Dual:
     """A dual number `value + slope eps`, eps^2 = 0, for exact derivatives: where the slopes of an equation's arguments
     are a direction, the `slope` of its result is the derivative along it. The slope of a constant is 0, the default.
-    Either part is a float or an array of samples; nothing is checked at construction. A dual number raises `TypeError`
-    as the condition of an `if` (use `where`), and in NumPy functions that have no rule for it. Where there is no
-    derivative, as of `sqrt` and `log` at 0 and of `atan2` at the origin, floats raise `ZeroDivisionError`, and arrays
-    have slopes that are infinite or NaN, with NumPy's warning."""
+    Either part is a float or an array of samples; nothing is checked at construction. Comparisons compare values alone.
+    A dual number raises `TypeError` as the condition of an `if` (use `where`), and in NumPy functions that have no rule
+    for it. Where there is no derivative, as of `sqrt` and `log` at 0 and of `atan2` at the origin, floats raise
+    `ZeroDivisionError`, and arrays have slopes that are infinite or NaN, with NumPy's warning."""
 
     __slots__ = ("slope", "value")
 

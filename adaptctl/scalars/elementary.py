@@ -61,7 +61,8 @@ def exponential(x: Any) -> Any:
 def logarithm(x: Any) -> Any:
     """The natural logarithm ln x of a scalar x without unit (a float, an array, a dual number or a node of an
     expression graph), by arithmetic and comparisons alone, so that it compiles to SIMD instructions; within a few units
-    in the last place, elementwise in arrays. It is minus infinity at 0, and NaN for negative numbers and NaN."""
+    in the last place, elementwise in arrays. It is minus infinity at 0, infinity at infinity, and NaN for negative
+    numbers and NaN."""
     m, k = x, 0.0 * x
     for bit in _HALVINGS:
         small, large = m < 2.0 ** (1 - bit), m >= 2.0**bit
@@ -91,9 +92,9 @@ def hyperbolic_tangent(x: Any) -> Any:
 
 def arc_tangent(y: Any, x: Any) -> Any:
     """The angle of the point (x, y) from the x axis, in rad, from -pi to pi, and 0 at the origin, by arithmetic and
-    comparisons alone, so that it compiles to SIMD instructions; within a few units in the last place, elementwise in
-    arrays. The coordinates y and x, in one unit, are each a float, an array, a dual number or a node of an expression
-    graph."""
+    comparisons alone, so that it compiles to SIMD instructions. It is right to a few units in the last place,
+    elementwise in arrays, and pi for negative x where y is 0 or -0. The coordinates y and x, in one unit, are each a
+    float, an array, a dual number or a node of an expression graph."""
     high, low = maximum(absolute(x), absolute(y)), minimum(absolute(x), absolute(y))
     upper = low > math.tan(math.pi / 8.0) * high
     t = where(upper, low - high, low) / where(upper, low + high, where(high > 0.0, high, 1.0))

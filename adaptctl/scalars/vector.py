@@ -40,8 +40,8 @@ class Vec:
 
 
 def dot(a: Vec, b: Vec) -> Any:
-    """The inner (dot) product of two vectors (3,) whose entries are scalars of one kind: a scalar of that kind, in the
-    product of their units. Nothing is checked."""
+    """The inner (dot) product of two vectors a and b (3,) whose entries are scalars of one kind: a scalar of that kind,
+    in the product of their units. Nothing is checked."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 

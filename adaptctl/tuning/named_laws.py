@@ -47,9 +47,11 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
 
     Names are "slotine-li", "slotine-li-fixed" (true parameters, no adaptation), "slotine-li-composite" (learning from
     predicted torques too), "passivity-integral", "task-space" (its reference given in joints),
-    "adaptive-computed-torque", "computed-torque" and "pd-gravity". Those that adapt start from zero parameters, but
-    adaptive computed torque from the true ones, which the last two use as well. Raises `NotFoundError` for another
-    name, and what the law itself raises, such as `GainError` where the period cannot carry the gains.
+    "adaptive-computed-torque", "computed-torque" and "pd-gravity". The tuning's bandwidth is computed torque's natural
+    frequency, PD's stiffness is bandwidth times damping, and in task space the least bandwidth counts for every axis.
+    Those that adapt start from zero parameters, but adaptive computed torque from the true ones, which the last two use
+    as well. Raises `NotFoundError` for another name, and what the law itself raises, such as `GainError` where the
+    period cannot carry the gains.
     """
     if law not in LAWS:
         raise NotFoundError(f"law: unknown law {law!r}; laws: {', '.join(LAWS)}")

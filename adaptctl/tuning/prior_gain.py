@@ -26,7 +26,7 @@ ranges); mixed is half of the latter and half of each link."""
 
 def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
     """Prior ranges (P,), SI units, of all P inertial and friction parameters of a mechanism: their greatest plausible
-    errors, as far as its inertias and lengths tell.
+    errors, as far as its inertias and lengths tell; in the order of its `parameter_names`.
 
     A link's are made from the typical inertia I of the joint that moves it: a body at a third of the arm's reach beyond
     that joint (the lever, of a reach of at least 0.05 m) has the mass m = I/lever^2, at most `heaviest` (kg; 5 unless
@@ -60,8 +60,9 @@ def adaptation_number(regressor: Array, damping: Array, gain: Array, period: flo
 def carried_gain(
     mechanism: Mechanism, regressor: Array, damping: Array, ranges: Array, period: float, number: float, shares: Shares
 ) -> Array:
-    """The diagonal (P,) of an adaptation gain Gamma on all P parameters of a mechanism, in their units squared per J,
-    scaled so that the adaptation number T lambda_max(K^-1 Y Gamma Y'), no unit, over S samples is `number`.
+    """The diagonal (P,) of an adaptation gain Gamma on all P parameters of a mechanism, in the order of its
+    `parameter_names` and in their units squared per J, scaled so that the adaptation number T lambda_max(K^-1 Y Gamma
+    Y'), no unit, over S samples is `number`.
 
     Y is the torque `regressor` (S, r, P) of r joints and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if
     prismatic), T the control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in

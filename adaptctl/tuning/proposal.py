@@ -77,10 +77,11 @@ class Proposals:
         samples: int,
         seed: int,
     ) -> Proposals:
-        """Maker of proposals of gains from `samples` samples of the first 20 s of a `reference` of the mechanism's r
-        joints. `limits` (r,) are the torque limits, N m (N if prismatic), `off` (r,) the initial tracking errors, rad
-        (m), of which those below 0.01 count as 0.01, `period` the control period, s. Equal values of `seed`, a whole
-        number of at least 0, draw equal positions and errors near the reference. Nothing is checked."""
+        """Maker of proposals of gains from `samples` samples, evenly spaced in time, of the first 20 s of a `reference`
+        of the mechanism's r joints. `limits` (r,) are the torque limits, N m (N if prismatic), `off` (r,) the initial
+        tracking errors, rad (m), of which those below 0.01 count as 0.01, `period` the control period, s. Equal values
+        of `seed`, a whole number of at least 0, draw equal positions and errors near the reference. Nothing is
+        checked."""
         rng, points = np.random.default_rng(seed), reference(np.linspace(0.0, HORIZON, samples))
         lower, upper = motion_ranges(mechanism)
         width = np.minimum(WIDTH, 0.5 * (upper - lower))

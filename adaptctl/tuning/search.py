@@ -21,9 +21,9 @@ SHARES: tuple[Shares, ...] = ("mixed", "links", "parameters")
 
 
 def searched(trials: Trials, proposals: Proposals, first: Proposal, count: int, seed: int) -> Proposal:
-    """The best of the `first` proposal of gains and `count` others, drawn by `seed` from a grid of 48, less those with
-    which no gains hold the arm; judged by two simulated runs of 8 s each: the one whose tracking error (RMS over all
-    joints and the last 2 s, of its worse run) is least.
+    """The best of the `first` proposal of gains and `count` others, drawn by `seed` from a grid of 48, none twice, less
+    those with which no gains hold the arm; judged by two simulated runs of 8 s each: the one whose tracking error (RMS
+    over all joints and the last 2 s, of its worse run) is least.
 
     In both runs the ten inertial parameters of each link are 30 % up or down, in another way each; in the second run
     torques come a control period late besides, for gains judged without a delay may be unstable with one. Runs in which

@@ -56,8 +56,8 @@ class Delayed(Controller[AdaptiveState]):
     ) -> tuple[Column, AdaptiveState]:
         """The torque (r,) of r joints, N m (N if prismatic), for one control period, that of the last period where it
         comes late, else the new one, and the wrapped law's memory after it. Measured positions p are in rad (m) and
-        velocities v in rad/s (m/s), (r,); `reference` has positions, velocities and accelerations (r,); `memory` is
-        that of the last control period. Nothing is checked here: `step` checks shapes."""
+        velocities v in rad/s (m/s), (r,); `reference` has positions, velocities and accelerations (r,), in rad (m) and
+        s; `memory` is that of the last control period. Nothing is checked here: `step` checks shapes."""
         _, after = self.of.law(p, v, reference, memory)
         late = self.late > 0.5
         return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after
@@ -103,9 +103,9 @@ class Trials:
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
         """Simulated runs (`Rollouts`) of `duration` seconds, one for each of the M `settings`, computed side by side in
-        native code; every 50th control period is a sample of positions, velocities, torques and estimates. Raises
-        `InputError` for a mechanism of more than 100 links and a duration below a control period, `SingularityError`
-        where kinematic loops cannot be followed to the start."""
+        native code; every 50th control period, the first included, is a sample of positions, velocities, torques and
+        estimates. Raises `InputError` for a mechanism of more than 100 links and a duration below a control period,
+        `SingularityError` where kinematic loops cannot be followed to the start."""
         p = self.reference(np.zeros(1)).p[0]
         law, parameters = _law(self.plant, tuple(p.tolist())), np.array([one.parameters for one in settings])
         laws = [law.having(_numbers(law, one)) for one in settings]

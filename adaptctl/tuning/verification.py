@@ -74,9 +74,9 @@ def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple
     """Verifications (a tuple of four) of tracking gains `gains` and an adaptation gain, `gain` (P,), its diagonal on
     all P inertial and friction parameters in their units squared per J.
 
-    They are runs of 20 s: of the arm as described; with torques a control period late; with the ten inertial parameters
-    of each link 30 % up or down, drawn by `seed`, a whole number of at least 0; and with both. Each is run with
-    adaptation and without, by `trials`. Raises `InputError` for a mechanism of more than 100 links.
+    They are runs of 20 s, in this order: of the arm as described; with torques a control period late; with the ten
+    inertial parameters of each link 30 % up or down, drawn by `seed`, a whole number of at least 0; and with both. Each
+    is run with adaptation and without, by `trials`. Raises `InputError` for a mechanism of more than 100 links.
     """
     mechanism = trials.plant.mechanism
     own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINKS_OFF, seed)

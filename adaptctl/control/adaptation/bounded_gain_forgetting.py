@@ -24,10 +24,10 @@ from adaptctl.scalars import Column, Scalar, each
 
 
 class CovarianceMemory(NamedTuple):
-    """The memory of adaptation by least squares on k parameters that hold their covariance P (k, k), between control
-    periods: `covariance` (k (k + 1)/2,) is the upper triangle of P, row by row, in units of the first gain Gamma (of
-    S^-1 P S^-1 with S = Gamma^1/2), the identity at the start; `filtered` is the torque filters' memory. Nothing is
-    checked."""
+    """The memory, between control periods, of a law that adapts k parameters by least squares and carries their
+    covariance P (k, k): `covariance` (k (k + 1)/2,) is the upper triangle of P, row by row, in units of the first gain
+    Gamma (of S^-1 P S^-1 with S = Gamma^1/2), the identity at the start; `filtered` is the torque filters' memory.
+    Nothing is checked."""
 
     covariance: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the first gain: the identity at the start"""
@@ -48,9 +48,9 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     `cutoff`, 20 by default, is in rad/s, both positive; `forgetting` of at least 0, 1 by default, is in 1/s; `bound` of
     at least 1, unitless, is the most that tr(Gamma^-1 P)/k, the mean gain over Gamma, may become; `called` is the law's
     name in messages. A prime is the transpose, but on estimate and P a derivative in time. Raises `InputError` for
-    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model, constraints
-    that fix parameters at values other than zero, a cutoff above 1/T_c and a forgetting above 0.1/T_c, T_c the control
-    period; a weight of NaN is a `NonFiniteError`.
+    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model, linear
+    constraints on parameters that fix some at values other than zero, a cutoff above 1/T_c and a forgetting above
+    0.1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 -
@@ -82,8 +82,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
         errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, the rate of forgetting (1/s) times the period at most 0.1, and no linear
-        constraint fixes a parameter at a value other than zero.
+        period (s) is at most 1, the rate of forgetting (1/s) times the period at most 0.1, and no linear constraint on
+        the mechanism's parameters fixes one at a value other than zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -99,10 +99,11 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         """The memory before the first control period: the upper triangle (k (k + 1)/2,) of the covariance P = Gamma of
         k parameters, in units of Gamma (the first gain), and the torque filters at rest, their outputs zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
-        in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in rad/s (m/s),
-        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
-        values other than zero; nothing else is checked.
+        `initial`, the first estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
+        joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
+        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' `regressor` then has them
+        too, all else is the same for all arms. Raises `InputError` for a model whose linear constraints fix parameters
+        at values other than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)
@@ -133,7 +134,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
     def covariance(self, memory: CovarianceMemory) -> Array:
         """The covariance P (k, k) of least squares on k parameters, the present adaptation gain, symmetric, that a
-        `memory` of this adaptation law, for one arm, holds, in units of the parameters squared per J."""
+        `memory` of this adaptation law, for one arm, holds, in units of the parameters squared per J. Raises
+        `ValueError` for the memory of several arms."""
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
 

@@ -36,8 +36,8 @@ class Composite(Descent[Filtered]):
     is R's diagonal, one number or (r,), in 1/(N m s) (m/(N s)); `cutoff` is lambda in rad/s. A prime is the transpose,
     but on estimate a derivative in time. Raises `InputError` at construction for a gain that is not finite, symmetric
     and positive definite, and a weight or cutoff that is not positive and finite (a weight of NaN is a
-    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, constraints that fix parameters at
-    values other than zero, and a cutoff above 1/T_c, T_c the control period.
+    `NonFiniteError`), and, with a controller, for sizes that do not fit the model, linear constraints on parameters
+    that fix some at values other than zero, and a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with the prediction error eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R eps:
@@ -63,7 +63,8 @@ class Composite(Descent[Filtered]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
         errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, and no linear constraint fixes a parameter at a value other than zero.
+        period (s) is at most 1, and no linear constraint on the mechanism's parameters fixes one at a value other than
+        zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -77,10 +78,11 @@ class Composite(Descent[Filtered]):
         """The memory before the first control period: the torque filters at rest, their outputs, the filtered regressor
         and the filtered torques, zero.
 
-        `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
-        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Raises `InputError` for a model whose linear constraints fix
-        parameters at values other than zero; nothing else is checked.
+        `initial`, the first estimate (k,) of k parameters, is not looked at; q (..., n) are the positions of the
+        spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
+        (independent) joints in rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters'
+        `regressor` then has them too, all else is the same for all arms. Raises `InputError` for a model whose linear
+        constraints fix parameters at values other than zero; nothing else is checked.
         """
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 

@@ -32,8 +32,8 @@ class LearningMemory(NamedTuple):
 
     `information` (k (k + 1)/2,) is the upper triangle of S Q S, row by row, Q (k, k) the information matrix, zero at
     the start; `known` (k,) is S z, where z (k,) is Q times the true parameters as far as nothing disturbs; `learned`
-    (1,) is the number of joints' equations that were learned from in the last period; `filtered` is the torque filters'
-    memory. Nothing is checked.
+    (1,) is the number, 0 to r, of the r joints whose equation for the filtered torque was learned from in the last
+    control period; `filtered` is the torque filters' memory. Nothing is checked.
     """
 
     information: Any
@@ -46,8 +46,8 @@ class LearningMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a recorded run keeps, `learned` (1,): the number of joints' equations that were
-        learned from in the last control period."""
+        """Part of the memory that a recorded run keeps, `learned` (1,): the number, 0 to r, of the r joints whose
+        equation for the filtered torque was learned from in the last control period."""
         return self.learned
 
 
@@ -73,8 +73,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     transpose, but on estimate, Q, z and V a derivative in time; ^+ is the pseudo-inverse. Raises `InputError` for a
     gain, a weight, a cutoff or an alarm that is not positive, a forgetting, recall or threshold below 0, all finite but
     the alarm (a weight of NaN is a `NonFiniteError`), and, with a controller, for sizes that do not fit the model,
-    constraints that fix parameters at values other than zero, a cutoff above 1/T_c and a recall above 0.5/T_c, T_c the
-    control period.
+    linear constraints on parameters that fix some at values other than zero, a cutoff above 1/T_c and a recall above
+    0.5/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
@@ -110,8 +110,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
         errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, `recall` (1/s), the rate at which the estimate returns to what the
-        memory says, times the period at most 0.5, and no linear constraint fixes a parameter at a value other than
+        period (s) is at most 1, `recall` (1/s), the rate at which the estimate returns to what the memory says, times
+        the period at most 0.5, and no linear constraint on the mechanism's parameters fixes one at a value other than
         zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
@@ -127,12 +127,14 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LearningMemory:
         """The memory before the first control period: the information matrix Q (k, k) of k parameters, as its upper
         triangle (k (k + 1)/2,), the vector z (k,), Q times the true parameters as far as they are learned, and the
-        number (1,) of equations learned from, all zero; and the torque filters at rest, their outputs zero.
+        number (1,) of joints' torque equations learned from, all zero; and the torque filters at rest, their outputs
+        zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
-        in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in rad/s (m/s),
-        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
-        values other than zero; nothing else is checked.
+        `initial`, the first estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
+        joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
+        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' `regressor` then has them
+        too, all else is the same for all arms. Raises `InputError` for a model whose linear constraints fix parameters
+        at values other than zero; nothing else is checked.
         """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
@@ -147,8 +149,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
         `estimate` (k,) and `memory` are those before the control period that `period` describes. The memory is the
         upper triangle (k (k + 1)/2,) of the information matrix Q, the vector z (k,), which is Q times the true
-        parameters, both in units of the first gain Gamma, the number of equations learned (1,), and the torque filters.
-        Nothing is checked here.
+        parameters, both in units of the first gain Gamma, the number (1,) of joints' torque equations learned from, and
+        the torque filters. Nothing is checked here.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
@@ -178,14 +180,14 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def covariance(self, memory: LearningMemory) -> Array:
         """The covariance P (k, k) of k parameters, the present adaptation gain, symmetric, that a `memory` of this
         adaptation law, for one arm, holds, in units of the parameters squared per J: the inverse of Gamma^-1 + Q, Gamma
-        the first gain, Q the information matrix."""
+        the first gain, Q the information matrix. Raises `ValueError` for the memory of several arms."""
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
         """The information matrix Q (k, k) of least squares on k parameters, symmetric, that a `memory` of this
         adaptation law, for one arm, holds, in J per unit of the parameters squared: 0 along directions that were never
-        excited."""
+        excited. Raises `ValueError` for the memory of several arms."""
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 

@@ -34,9 +34,9 @@ class Stack(NamedTuple):
     none is kept yet, and the torque filters' memory `filtered`.
 
     `rows` (N e,) has those e entries of each sample's filtered torque regressor (r, k), k parameters, that are not
-    always zero, in N m (N for a prismatic joint) per SI unit of each parameter, one sample after the other; `torques`
-    (N r,) their filtered torques of r joints in N m (N); `learned` (1,) is 1 where the last period's sample was put on
-    the stack, else 0. Nothing is checked.
+    always zero, joint by joint, in N m (N for a prismatic joint) per SI unit of each parameter, one sample after the
+    other; `torques` (N r,) each sample's r filtered torques in N m (N); `learned` (1,) is 1 where the last period's
+    sample was put on the stack, else 0. Nothing is checked.
     """
 
     rows: Any
@@ -68,8 +68,8 @@ class ConcurrentLearning(Descent[Stack]):
     transpose, but on estimate a derivative in time. Raises `InputError` for a gain that is not finite, symmetric and
     positive definite, a weight, cutoff or threshold that is not positive and finite (a weight of NaN is a
     `NonFiniteError`), samples that are no whole number or out of range, and, with a controller, for sizes that do not
-    fit the model, constraints that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control
-    period.
+    fit the model, linear constraints on parameters that fix some at values other than zero, and a cutoff above 1/T_c,
+    T_c the control period.
 
     A sample is put on the stack where it tells something new: where its rows differ from those of the sample put there
     last by sum_i R_i d_i'Gamma d_i above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest
@@ -112,7 +112,8 @@ class ConcurrentLearning(Descent[Stack]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
         errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, and no linear constraint fixes a parameter at a value other than zero.
+        period (s) is at most 1, and no linear constraint on the mechanism's parameters fixes one at a value other than
+        zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
         controller checks to be positive.
@@ -126,10 +127,11 @@ class ConcurrentLearning(Descent[Stack]):
         """The memory before the first control period: an empty stack of samples, all zero, and the torque filters at
         rest, their outputs, the filtered regressor and the filtered torques, zero.
 
-        `initial`, the first estimate (k,) of k parameters, is not looked at; q (n,) are the positions of the spanning
-        tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Raises `InputError` for a model whose linear constraints fix
-        parameters at values other than zero; nothing else is checked.
+        `initial`, the first estimate (k,) of k parameters, is not looked at; q (..., n) are the positions of the
+        spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
+        (independent) joints in rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters'
+        `regressor` then has them too, all else is the same for all arms. Raises `InputError` for a model whose linear
+        constraints fix parameters at values other than zero; nothing else is checked.
         """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)

@@ -71,9 +71,9 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     error of the filtered torques, with the filter's `cutoff` in rad/s; with None, the default, it does not, and W and F
     have no part. Raises `InputError` at construction for a rate, weight or cutoff that is not positive and finite (a
     weight of NaN is a `NonFiniteError`), a lift that is not finite and wrong shapes, and, with a controller, for sizes
-    that do not fit the model, linear constraints that take parameters of bodies away, a lift that is not consistent or
-    not the first estimate's, and, with a weight, constraints that fix parameters at values other than zero and a cutoff
-    above 1/T_c, T_c the control period.
+    that do not fit the model, linear constraints on parameters that leave some of a body's ten not free, a lift that is
+    not consistent or not the first estimate's, and, with a weight, constraints that fix drives' parameters at values
+    other than zero and a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance: V = s'Ms/2 + sum_i d(P_i true, P_i)/rate_i falls as -s'K_d s - eps'R eps, M the
     mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's parameter, d(A, B)
@@ -106,10 +106,10 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the first lift (P,), all P parameters of bodies and drives, is physically
         consistent and its k fundamental (base) parameters are the first estimate, to 1e-9 of their largest, and there
-        is one rate or one for each link with a body and each drive's parameter, and linear constraints leave all ten
-        parameters of each body free; with a weight of prediction errors, also unless that is one number or one a joint,
-        the torque filter's cutoff (rad/s) times the period (s) is at most 1, and no linear constraint fixes a drive's
-        parameter at a value other than zero.
+        is one rate or one for each link with a body and each drive's parameter, and linear constraints on the `model`'s
+        parameters, if any, leave all ten of each body free; with a weight of prediction errors, also unless that is one
+        number or one a joint, the torque filter's cutoff (rad/s) times the period (s) is at most 1, and no such
+        constraint fixes a drive's parameter at a value other than zero.
 
         `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s, which the controller
         checks to be positive.
@@ -131,10 +131,11 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         units, and, where torques are predicted (with a weight of prediction errors), the torque filters at rest, their
         outputs zero.
 
-        `initial`, the first estimate (k,) of k fundamental parameters, is not looked at; q (n,) are the positions of
-        the spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary
-        (independent) joints in rad/s (m/s), `period` the control period in s. With a weight, raises `InputError` for a
-        model whose linear constraints fix parameters at values other than zero; nothing else is checked.
+        `initial`, the first estimate (k,) of k fundamental parameters, is not looked at; q (..., n) are the positions
+        of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
+        (independent) joints in rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters'
+        `regressor` then has them too, all else is the same for all arms. With a weight, raises `InputError` for a model
+        whose linear constraints fix parameters at values other than zero; nothing else is checked.
         """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)

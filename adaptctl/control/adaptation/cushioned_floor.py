@@ -24,10 +24,10 @@ from adaptctl.scalars import Column, each
 
 
 class InformationMemory(NamedTuple):
-    """The memory of adaptation by least squares on k parameters that hold their information P^-1 (k, k), P the
-    covariance, between control periods: `information` (k (k + 1)/2,) is the upper triangle, row by row, of S P^-1 S, S
-    = Gamma^1/2 with the first gain Gamma, the identity at the start; `filtered` is the torque filters' memory. Nothing
-    is checked."""
+    """The memory, between control periods, of a law that adapts k parameters by least squares and carries their
+    information P^-1 (k, k), P the covariance: `information` (k (k + 1)/2,) is the upper triangle, row by row, of S P^-1
+    S, S = Gamma^1/2 with the first gain Gamma, the identity at the start; `filtered` is the torque filters' memory.
+    Nothing is checked."""
 
     information: Any
     """(k (k + 1)/2,) the upper triangle, row by row, of S P^-1 S, S = Gamma^1/2: the identity at the start"""
@@ -47,9 +47,9 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     cutoff/(d/dt + cutoff). `forgetting`, 1 by default, is lambda of at least 0 in 1/s; `weight`, 1 by default, is R in
     1/(N m s) (m/(N s)), one number or (r,), and `cutoff`, 20 by default, is in rad/s, both positive; `called` is the
     law's name in messages. A prime is the transpose, but on estimate and P^-1 a derivative in time. Raises `InputError`
-    for other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model,
-    constraints that fix parameters at values other than zero, and a cutoff above 1/T_c, T_c the control period; a
-    weight of NaN is a `NonFiniteError`.
+    for other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model, linear
+    constraints on parameters that fix some at values other than zero, and a cutoff above 1/T_c, T_c the control period;
+    a weight of NaN is a `NonFiniteError`.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 - lambda error' (P^-1 -
@@ -71,10 +71,11 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         = Gamma^-1 of k parameters, in units of Gamma^-1 (Gamma the first gain), and the torque filters at rest, their
         outputs zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (n,) are the positions of the spanning tree's n joints
-        in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent) joints in rad/s (m/s),
-        `period` the control period in s. Raises `InputError` for a model whose linear constraints fix parameters at
-        values other than zero; nothing else is checked.
+        `initial`, the first estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
+        joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
+        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' `regressor` then has them
+        too, all else is the same for all arms. Raises `InputError` for a model whose linear constraints fix parameters
+        at values other than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)
@@ -113,6 +114,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
 
     def covariance(self, memory: InformationMemory) -> Array:
         """The covariance P (k, k) of least squares on k parameters, the present adaptation gain, symmetric, that a
-        `memory` of this adaptation law, for one arm, holds, in units of the parameters squared per J."""
+        `memory` of this adaptation law, for one arm, holds, in units of the parameters squared per J. Raises
+        `ValueError` for the memory of several arms."""
         scale = np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(from_triangle(memory.information, len(self.gain))) * np.outer(scale, scale))

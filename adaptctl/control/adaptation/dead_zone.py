@@ -27,7 +27,8 @@ class DeadZone(Descent[NoMemory]):
     (k,) its diagonal or (k, k), in units of the parameters squared per J. `width` is the zone's half-width in rad/s
     (m/s), one number for all joints, as the default is, or (r,). A prime is the transpose, but on estimate and V a
     derivative in time. Raises `InputError` for a gain that is not finite, symmetric and positive definite and a width
-    that is not positive and finite.
+    that is not positive and finite, and, with a controller, for either of another size than its model has parameters
+    and joints.
 
     Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside, V =
     s'Ms/2 + error' Gamma^-1 error/2 has V' = -s'Ks + s'd, error the estimate less the truth, M the mass matrix, K the
@@ -76,9 +77,9 @@ class DeadZone(Descent[NoMemory]):
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
-        `initial` (k,) of its k parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m
-        for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
-        control `period` in s."""
+        `initial` (k,) of its k parameters, in SI units, the positions q (..., n) of the spanning tree's n joints in rad
+        (m for a prismatic joint), the velocities v (..., r) of the r primary (independent) joints in rad/s (m/s),
+        leading axes for arms, and the control `period` in s are."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:

@@ -21,9 +21,11 @@ from adaptctl.scalars import Column, Scalar, column
 @dataclass(frozen=True, eq=False)
 class Descent(AdaptationLaw[Memory]):
     """Base class of adaptation laws for k parameters by descent along a gradient (k,) with a constant `gain` Gamma: its
-    diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J, held as a read-only array.
-    Raises `InputError` at construction for a gain that is not finite, positive and, as a matrix, symmetric and positive
-    definite."""
+    diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J, held as a read-only array. A
+    subclass writes the methods `start(model, initial, q, v, period)`, which returns the memory before the first control
+    period, and `law(model, estimate, period, memory)`, which returns the estimate (k,) and the memory after one;
+    `applied` multiplies by Gamma for it. Raises `InputError` at construction for a gain that is not finite, positive
+    and, as a matrix, symmetric and positive definite."""
 
     gain: Array
 

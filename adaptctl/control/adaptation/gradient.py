@@ -61,9 +61,9 @@ class Gradient(Descent[NoMemory]):
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
-        `initial` (k,) of its k parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m
-        for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
-        control `period` in s."""
+        `initial` (k,) of its k parameters, in SI units, the positions q (..., n) of the spanning tree's n joints in rad
+        (m for a prismatic joint), the velocities v (..., r) of the r primary (independent) joints in rad/s (m/s),
+        leading axes for arms, and the control `period` in s are."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:

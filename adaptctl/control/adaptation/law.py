@@ -76,13 +76,16 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """Base class of adaptation laws, which move the estimate (k,) of a model's k parameters from one control period to
     the next, whatever control law uses it.
 
-    A subclass is a frozen dataclass of configuration that writes the methods `require`, `start` and `law`; a field of
-    type float that is given no number raises `InputError` at construction. Its method `law` is an equation over scalars
-    of any kind (floats, arrays of samples, nodes of an expression graph), compiled into the control law's own native
-    code. The attributes that the class names in `tunable` are arguments of that code, all its other numbers are
-    compiled in. What changes over time, besides the estimate, is the memory, a NamedTuple of columns; recorded runs
-    hold the memory's property `recorded`, if it has one. `needs_double` is true for a law whose memory is a matrix that
-    single precision spoils, false unless a subclass says so.
+    A subclass is a frozen dataclass of configuration that writes the methods `require(model, initial, period)`, a
+    check, `start(model, initial, q, v, period)`, which returns the memory before the first control period, and
+    `law(model, estimate, period, memory)`, which returns the estimate (k,) and the memory after one; a field of type
+    float that is given no number raises `InputError` at construction. Its method `law` is an equation over scalars of
+    any kind (floats, arrays of samples, nodes of an expression graph), compiled into the control law's own native code.
+    The attributes that the class names in `tunable`, a tuple of their names, are arguments of that code, all its other
+    numbers are compiled in. What changes over time, besides the estimate, is the memory, a NamedTuple of columns (each
+    m numbers) and of further such tuples, `NoMemory` for none; recorded runs hold the memory's property `recorded`, if
+    it has one. `needs_double` is true for a law whose memory is a matrix that single precision spoils, false unless a
+    subclass says so.
     """
 
     needs_double: ClassVar[bool] = False
@@ -101,17 +104,20 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     @abstractmethod
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
         """The adaptation law's memory before the first control period, for a first estimate `initial` (k,) of the
-        model's k parameters, in SI units, positions q (n,) of the spanning tree's n joints in rad (m for a prismatic
-        joint), velocities v (r,) of the r primary (independent) joints in rad/s (m/s), and a control `period` in s. A
-        law raises `InputError` for a model that it cannot start on, and checks nothing else here."""
+        model's k parameters, in SI units, positions q (..., n) of the spanning tree's n joints in rad (m for a
+        prismatic joint), velocities v (..., r) of the r primary (independent) joints in rad/s (m/s), leading axes for
+        arms, and a control `period` in s. An implementation returns a named tuple of arrays, or of such tuples: each
+        array (..., m), m its own length, or (m,) where all arms begin alike. It raises `InputError` for a model that it
+        cannot start on, and checks nothing else here."""
 
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period, over
         scalars of any kind: floats, arrays of samples, nodes of an expression graph.
 
-        `estimate` (k,) and `memory` are those before the period; `period`, a `Period`, holds the torque held over it
-        and the positions, velocities and sliding variables measured. A law checks nothing here.
+        `estimate` (k,) and `memory` are those before the period; `period`, a `Period`, has the torque held over it and
+        the positions, velocities and sliding variables measured. The memory, before and after, is the named tuple that
+        `start` makes, each array in it now a `Column` (m scalars) of the same length m. A law checks nothing here.
         """
 
     @property

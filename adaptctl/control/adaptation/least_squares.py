@@ -25,11 +25,14 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
     filter.
 
     `gain` (k,), positive, is the diagonal of Gamma, the covariance at the start, in units of the parameters squared per
-    J; `weight` that of the squared errors of predicted torques, in 1/(N m s) (m/(N s) for a prismatic joint), one
+    J; `weight` the weight of the squared errors of predicted torques, in 1/(N m s) (m/(N s) for a prismatic joint), one
     number, by default 1, or one for each of r joints (r,); `cutoff` the torque filter's corner frequency, 20 rad/s by
-    default; `forgetting` the rate at which the past is forgotten, in 1/s, 1 by default; `called` the law's name in
-    messages. Raises `InputError` at construction for a gain, weight or cutoff that is not positive and finite or of
-    another shape, and a forgetting that is not finite or below 0; a weight of NaN is a `NonFiniteError`.
+    default; `forgetting` the rate at which the past is forgotten, in 1/s, 1 by default; `called`, which a subclass
+    sets, the law's name in messages. A subclass also writes the methods `start(model, initial, q, v, period)`, which
+    returns the memory before the first control period, and `law(model, estimate, period, memory)`, which returns the
+    estimate (k,) and the memory after one. Raises `InputError` at construction for a gain, weight or cutoff that is not
+    positive and finite or of another shape, and a forgetting that is not finite or below 0; a weight of NaN is a
+    `NonFiniteError`.
     """
 
     called: ClassVar[str]
@@ -55,7 +58,8 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
         errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, and no linear constraint fixes a parameter at a value other than zero.
+        period (s) is at most 1, and no linear constraint on the mechanism's parameters fixes one at a value other than
+        zero.
 
         `initial`, the first estimate (k,), is not looked at; `period` is the control period in s, which the controller
         checks to be positive.

@@ -31,12 +31,13 @@ class Natural(AdaptationLaw[NoMemory]):
         P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i X) = (Y's)_i' (the ten of X) for every X
 
     and the same for every drive's parameter, P_i then a number. P_i and the symmetric L_i and X are (4, 4); the ten of
-    a link are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), (Y's)_i (10,) their share of
-    Y's. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor
-    on all parameters. `rate` is in 1/J, one number, or a vector of one for each link with a body and then for each
-    drive's parameter. A prime is the transpose, but on P_i a derivative in time. Raises `InputError` unless `rate` is
-    positive and finite, and, with a controller, for another number of rates, a model of fewer than all parameters and a
-    first estimate that is not physically consistent.
+    a link are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), moments and entries of the
+    inertia tensor about the origin of the link's frame and along its axes; (Y's)_i (10,) is their share of Y's. s (r,)
+    is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor on all
+    parameters. `rate` is in 1/J, one number, or a vector of one for each link with a body and then for each drive's
+    parameter. A prime is the transpose, but on P_i a derivative in time. Raises `InputError` unless `rate` is positive
+    and finite, and, with a controller, for another number of rates, a model of fewer than all parameters and a first
+    estimate that is not physically consistent.
 
     It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units or on
     frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster than light
@@ -85,9 +86,9 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
-        `initial` (P,) of all its P parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad
-        (m for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
-        control `period` in s."""
+        `initial` (P,) of all its P parameters, in SI units, the positions q (..., n) of the spanning tree's n joints in
+        rad (m for a prismatic joint), the velocities v (..., r) of the r primary (independent) joints in rad/s (m/s),
+        leading axes for arms, and the control `period` in s are."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
@@ -103,8 +104,8 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """Sum, in J, of the Bregman divergences D(true, estimate) of all links' pseudo-inertias and drives' parameters,
-        each over its adaptation rate (1/J), for an estimate (P,) of all P parameters and their true values (P,), in SI
-        units.
+        each over its adaptation rate (1/J), for an `estimate` (P,) of all P parameters of the `model` and their `true`
+        values (P,), in SI units.
 
         D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias A and B (4, 4), and log(B/A) + A/B - 1 of drives'
         parameters A and B. Where the estimate or the truth is not physically consistent, arrays give NaN, and floats
@@ -121,9 +122,9 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """The parameters' term (...), in J, of the adaptation law's Lyapunov function at estimates (..., P) of all P
-        parameters whose true values are `true`, (P,) or (..., P), in SI units: the sum of Bregman divergences of
-        pseudo-inertias over the rates. Where that sum is NaN though the estimate is finite, as where the true
-        parameters are no rigid bodies', it is infinity. Raises `InputError` for arrays of another shape or of no
+        parameters of the `model` whose true values are `true`, (P,) or (..., P), in SI units: the sum of Bregman
+        divergences of pseudo-inertias over the rates. Where that sum is NaN though the estimate is finite, as where the
+        true parameters are no rigid bodies', it is infinity. Raises `InputError` for arrays of another shape or of no
         numbers."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
@@ -265,17 +266,18 @@ def _decay_less_one(X: Matrix) -> Matrix:
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
     """The pseudo-inertia (4, 4), as rows of scalars, of a link's `ten` inertial parameters (m, mc_x, mc_y, mc_z, I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2): the integral over its mass of x x', x = (position in metres, 1) and
-    x' its transpose. Raises `ValueError` for another number of them."""
+    I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2): the integral over its mass of x x', x = (position in metres, 1) in
+    the link's frame and x' its transpose. The I_.. are the inertia tensor's entries about that frame's origin, I_xy =
+    -integral of x y dm. Raises `ValueError` for another number of them."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     half = 0.5 * (xx + yy + zz)
     return [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]
 
 
 def the_ten(P: Matrix) -> list[Any]:
-    """The ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2) of a
-    pseudo-inertia `P` (4, 4), given by rows, of which the upper triangle is read. Raises `ValueError` for another
-    shape."""
+    """The ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2; about the
+    frame's origin, I_xy = -integral of x y dm) of a pseudo-inertia `P` (4, 4), given by rows, of which the upper
+    triangle is read. Raises `ValueError` for another shape."""
     (xx, xy, xz, x), (_, yy, yz, y), (_, _, zz, z), (_, _, _, m) = P
     return [m, x, y, z, yy + zz, -xy, xx + zz, -xz, -yz, xx + yy]
 
@@ -317,7 +319,8 @@ def transposed(A: Matrix) -> Matrix:
 
 def pseudos(tens: Array) -> Array:
     """The pseudo-inertias (..., 4, 4) of bodies with the inertial parameters `tens` (..., 10): m, mc_x, mc_y, mc_z,
-    I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2). Raises `ValueError` for another number of them."""
+    I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about the origin of each link's frame, in whose axes the
+    pseudo-inertias are, I_xy = -integral of x y dm. Raises `ValueError` for another number of them."""
     rows = pseudo(list(np.moveaxis(tens, -1, 0)))
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 

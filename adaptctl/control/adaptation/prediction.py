@@ -66,7 +66,8 @@ class TorqueFilter:
         regressor W (r, k) and the filtered torques (r,) of r joints are zero there.
 
         q (..., n) are positions of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the
-        velocities of the r primary (independent) ones in rad/s (m/s), arrays or columns. Raises `InputError` for a
+        velocities of the r primary (independent) ones in rad/s (m/s), arrays or columns; the result's `regressor`, the
+        states of e filters, is then (..., e) or a `Column` of e scalars, its `torque` (r,). Raises `InputError` for a
         mechanism whose linear constraints fix parameters at values other than zero, which have no column in the
         regressor.
         """

@@ -82,9 +82,10 @@ class Projection(AdaptationLaw[Memory]):
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
         """The wrapped adaptation law's memory, a named tuple of arrays, before the first control period.
 
-        `initial` is the first estimate (k,) of the `model`'s k parameters, in SI units, q (n,) are the positions of the
-        spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent)
-        joints in rad/s (m/s), `period` is the control period in s. Raises what the wrapped law's `start` does.
+        `initial` is the first estimate (k,) of the `model`'s k parameters, in SI units, q (..., n) are the positions of
+        the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
+        (independent) joints in rad/s (m/s), with leading axes for arms, `period` is the control period in s. Raises
+        what the wrapped law's `start` does.
         """
         return self.of.start(model, initial, q, v, period)
 
@@ -99,9 +100,9 @@ class Projection(AdaptationLaw[Memory]):
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
-        """The parameters' term, in J, of the wrapped adaptation law's Lyapunov function at an estimate (k,) of k
-        parameters whose true values are `true` (k,), both in SI units; None where that law has no term that depends on
-        the estimate alone."""
+        """The parameters' term, in J, of the wrapped adaptation law's Lyapunov function at an estimate (k,) of the
+        `model`'s k parameters whose true values are `true` (k,), both in SI units; None where that law has no term that
+        depends on the estimate alone."""
         return self.of.lyapunov_term(model, estimate, true)
 
 

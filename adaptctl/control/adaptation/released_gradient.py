@@ -90,9 +90,10 @@ class ReleasedGradient(Descent[Normaliser]):
         """The memory before the first control period: the normaliser (1,) by which steps are divided, without a unit,
         which is 1.
 
-        `initial` is the first estimate (k,) of the `model`'s k parameters, in SI units, q (n,) are the positions of the
-        spanning tree's n joints in rad (m for a prismatic joint), v (r,) the velocities of the r primary (independent)
-        joints in rad/s (m/s), `period` is the control period in s; none is looked at.
+        `initial` is the first estimate (k,) of the `model`'s k parameters, in SI units, q (..., n) are the positions of
+        the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
+        (independent) joints in rad/s (m/s), with leading axes for arms, `period` is the control period in s; none is
+        looked at.
         """
         return Normaliser(np.ones(1))
 

@@ -62,9 +62,9 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
         """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
-        `initial` (k,) of its k parameters, in SI units, the positions q (n,) of the spanning tree's n joints in rad (m
-        for a prismatic joint), the velocities v (r,) of the r primary (independent) joints in rad/s (m/s) and the
-        control `period` in s."""
+        `initial` (k,) of its k parameters, in SI units, the positions q (..., n) of the spanning tree's n joints in rad
+        (m for a prismatic joint), the velocities v (..., r) of the r primary (independent) joints in rad/s (m/s),
+        leading axes for arms, and the control `period` in s are."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
@@ -83,8 +83,8 @@ class Subspace(AdaptationLaw[NoMemory]):
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """The parameters' term, in J, of the adaptation law's Lyapunov function within the adapted subspace: x'
         diag(gain)^-1 x / 2, with x = W^+ (estimate - true) and x' its transpose, W (k, d) the d adapted directions, W^+
-        its pseudo-inverse and `gain` (d,) theirs, at an estimate (k,) of k parameters whose true values are `true`
-        (k,), both in SI units. An error orthogonal to the columns of W does not count."""
+        its pseudo-inverse and `gain` (d,) theirs, at an estimate (k,) of the `model`'s k parameters whose true values
+        are `true` (k,), both in SI units. An error orthogonal to the columns of W does not count."""
         error = estimate - true
         along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))
         return 0.5 * (along @ Column(x / g for x, g in zip(along, column(self.gain), strict=True)))

@@ -77,9 +77,9 @@ class MotionLimits:
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
         """Motion limits (r,) at a `share`, without a unit, above 0 and up to 1, of the own limits of the r joints in
         `model`: positions about the middle of their range, in rad (m for a prismatic joint), speeds in rad/s (m/s) and
-        torques in N m (N). A lower position limit that a joint lacks is taken as the lesser of -pi and its upper limit
-        less 2 pi rad (-1 and 2 m), an upper one likewise; speeds and torques without a limit are infinite. Raises
-        `InputError` for another share."""
+        torques in N m (N). A lower position limit that a joint lacks is taken as the lesser of -pi rad (-1 m) and its
+        upper limit less 2 pi rad (2 m), an upper one as the greater of pi rad (1 m) and its lower limit plus 2 pi rad
+        (2 m); speeds and torques without a limit are infinite. Raises `InputError` for another share."""
         _require_share(share)
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
@@ -99,9 +99,10 @@ class FourierSearch:
     It is over vectors x (`size`,) without bounds or units, r (2 h + 2) numbers for h harmonics, in this order:
     coefficients of the sines (h, r), row by row, then of the cosines (h, r), both divided by the harmonic's number when
     used; then r numbers whose logistic function is the share of each joint's limits that is used, and r whose logistic
-    function is the place, 0 to 1, of the swing between the position limits. The condition number of the torque
-    regressor, its columns scaled by `scale` (k,), the parameters' prior ranges (greatest plausible errors) in SI units,
-    is what is to be small. Nothing is checked here: `exciting_reference` checks, and searches.
+    function is the place of the swing between the position limits, from 0 at the lower to 1 at the upper one. The
+    condition number of the torque regressor, its columns scaled by `scale` (k,), the parameters' prior ranges (greatest
+    plausible errors) in SI units, is what is to be small. Nothing is checked here: `exciting_reference` checks, and
+    searches.
     """
 
     model: ReducedModel
@@ -129,8 +130,8 @@ class FourierSearch:
     def motion(self, x: Array, factor: float = 1.0) -> tuple[Array, Array, Array]:
         """Positions in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2), (n, r)
         each, of r joints over one period of the reference that a vector `x` of r (2 h + 2) numbers stands for, h the
-        harmonics, at n = 40 h samples. The swing about the centre is multiplied by `factor`, 1 unless given. Nothing is
-        checked."""
+        harmonics, at n = 40 h samples, evenly spaced from the period's start on. The swing about the centre is
+        multiplied by `factor`, 1 unless given. Nothing is checked."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
         return center + used * y, used * rate, used * bend

@@ -85,8 +85,8 @@ class ErrorFeedback:
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
         """Error feedback by the linear-quadratic regulator: it minimises the sum of position e^2 + velocity e'^2 +
-        effort e''^2 over the samples of a joint's error e (rad or m), one each `period` (s), primes being derivatives
-        in time.
+        effort e''^2 over all samples, without end, of a joint's error e (rad or m), one each `period` (s), primes being
+        derivatives in time.
 
         The weights `position`, `velocity` and `effort` are in 1/rad^2, s^2/rad^2 and s^4/rad^2 (m for rad at a
         prismatic joint); only their ratios count. By Bryson's rule each is one over the square of the largest value
@@ -116,7 +116,8 @@ class ErrorFeedback:
     @property
     def sampled_poles(self) -> tuple[complex, complex]:
         """The two poles in the z plane, without a unit, of a joint's error loop, sampled once a control period with the
-        torque held in between, for a loop without delay."""
+        torque held in between, for a loop without delay: the greater first or, of a conjugate pair, that of positive
+        imaginary part."""
         k, c = self.stiffness * self.period**2, self.rate * self.period
         half, product = 1.0 - 0.5 * c - 0.25 * k, 1.0 - c + 0.5 * k
         root = cmath.sqrt(half**2 - product)
@@ -125,7 +126,8 @@ class ErrorFeedback:
     @property
     def poles(self) -> tuple[complex, complex]:
         """The two poles (1/s) of the continuous-time loop whose error has the same samples as the sampled loop's:
-        log(z) / period, z being each of the sampled loop's two poles in the z plane."""
+        log(z) / period, z being each of the sampled loop's two poles in the z plane, in their order: the greater z
+        first or, of a conjugate pair, that of positive imaginary part."""
         first, second = (cmath.log(pole) / self.period for pole in self.sampled_poles)
         return first, second
 

@@ -27,9 +27,11 @@ APART = 0.2
 
 def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Array:
     """Random positions (S, r) of the mechanism's r joints within their limits, rad (m if prismatic): `samples` of them,
-    drawn uniformly by `seed`, without those that kinematic loops cannot reach, so that S are left. A joint without
-    limits is drawn from -pi to pi rad (-1 to 1 m). Equal seeds draw equal positions. Raises `InputError` where loops
-    reach none of them; `samples`, at least 1, and `seed` are not checked."""
+    drawn uniformly by `seed`, without those that kinematic loops cannot reach, so that S are left. A missing lower
+    limit counts as the lesser of -pi rad (-1 m) and the upper one less pi rad (1 m), a missing upper one as the greater
+    of pi rad (1 m) and the lower one plus pi rad (1 m), and limits more than 4 pi rad (m) apart as missing. Equal seeds
+    draw equal positions. Raises `InputError` where loops reach none of them; `samples`, at least 1, and `seed` are not
+    checked."""
     p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
     p = p[reachable(mechanism, p)]
     if not len(p):
@@ -41,9 +43,10 @@ def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int =
 
 
 def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
-    """The least and the greatest position of each of the r joints, two arrays (r,), rad (m if prismatic): its limits,
-    and -pi and pi rad (-1 and 1 m) where it has none, or as far as makes its range pi rad (1 m) from its only limit.
-    Limits that are more than two turns (4 pi rad, or m) apart count as none. Nothing is checked."""
+    """The least and the greatest position of each of the r joints of a `mechanism`, two arrays (r,), rad (m if
+    prismatic): its limits. A missing lower one is the lesser of -pi rad (-1 m) and the upper one less pi rad (1 m), a
+    missing upper one the greater of pi rad (1 m) and the lower one plus pi rad (1 m). Limits that are more than two
+    turns (4 pi rad, or m) apart count as missing. Nothing is checked."""
     limits = [joint.limits for joint in mechanism.primary_joints]
     wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints])
     ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
@@ -88,9 +91,10 @@ class Workspace:
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
         """The workspace of all that the joints' limits of a `mechanism` allow, with a number of random `samples`, drawn
-        by `seed`, equal for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero. Samples
-        that kinematic loops cannot reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to
-        1,000,000 and `seed` one from 0 to 2^32 - 1, and where loops reach none of the samples."""
+        by `seed`, equal for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero; a turning
+        joint without an upper limit is searched pi rad beyond both ends of its samples' range. Samples that kinematic
+        loops cannot reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and
+        `seed` one from 0 to 2^32 - 1, and where loops reach none of the samples."""
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
