@@ -214,7 +214,7 @@ class Description:
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
-        """Names, in order, of links with ten inertial parameters (mass, first moment, inertia): all not massless."""
+        """Names, in links' order, of those with ten inertial parameters (mass, first moment, inertia), not massless."""
         return tuple(self.links[i].name for i in self.bodies)
 
     @cached_property

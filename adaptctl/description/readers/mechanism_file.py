@@ -71,8 +71,8 @@ class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """An entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio leader + offset (rad
-    or m), by the joints' names. `ratio` has no unit, or m/rad or rad/m; without a `name` it is called after both
-    joints. Nothing is checked at construction."""
+    or m), by the joints' names. `ratio` has no unit, or m/rad or rad/m; without a `name` it is called "FOLLOWER follows
+    LEADER", with their names. Nothing is checked at construction."""
 
     follower: Name
     leader: Name

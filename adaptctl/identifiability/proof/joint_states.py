@@ -54,9 +54,9 @@ def random_places(
     description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
     """The placements (rotation and translation) of a described tree's links in their parents, one `Placement` for each
-    link, whose scalars hold all `samples` random states: joint coordinates are drawn with NumPy's `rng` over the prime
-    field (integers modulo 2^31 - 1). `geometry` is the tree's, exact and in residues. Joints that follow others by
-    couplings stand where their leaders put them."""
+    link, in the links' order, whose scalars hold all `samples` random states: joint coordinates are drawn with NumPy's
+    `rng` over the prime field (integers modulo 2^31 - 1). `geometry` is the tree's, exact and in residues. Joints that
+    follow others by couplings stand where their leaders put them."""
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
     links, shifts = geometry.links, geometry.shifts
