@@ -176,8 +176,8 @@ class Description:
 
     @property
     def shafts(self) -> list[list[object]]:
-        """Lists [index of a joint, [[name of another joint, ratio as text], ...]], in JSON's types for hashing, of all
-        joints whose motor shaft turns with others too: the ratio weighs the other's velocity in the shaft's."""
+        """Lists [index of a joint, from 0, [[name of another joint, ratio as text], ...]], in JSON's types for hashing,
+        of joints whose motor shaft turns with others too: its speed is the joint's own plus each ratio times theirs."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
@@ -188,7 +188,7 @@ class Description:
 
     @cached_property
     def primary(self) -> tuple[int, ...]:
-        """Indices, from 0, of the r primary (independent) joints among the tree's, in the order of their positions."""
+        """Indices, from 0, among all joints of the r primary (independent) ones, in the order of positions p (r,)."""
         names = self.joint_names if self.loops is None else self.loops.primary
         return tuple(self.joint_names.index(name) for name in names)
 
@@ -214,7 +214,7 @@ class Description:
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
-        """Names of the links with ten inertial parameters (mass, first moment, inertia): all not massless."""
+        """Names, in links' order, of those with ten inertial parameters (mass, first moment, inertia), not massless."""
         return tuple(self.links[i].name for i in self.bodies)
 
     @cached_property
@@ -312,9 +312,9 @@ class Description:
 
     @cached_property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of what decides which inertial parameters are identifiable: gravity, tree, joints,
-        frames, link names, loops and modelled drive terms. Inertial values, limits and the mechanism's name do not
-        count; numbers are rounded to 1e-12, so that another machine's sine gives the same hash."""
+        """SHA-256 hash (hexadecimal) of what decides which inertial parameters are identifiable: gravity, tree, links'
+        names, joints' axes, kinds and frames, loops and modelled drive terms. Inertial values, limits, the mechanism's
+        name and named frames do not; numbers are rounded to 1e-12, so that another machine's sine gives the same."""
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])

@@ -47,12 +47,13 @@ class Drive:
         viscous s + sign(s) (coulomb + square_root sqrt|s| + stribeck/(1 + (s/0.1)^2)) + offset
 
     with `viscous` in N m s/rad, `square_root` in N m (s/rad)^(1/2) and the others in N m (prismatic: N for N m, m for
-    rad) (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2; the square root is of lubricated gears). A
-    term that is None, the default, is not modelled and no parameter. s is the joint's own velocity, and where the shaft
-    `turns_with` other joints, pairs (name, ratio), as in a wrist whose last motor sits before its second joint, that
-    plus each of their velocities times the ratio; the drive's torque acts on these joints in the same ratios. Raises
-    `InputError` for a term that is no number, not finite or above 1e20 in size, for rotor inertia, viscous and Coulomb
-    friction below 0, and for a ratio that is 0 or not finite.
+    rad) (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2; the square root is of lubricated gears). The
+    equations of motion smooth it: there |s| is sqrt(s^2 + 0.01^2) and sign(s) is s/|s|, 0 at rest. A term that is None,
+    the default, is not modelled and no parameter. s is the joint's own velocity, and where the shaft `turns_with` other
+    joints, pairs (name, ratio), as in a wrist whose last motor sits before its second joint, that plus each of their
+    velocities times the ratio; the drive's torque acts on these joints in the same ratios. Raises `InputError` for a
+    term that is no number, not finite or above 1e20 in size, for rotor inertia, viscous and Coulomb friction below 0,
+    and for a ratio that is 0 or not finite.
     """
 
     rotor_inertia: float | None = None

@@ -27,7 +27,8 @@ def inertia_tensor(ten: ArrayLike) -> Array:
 def from_tensor(mass: float, first_moment: ArrayLike, tensor: ArrayLike) -> Array:
     """The ten inertial parameters (10,), in the order m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, of a
     rigid body with mass m (kg), first moment mc (3,), mass times centre of mass (kg m), and inertia tensor I (3, 3), kg
-    m^2, off-diagonal entries -integral xy dm, all about the frame's origin. Nothing is checked."""
+    m^2, off-diagonal entries -integral xy dm, all about the frame's origin. Of I the diagonal and what is above it are
+    read. Nothing is checked."""
     entries = np.asarray(tensor, dtype=np.float64)
     return np.array([mass, *np.asarray(first_moment, dtype=np.float64), *(entries[index] for index in _LOWER)])
 
@@ -81,7 +82,7 @@ def transformed(ten: ArrayLike, pose: Pose) -> Array:
 def is_physically_consistent(ten: ArrayLike) -> bool:
     """True where some rigid body of positive density has the ten inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx,
     I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2): their pseudo-inertia matrix (4, 4) is positive definite. Raises
-    `IndexError` for fewer than ten numbers, NumPy's `LinAlgError` for NaN or infinity."""
+    `IndexError` for fewer than ten numbers, NumPy's `LinAlgError` for NaN; for infinity either that or False."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0)
 
 

@@ -80,10 +80,10 @@ class Condition:
     """A linear bound on the positions of the primary (independent) joints, within which a mechanism may work: lower <
     sum of weight times position < upper (rad or m).
 
-    `weights`, without a unit, go by joint name, joints not named having zero; an infinite `lower` or `upper`, the
-    default, bounds nothing. Sampled configurations and environments keep within it; the semi-direct-drive arm's 0.5236
-    < p2 - p3 < 2.618 rad, of joints 2 and 3, is one. Raises `InputError` for no weights, weights that are not finite,
-    and unless lower < upper.
+    `name` is what messages call it; `weights`, without a unit, go by joint name, joints not named having zero; an
+    infinite `lower` or `upper`, the default, bounds nothing. Sampled configurations and environments keep within it;
+    the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 rad, of joints 2 and 3, is one. Raises `InputError` for no
+    weights, weights that are not finite, and unless lower < upper.
     """
 
     name: str

@@ -48,8 +48,9 @@ def roll_pitch_yaw(angles: ArrayLike) -> Array:
 @dataclass(frozen=True, eq=False)
 class Pose:
     """The pose of a child frame in a parent frame: `rotation` (3, 3) turns child coordinates into the parent's,
-    `translation` (3,) is the child's origin in the parent (m). Both are read-only. Raises `InputError` for another
-    shape, numbers that are not finite, a matrix that is no proper rotation to 1e-9, and lengths above 1e9 m."""
+    `translation` (3,) is the child's origin in the parent (m). Both are read-only copies. `a @ b` is the pose, in the
+    parent of `a`, of the child of `b`, whose parent is the child of `a`. Raises `InputError` for another shape, numbers
+    that are not finite, a matrix that is no proper rotation to 1e-9, and lengths above 1e9 m."""
 
     rotation: Array
     translation: Array

@@ -47,7 +47,7 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
     @classmethod
     def read(cls, path: str | Path) -> BasisFile:
         """The content of the JSON file of a fundamental basis at `path`. Raises `FileError` when the file cannot be
-        read, is above 8 MiB, or naming the element that is wrong or contradicts another."""
+        read or is above 8 MiB, and, naming the element, where one is wrong or contradicts another."""
         content = read_json(path, cls, MOST_BYTES)
         if fault := content._fault():
             raise FileError(f"{path}: {fault}")

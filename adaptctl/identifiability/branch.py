@@ -29,11 +29,12 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
     which its closed loops can be closed: random `positions` (n, r), those of joints that move a loop brought onto the
     assembly branch of the reference configuration. A mechanism without loops keeps all.
 
-    Each sample of the joints that move a loop is a direction: from the reference they go along a straight line, as far
-    as their limits, the mechanism's conditions (bounds on weighted sums of its positions) and the distance from
-    singularities allow (the closure Jacobian's smallest singular value keeps 0.2 of that at the reference), and stop on
-    the way at random, drawn with NumPy's `generator`. Joints that move no loop keep their positions. Raises
-    `InputError` for a reference that breaks a condition, `LoopError` where loops do not fit together.
+    Of the m joints that move a loop, `positions` are offsets from the reference: they go from it along the straight
+    line to that offset, clipped to their limits, as far as the mechanism's conditions (bounds on weighted sums of its
+    positions) and the distance from singularities allow (the closure Jacobian's smallest singular value keeps 0.2 of
+    that at the reference). They stop at a share u^(1/m) of this way, with u uniform in 0..1, drawn for each sample with
+    NumPy's `generator`. Joints that move no loop keep their positions. Raises `InputError` for a reference that breaks
+    a condition, `LoopError` where loops do not fit together.
     """
     continuation = mechanism.continuation
     if continuation is None:
@@ -54,8 +55,9 @@ def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int]
 
     `draw`, called with a number n, gives n random positions (n, r). Those are taken that keep the mechanism's
     conditions (bounds on weighted sums of its positions) and, loops closed, the limits of all the tree's joints, and
-    that a straight line from the reference reaches without coming near a singularity. Raises `InputError` when a
-    hundred draws, of at least 100 positions each, do not give enough, `LoopError` where loops do not fit together.
+    that a straight line from the reference reaches without coming near a singularity: on it the closure Jacobian's
+    smallest singular value keeps 0.2 of that at the reference. Raises `InputError` when a hundred draws, of at least
+    100 positions each, do not give enough, `LoopError` where loops do not fit together.
     """
     continuation = mechanism.continuation
     if continuation is None:

@@ -194,7 +194,8 @@ def _require_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: 
 
 def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
     """The singular values that a rank counts as zero though they are more than round-off, above 1e-14 of the largest: a
-    `Leftover` each, with the names of the parameters, four at most, that dominate its right singular vector.
+    `Leftover` each, with the names of the parameters that dominate its right singular vector: its four largest entries
+    in size, as far as they are above a tenth of the largest.
 
     `spectrum` (P,) has the singular values, falling, in any unit; `vectors` (P, P) a right singular vector in each
     column; the first `rank` are not looked at; `names` (P,) are the parameters'. Nothing is checked.

@@ -71,10 +71,10 @@ class EnergyFactor:
 
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
-        """The triangular factor R of the differences H = Q R of energies between successive states, whose energies (m,
-        P), in J per SI unit of each of P parameters, come in `blocks`; after the states of the factor `before`, if one
-        is given (None by default). Raises `ValueError` when there is no block and no factor before, and for blocks of
-        different widths."""
+        """The factor, an `EnergyFactor`, of the differences H = Q R of energies between successive states: R (n, P), n
+        at most P, is triangular, Q orthonormal. Energies (m, P), in J per SI unit of each of P parameters, come in
+        `blocks`; the states follow those of the factor `before`, if one is given (None by default). Raises `ValueError`
+        when there is no block and no factor before, and for blocks of different widths."""
         factor = before
         for block in blocks:
             factor = cls._begun(block) if factor is None else factor.followed_by(block)
@@ -87,9 +87,9 @@ class EnergyFactor:
         return cls(triangle(np.diff(energies, axis=0)), np.square(energies).sum(axis=0), energies[-1:])
 
     def followed_by(self, energies: Array) -> EnergyFactor:
-        """The triangular factor R of the differences H = Q R of energies between the states of this factor and, after
-        them, m more, whose `energies` (m, P) are in J per SI unit of each of P parameters. Raises `ValueError` for
-        another number of parameters."""
+        """The factor, an `EnergyFactor`, of the differences H = Q R of energies between the states of this one and,
+        after them, m more, whose `energies` (m, P) are in J per SI unit of each of P parameters: R (n, P), n at most P,
+        is triangular, Q orthonormal. Raises `ValueError` for another number of parameters."""
         rows = np.diff(energies, axis=0, prepend=self.last)
         squares = self.square_sums + np.square(energies).sum(axis=0)
         return EnergyFactor(triangle(np.vstack([self.triangle, rows])), squares, energies[-1:])

@@ -71,8 +71,8 @@ class EssentialSpace:
     @property
     def proof(self) -> ExactEnergies | None:
         """The proof of the rank of the essential space: energies on exact geometry, in exact arithmetic (60 digits for
-        closed loops), by which the rank was also computed. None where it was not: with `prove` False, and, unless asked
-        for, with closed loops whose angles and lengths are not nearly special."""
+        closed loops), by which the rank was also computed. None where it was not: if `essential_space` was called with
+        `prove` False, and, without `prove`, with closed loops whose angles and lengths are not nearly special."""
         return self.search.found.proof
 
     @property

@@ -15,9 +15,10 @@ from adaptctl.identifiability.selection import independent_columns
 
 class NullSpace(Protocol):
     """Protocol of a null space of a mechanism's energies: the directions of its P inertial parameters D (P,), all but
-    friction, that change no energy and no torque, and regroupings of the parameters by them. Parameters are divided by
-    `scales` (P,), so that those of different units are comparable. Implementations find it by singular value
-    decomposition or from a tree's geometry."""
+    friction, that change no energy and no torque, and regroupings of the parameters by them. An implementation has the
+    properties `scales` (P,), by which parameters are divided so that those of different units are comparable, `rank`
+    and `null_basis`, and the method `regrouping`. There are two: by singular value decomposition, and from a tree's
+    geometry."""
 
     @property
     def scales(self) -> Array:

@@ -104,8 +104,8 @@ class ReducedModel(Keyed):
     ) -> Array:
         """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of r primary (independently moving) joints and the k
         kept parameters: times the fundamental parameters (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r +
-        g(p) + friction at v_r, N m (N for a prismatic joint), with the mass matrix M, the Coriolis matrix C and the
-        gravity torques g.
+        g(p) + friction at v_r, N m (N for a prismatic joint), with the mass matrix M, the Christoffel (Coriolis) matrix
+        C and the gravity torques g.
 
         At positions p, rad (m), velocities v and reference velocities v_r, rad/s (m/s), and reference accelerations
         a_r, rad/s^2 (m/s^2), all (..., r). Written to `out`, float64 (..., r, k), a new array where None. Raises

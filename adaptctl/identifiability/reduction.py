@@ -17,8 +17,8 @@ from adaptctl.identifiability.essential_space import EssentialSpace
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduction to essential components: P inertial parameters as a sum of k parts, only the weightiest of which are
-    kept (Sheu and Walker 1991, section 3.2).
+    """A reduction to essential components: P inertial parameters, less their part that changes no energy, as a sum of k
+    parts, only the weightiest of which are kept (Sheu and Walker 1991, section 3.2).
 
     It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters D
     (P,) it was made with: others change the weights. `components` (k, P), by falling size of their weight, are in the

@@ -19,8 +19,8 @@ def regrouping_equations(regrouping: Array, columns: Sequence[int], names: Seque
     one for each kept parameter: its name with a star is the sum of itself and of what is regrouped onto it.
 
     `regrouping` is the matrix K (k, P), in SI units, that makes the k kept parameters of all P, `columns` (k,) the kept
-    ones' indices from 0, `names` (P,) all names. Coefficients below 1e-9 in size are left out; equal ones are put
-    before brackets. Raises `ValueError` unless there are k columns.
+    ones' indices from 0, `names` (P,) all names. Coefficients below 1e-9 in size are left out; those of one size,
+    unless it is 1, are put before brackets. Raises `ValueError` unless there are k columns.
     """
     return tuple(_equation(row, column, names) for row, column in zip(regrouping, columns, strict=True))
 

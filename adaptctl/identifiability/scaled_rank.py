@@ -156,27 +156,28 @@ class ScaledRegressor:
 
     @cached_property
     def decision(self) -> NumericalRank:
-        """The `NumericalRank` of the scaled regressor: its rank k, the gap sigma_k/sigma_k+1 between its singular
-        values there, and sigma_k/sigma_1, the smallest that counts over the largest. Raises `numpy.linalg.LinAlgError`
-        for NaN."""
+        """The `NumericalRank` of the regressor (energies or torques at sampled states) with its P columns scaled to be
+        comparable: its rank k, the gap sigma_k/sigma_k+1 between its singular values there, and sigma_k/sigma_1, the
+        smallest that counts over the largest. Raises `numpy.linalg.LinAlgError` for NaN."""
         return NumericalRank.of(self.singular_values)
 
     @property
     def rank(self) -> int:
-        """The rank k of the scaled regressor: the number of independent ones of its P columns, where its singular
-        values have their largest gap."""
+        """The rank k of the regressor (energies or torques at sampled states): the number of independent columns among
+        its P, one for each inertial parameter, scaled to be comparable, judged by the largest gap between successive
+        singular values. Raises `numpy.linalg.LinAlgError` for NaN."""
         return self.decision.rank
 
     @property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, of the scaled regressor of rank k: directions of P
         inertial parameters divided by the columns' `scales` (P,) that change none of the regressor's energies or
-        torques."""
+        torques. Raises `numpy.linalg.LinAlgError` for NaN."""
         return self.vectors[:, self.rank :]
 
     def rank_of(self, columns: Sequence[int]) -> int:
-        """The rank of those of the scaled regressor's P columns whose indices, from 0, are `columns`. Raises
-        `IndexError` for an index of P or more.
+        """The rank of those of the scaled regressor's P columns, one for each inertial parameter, whose indices, from
+        0, are `columns`. Raises `IndexError` for an index of P or more, `numpy.linalg.LinAlgError` for NaN.
 
         It is found from singular values and right vectors alone: the left factor U of U S V' changes no rank.
         """

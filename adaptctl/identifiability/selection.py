@@ -36,9 +36,9 @@ def require_tolerance(tolerance: float, parameters: int) -> None:
 
 def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tuple[int, ...]:
     """Indices (P-k,), from 0, of the parameters to remove: the rows of the orthonormal null vectors `null_basis` (P,
-    P-k) that are independent, met in an `order` of row indices, the first removed first. A row is independent where it,
-    less its projection on the rows taken before, is longer than `tolerance`, without a unit. Raises `InputError` for a
-    tolerance that is not between 0 and 1/sqrt(P)."""
+    P-k) that are independent, met in an `order` of row indices, the first removed first, and given in that order. A row
+    is independent where it, less its projection on the rows taken before, is longer than `tolerance`, without a unit.
+    Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P)."""
     return removed_and_passed_over(null_basis, order, tolerance)[0]
 
 
@@ -46,8 +46,8 @@ def removed_and_passed_over(
     null_basis: Array, order: Iterable[int], tolerance: float
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Two tuples of indices, from 0, of rows of the orthonormal null vectors `null_basis` (P, P-k), met in an `order`
-    of row indices: the P-k independent ones, that is the parameters to remove, and those passed over though they are
-    independent by more than round-off (1e-8).
+    of row indices and given in that order: the P-k independent ones, that is the parameters to remove, and those passed
+    over though they are independent by more than round-off (1e-8).
 
     A row is taken when it, less its projection on the rows already taken, is longer than `tolerance`, without a unit
     (Sheu and Walker 1991, theorem 4.1); the projection is subtracted twice, so that round-off cannot pass for

@@ -43,9 +43,10 @@ class Step(LinkEntry, kw_only=True):
 
 
 class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them: `schema` and
-    `convention` say how to read the 1 to 256 entries of `links`, `source` says where the numbers come from, `gravity`
-    (3,) is in m/s^2, by default (0, 0, -9.81), `base` is the pose of the chain's first frame. Without a `name` the
+    """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them: `schema` names the
+    file format, `convention` says where links' frames are, "standard" at their far ends, "modified" at their joints.
+    `links` has 1 to 256 entries, from the ground on; `source` says where the numbers come from, `gravity` (3,) is in
+    m/s^2, by default (0, 0, -9.81), `base` is the pose of the chain's first frame in the ground's. Without a `name` the
     file's is taken. Nothing is checked at construction."""
 
     schema: Literal["adaptctl/denavit-hartenberg/1"]

@@ -24,7 +24,8 @@ Triple = tuple[float, float, float]
 
 class Tensor(msgspec.Struct, forbid_unknown_fields=True):
     """An entry of a TOML file: an inertia tensor (kg m^2) by its six different entries, those left out being zero;
-    off-diagonal ones are -integral xy dm. Nothing is checked at construction."""
+    off-diagonal ones are -integral xy dm. It is along the link frame's axes, about that frame's origin or the centre of
+    mass, as the field of the `LinkEntry` says that it stands in. Nothing is checked at construction."""
 
     xx: float = 0.0
     xy: float = 0.0
@@ -48,7 +49,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     def pose(self) -> Pose:
         """The pose of the frame in the one it is given in (m). Raises `InputError` where `rpy` and `rpy_deg` are both
-        given, and for lengths above 1e9 m."""
+        given, for what is not finite, and for lengths above 1e9 m."""
         if self.rpy is not None and self.rpy_deg is not None:
             raise InputError("rpy is given twice: keep rpy (rad) or rpy_deg")
         degrees = [math.radians(angle) for angle in self.rpy_deg or (0.0, 0.0, 0.0)]
@@ -59,7 +60,7 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """An entry of a TOML file: the drive of a joint, as `Drive` has it: `rotor_inertia`, seen at the joint (kg m^2),
     and the friction terms `viscous` (N m s/rad), `square_root` (N m (s/rad)^(1/2)), `coulomb`, `stribeck` and `offset`
     (N m); for a prismatic joint kg, and N for N m, m for rad. `turns_with` gives, by the names of other joints that
-    turn the same motor shaft, the ratio of their velocities in the shaft's.
+    turn the same motor shaft, their ratios: the shaft's velocity is the joint's own plus ratio times each of theirs.
 
     A term that is left out, None, is not modelled; one that is given, zero too, is a parameter. Nothing is checked at
     construction.
@@ -112,9 +113,9 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     def moving(self, name: str, axis: Triple) -> Joint:
         """The joint of this entry, called `name`, about or along `axis` (3,) in the joint's frame, of any length, with
-        the entry's type, limits and drive. Raises `InputError` for a zero axis, a range that is given twice, does not
-        rise or does not fit the joint's type, a velocity or effort that is not positive, and drive terms that `Drive`
-        refuses (not finite, above 1e20 in size, inertia or friction below 0)."""
+        the entry's type, limits and drive. Raises `InputError` for an axis that is zero or not finite, a range that is
+        given twice, does not rise or does not fit the joint's type, a velocity or effort that is not positive, and
+        drive terms that `Drive` refuses (not finite, above 1e20 in size, inertia or friction below 0)."""
         return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:

@@ -59,9 +59,9 @@ class NamedFrameEntry(LinkFrame, kw_only=True):
 
 
 class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML: a loop closure called `name`, two frames on links that coincide. `kind`
-    says in what: their origins ("point", the default), their origins and z axes ("axis") or as a whole ("weld").
-    Nothing is checked at construction."""
+    """An entry of a mechanism file in TOML: a loop closure called `name`, by which two frames on links, `first` and
+    `second`, coincide. `kind` says in what: their origins ("point", the default), their origins and z axes ("axis") or
+    as a whole ("weld"). Nothing is checked at construction."""
 
     name: Name
     first: LinkFrame
@@ -71,8 +71,8 @@ class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """An entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio leader + offset (rad
-    or m), by the joints' names. `ratio` has no unit, or m/rad or rad/m; without a `name` it is called after both
-    joints. Nothing is checked at construction."""
+    or m), by the joints' names. `ratio` has no unit, or m/rad or rad/m; without a `name` it is called "FOLLOWER follows
+    LEADER", with their names. Nothing is checked at construction."""
 
     follower: Name
     leader: Name
@@ -82,9 +82,9 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML: a condition, a bound on where the mechanism may work, lower < sum of weight
-    times position < upper (rad or m). `weights`, without unit, go by the names of primary (independent) joints; a bound
-    that is None does not limit. Nothing is checked at construction."""
+    """An entry of a mechanism file in TOML: a condition called `name`, a bound on where the mechanism may work, lower <
+    sum of weight times position < upper (rad or m). `weights`, without unit, go by the names of primary (independent)
+    joints; a bound that is None does not limit. Nothing is checked at construction."""
 
     name: Name
     weights: dict[Name, float]

@@ -76,8 +76,9 @@ def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Descripti
     model by its name (``model.getJointId``). An unbounded revolute joint, which has (cos, sin) in Pinocchio's q,
     becomes a continuous one, with the angle. Bodies fixed to the universe do not move and are left out. Armature,
     damping and dry friction become the joint's drive; where they are zero they are not modelled. Raises `InputError`
-    for joints with more than one coordinate, helical or mimic ones, for no joints, and for angular gravity; warns
-    (`SimplificationWarning`) of limits of zero, taken as no limits.
+    for joints with more than one coordinate, helical or mimic ones, for no joints, for position limits that do not
+    rise, armature, damping or friction below 0, and for angular gravity; warns (`SimplificationWarning`) of limits of
+    zero, taken as no limits.
     """
     if np.any(model.gravity.angular):
         raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")

@@ -71,8 +71,9 @@ class Digits:
 
 
 def digits(x: Fraction | float) -> Digits | float:
-    """A rational number `x` as an exact scalar: a `Digits`, a fixed-point number of 60 decimal digits; a float where it
-    is 0, 1 or -1, since products with these cost nothing. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+    """A rational number `x` as a scalar: a `Digits`, a fixed-point number of 60 decimal digits, rounded down; a float
+    where it is 0, 1 or -1, since products with these cost nothing. Raises `ValueError` for NaN, `OverflowError` for
+    infinity."""
     return float(x) if x in (0, 1, -1) else Digits(scaled(x))
 
 

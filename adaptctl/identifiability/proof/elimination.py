@@ -11,8 +11,8 @@ from adaptctl.identifiability.proof.prime_field import PRIME, Residues, inverse
 
 def independent_columns(matrix: Residues, order: Sequence[int]) -> tuple[int, ...]:
     """The indices, from 0, of those columns of a `matrix` (m, n) of residues modulo the prime 2^31 - 1, int64 in
-    0..2^31 - 2, that are independent of the columns before them in the `order` of indices given; with all n in the
-    order they are as many as the rank. Raises `IndexError` for an index of n or more."""
+    0..2^31 - 2, that are independent of the columns before them in the `order` of indices given, and in that order;
+    with all n in the order they are as many as the rank. Raises `IndexError` for an index of n or more."""
     left = matrix[:, list(order)]
     found: list[int] = []
     for place, column in enumerate(order):

@@ -60,9 +60,9 @@ class ExactEnergies:
 
     @cached_property
     def rank(self) -> int:
-        """The rank on exact geometry: the number of independent ones of the mechanism's inertial parameters (all but
-        friction), as far as energies depend on them. May raise `ArithmeticError` where loops do not close on the exact
-        geometry, as where `precision` is coarse."""
+        """The rank on exact geometry: the number of independent directions of the mechanism's inertial parameters (all
+        but friction) that change energies. May raise `ArithmeticError` where loops do not close on the exact geometry,
+        as where `precision` is coarse."""
         description = self.mechanism.description
         plain = description.loops is None and len(description.bodies) == len(description.links)
         if plain and self.mechanism.unconstrained is self.mechanism:

@@ -44,9 +44,9 @@ class Reading:
     """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
 
     def length(self, x: float) -> Any:
-        """The exact scalar, in the reading's `unit`, of a length `x` in m, which may be negative: of the simplest
-        rational number near it, 0 where x is below the precision. Raises `ValueError` for NaN, `OverflowError` for
-        infinity."""
+        """The exact scalar, in the reading's `unit`, of a length `x` in m, which may be negative: of the rational
+        number of least denominator within the reading's precision of it (`simplest_rational`), 0 where |x| is at most
+        `precision.length` times `size`. Raises `ValueError` for NaN, `OverflowError` for infinity."""
         place = bisect_right(self.equal, abs(x)) - 1
         if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:
             x = math.copysign(self.equal[place], x)

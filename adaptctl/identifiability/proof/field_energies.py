@@ -19,8 +19,9 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
     all rows, per unit of each of a described mechanism's P inertial parameters (all but friction), as residues modulo
     the prime 2^31 - 1.
 
-    `geometry` is the mechanism's, exact and in residues; `seed` draws the states, joint angles and rates among the
-    residues. It is for trees, also with joints that follow others; closed loops are not looked at.
+    `geometry` is the mechanism's, exact and in residues; energies are with its gravity, which is a unit vector where it
+    was made by axes, and its unit of length. `seed` draws the states, joint angles and rates among the residues. It is
+    for trees, also with joints that follow others; closed loops are not looked at.
     """
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples + 1, rng)
@@ -38,7 +39,8 @@ def energy_changes(description: Description, geometry: ExactGeometry, samples: i
     mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the link's frame; the eleventh is the square of the joint's rate, for a
     rotor's inertia, and 0 where there is no rotor.
 
-    `geometry` is the tree's, exact and in residues, whose joint coordinates count; `seed` draws the states. A
+    `geometry` is the tree's, exact and in residues; joint position zero is that of its joint coordinates, which may be
+    shifted from the file's, and energies are with its gravity and its unit of length. `seed` draws the states. A
     combination of the eleven is unobservable at a joint (the torques do not show it) exactly when the energy changes in
     no state.
     """

@@ -66,9 +66,9 @@ class FramePlacement(NamedTuple):
 @dataclass(frozen=True)
 class CanonicalJoint:
     """A joint of a tree described from axis to axis: `joint` is the placement of its frame, with z along its axis, in
-    that of the joint before it (for a joint on the ground, in the world turned until z is up), and `link` that of its
-    link's frame in its own. Its coordinate is the file's plus `shift`, in rad for a revolute joint, 0 for a prismatic
-    one. Nothing is checked."""
+    that of the joint before it (for a joint on the ground, in the world turned until z is up), and `link` the placement
+    of its link's frame in the joint's own frame. Its coordinate is the file's plus `shift`, in rad for a revolute
+    joint, 0 for a prismatic one. Nothing is checked."""
 
     joint: FramePlacement
     link: FramePlacement

@@ -28,8 +28,8 @@ class Coordinate:
     length: Any
 
     def placed(self, link: Segment) -> Placement:
-        """The placement, in its parent link, of a link of geometry `link` whose joint stands at this coordinate: by its
-        cosine and sine where the joint turns, else by its length."""
+        """The placement (rotation and translation, as a `Placement`), in its parent link, of a link of geometry `link`
+        whose joint stands at this coordinate: by its cosine and sine where the joint turns, else by its length."""
         return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
 
     def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
@@ -54,9 +54,9 @@ def random_places(
     description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
     """The placements (rotation and translation) of a described tree's links in their parents, one `Placement` for each
-    link, whose scalars hold all `samples` random states: joint coordinates are drawn with NumPy's `rng` over the prime
-    field (integers modulo 2^31 - 1). `geometry` is the tree's, exact and in residues. Joints that follow others by
-    couplings stand where their leaders put them."""
+    link, in the links' order, whose scalars hold all `samples` random states: joint coordinates are drawn with NumPy's
+    `rng` over the prime field (integers modulo 2^31 - 1). `geometry` is the tree's, exact and in residues. Joints that
+    follow others by couplings stand where their leaders put them."""
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
     links, shifts = geometry.links, geometry.shifts
@@ -79,9 +79,9 @@ def random_places(
 
 
 def random_rates(description: Description, samples: int, rng: np.random.Generator) -> Column:
-    """The velocities of a described tree's N joints at `samples` random states, a column (N,) of residues modulo the
-    prime 2^31 - 1, drawn with NumPy's `rng`. Joints that follow others by couplings have their ratio times the
-    leader's."""
+    """The velocities of a described tree's N joints, in the links' order, at `samples` random states: a `Column` (N,),
+    a vector of scalars, of residues modulo the prime 2^31 - 1, each a `Modular` of all samples, drawn with NumPy's
+    `rng`. Joints that follow others by couplings have their ratio times the leader's."""
     rates = [random_residues(samples, rng) for _ in description.links]
     index = {name: i for i, name in enumerate(description.joint_names)}
     for c in () if description.loops is None else description.loops.couplings:

@@ -35,8 +35,8 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
 
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
     """The energies (samples, P) per unit of each of P inertial and friction parameters (0 for friction) of a mechanism
-    with closed loops at `samples` states, as Python ints (dtype object), the energies times 2^200, with lengths in the
-    unit of the exact `geometry`.
+    with closed loops at `samples` states, as Python ints (dtype object), the energies times 2^200, with the exact
+    `geometry`'s gravity, a unit vector where it was made by axes, and its unit of length.
 
     `equations` are those on that geometry (`exact_loops`); q (samples, n) are configurations of the tree's n joints,
     rad (m for a prismatic joint), in the file's coordinates, that close the loops up to round-off, and are closed to 60

@@ -41,10 +41,10 @@ def rank(matrix: Any, nothing: float) -> int:
 
 def independent_columns(matrix: Any, order: Sequence[int], nothing: float) -> tuple[int, ...]:
     """The indices, from 0, of those columns of a `matrix` (m, n) in fixed point (Python ints, values times 2^200) that
-    are independent of the columns before them in the `order` of indices given. A column is where its largest entry,
-    once those taken before are eliminated, is above `nothing` (without a unit) times max(a, 1e-3 b), a being the
-    largest entry of the given column and b that of the given matrix, in size. Raises `OverflowError` for entries beyond
-    a double, `IndexError` for an index of n or more."""
+    are independent of the columns before them in the `order` of indices given, and in that order. A column is where its
+    largest entry, once those taken before are eliminated, is above `nothing` (without a unit) times max(a, 1e-3 b), a
+    being the largest entry of the given column and b that of the given matrix, in size. Raises `OverflowError` for
+    entries beyond a double, `IndexError` for an index of n or more."""
     left, found = matrix, list[int]()
     sizes = np.abs(floats(matrix)).max(axis=0, initial=0.0)
     least = nothing * np.maximum(sizes, LEAST_COLUMN * sizes.max(initial=0.0))

@@ -98,7 +98,7 @@ def inverse(residues: Any) -> Any:
 
 def random_residues(samples: int, generator: np.random.Generator) -> Modular:
     """A `Modular` of random residues modulo the prime 2^31 - 1, one for each of `samples`, drawn with NumPy's
-    `generator`: all but zero alike probable."""
+    `generator`, uniform among 1, 2, ... 2^31 - 2, never zero."""
     return Modular(generator.integers(1, PRIME, samples))
 
 

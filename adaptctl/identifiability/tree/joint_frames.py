@@ -14,8 +14,9 @@ from adaptctl.identifiability.sampling import characteristic_length
 
 def twist_matrices(twists: Array) -> Array:
     """The matrices (..., 4, 4) of `twists` (..., 6), each an angular velocity (3,), rad/s, and the velocity (3,) of the
-    frame's origin: the cross-product matrix of the first in the upper left, the second in the last column, zeros below.
-    A frame at T (4, 4) that moves with the twist of matrix X has the rate T X."""
+    frame's origin, m/s or another unit of length per s, both along the moving frame's own axes: the cross-product
+    matrix of the first in the upper left, the second in the last column, zeros below. A frame at T (4, 4) that moves
+    with the twist of matrix X has the rate T X."""
     out = np.zeros((*twists.shape[:-1], 4, 4))
     x, y, z = np.moveaxis(twists[..., :3], -1, 0)
     out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = x, y, z
@@ -25,8 +26,9 @@ def twist_matrices(twists: Array) -> Array:
 
 
 def twist_entries(matrices: Array) -> Array:
-    """The twists (..., 6), each an angular velocity (3,), rad/s, and the velocity (3,) of the frame's origin, of their
-    matrices (..., 4, 4): the inverse of `twist_matrices`."""
+    """The twists (..., 6), each an angular velocity (3,), rad/s, and the velocity (3,) of the frame's origin, m/s or
+    another unit of length per s, both along the moving frame's own axes, of their matrices (..., 4, 4): the inverse of
+    `twist_matrices`."""
     turn = [matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0]]
     return np.stack([*turn, *np.moveaxis(matrices[..., :3, 3], -1, 0)], axis=-1)
 
@@ -38,9 +40,10 @@ class JointFrames:
 
     `parents` (N,) are the parent links' indices, -1 for the ground; `near` (N, 4, 4) the poses of the joints' frames,
     at joint position zero, in the frames of their parents' joints (in the world for joints on the ground); `far` (N, 4,
-    4) the poses of the links' frames in their joints'; `twists` (N, 6) are the joints' twists, angular then linear, per
-    unit of their positions (rad, or L for a prismatic joint); `gravity` (3,) is the unit vector along gravity in the
-    world, zero where there is none. Made by `of`; nothing is checked at construction.
+    4) the poses of the links' frames in their joints'; `twists` (N, 6) are the joints' twists, angular then linear,
+    along the axes of their own frames, per unit of their positions (rad, or L for a prismatic joint); `gravity` (3,) is
+    the unit vector along gravity in the world, zero where there is none. Made by `of`; nothing is checked at
+    construction.
     """
 
     length: float

@@ -25,7 +25,8 @@ _UNREAD = ("tendon", "flex", "flexvert", "flexstrain", "distance")
 @dataclass(frozen=True)
 class Standing:
     """The place of a body of an MJCF file: `carrier`, the index of the link that carries it, from 0, -1 for the ground,
-    and its frame's poses, `place` in that link's frame and `home` in the world, as the file draws it (m)."""
+    and its frame's poses, `place` in that link's frame, for the ground in the world, and `home` in the world, as the
+    file draws it (m)."""
 
     carrier: int
     place: Pose
@@ -34,7 +35,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Site:
-    """A site of an MJCF file: a frame at `pose` (m) on the body named `body`."""
+    """A site of an MJCF file: a frame on the body named `body`, at `pose` (m) in that body's frame."""
 
     body: str
     pose: Pose
@@ -85,10 +86,11 @@ def equalities(
     closures, <joint> as couplings.
 
     `root` is the file's root element, `settings` its compiler settings and defaults, `places` has the bodies, sites and
-    joints by name, `links` the links' names by index. `driven` has the joints that actuators drive, which become the
-    primary (independent) ones; without any, those that follow no other do. Where the mechanism is a `part` of a scene,
-    by default not, equalities of the rest are left out. Raises `InputError` for an equality of another kind or with
-    wrong contents, and for closures where no joint is driven, `NotFoundError` for an unknown body, site or joint.
+    joints by name, `links` the links' names by index. `driven` has the names of joints that actuators drive, which
+    become the primary (independent) ones; without any, those that follow no other do. The loops' reference, from which
+    motion is followed, is the configuration that the file draws. Where the mechanism is a `part` of a scene, by default
+    not, equalities of the rest are left out. Raises `InputError` for an equality of another kind or with wrong
+    contents, and for closures where no joint is driven, `NotFoundError` for an unknown body, site or joint.
     """
     closures: list[Closure] = []
     couplings: list[Coupling] = []

@@ -16,17 +16,19 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def placed(element: Element, settings: Settings, where: str) -> Pose:
-    """The pose (m) that an MJCF element's attributes give: pos and one of quat, axisangle, xyaxes, zaxis and euler; the
-    identity where it has none. `settings` say how angles are written. Raises `InputError` for more than one attitude,
-    what are no finite numbers, zero axes and quaternions, and lengths above 1e9 m; `where` begins the message."""
+    """The pose (m) that an MJCF element's attributes give, in the frame that the element stands in: pos and one of
+    quat, axisangle, xyaxes, zaxis and euler; the identity where it has none. `settings` say how angles are written.
+    Raises `InputError` for more than one attitude, what are no finite numbers, zero axes and quaternions, and lengths
+    above 1e9 m; `where` begins the message."""
     position = numbers(element, "pos", 3, where) if "pos" in element.attrib else [0.0] * 3
     return Pose(attitude(element, settings, where), np.array(position))
 
 
 def attitude(element: Element, settings: Settings, where: str) -> Array:
-    """The rotation matrix (3, 3) that an MJCF element's attribute quat, axisangle, xyaxes, zaxis or euler gives; the
-    identity where it has none. `settings` say how angles are written. Raises `InputError` for more than one of these,
-    what are no finite numbers, and zero axes and quaternions; `where` begins the message."""
+    """The rotation matrix (3, 3) that an MJCF element's attribute quat, axisangle, xyaxes, zaxis or euler gives, from
+    the element's coordinates to those of the frame that it stands in; the identity where it has none. `settings` say
+    how angles are written. Raises `InputError` for more than one of these, what are no finite numbers, and zero axes
+    and quaternions; `where` begins the message."""
     given = [name for name in ORIENTATIONS if name in element.attrib]
     if len(given) > 1:
         raise InputError(f"{where}: <{element.tag}> has {' and '.join(given)}: keep one")

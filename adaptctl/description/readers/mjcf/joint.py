@@ -27,10 +27,10 @@ _KINDS = ("hinge", "slide")
 
 def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
     """The joint called `name` of an MJCF <joint> element, a hinge or a slide, its axis in the frame the element stands
-    in. `settings` say how angles are written; `effort` is the bound of the joint's actuators (N m or N), None without
-    actuators. Raises `InputError` for a ball joint, an unknown type or attribute, for attributes that are no finite
-    numbers, a zero axis, a range that is missing though limited or not rising, armature, damping or friction below 0,
-    and nonlinear damping."""
+    in; a hinge without limits is a continuous joint. `settings` say how angles are written; `effort` is the bound of
+    the joint's actuators (N m or N), None without actuators. Raises `InputError` for a ball joint, an unknown type or
+    attribute, for attributes that are no finite numbers, a zero axis, a range that is missing though limited or not
+    rising, armature, damping or friction below 0, and nonlinear damping."""
     where = f"joint {name!r}"
     _require_known(joint, _ATTRIBUTES, where)
     kind = joint.get("type", "hinge")
@@ -97,7 +97,8 @@ def is_sprung(joint: Element, name: str) -> bool:
 def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
     """The greatest efforts (N m or N) of the joints of an MJCF file that actuators drive, by joint name: the sum over a
     joint's actuators, infinite without bounds. `root` is the file's root element, `settings` has its defaults. Raises
-    `ElementError` for an actuator of an unknown joint, and for bounds that are no numbers."""
+    `ElementError` for an actuator of an unknown joint or default class, and for gears and bounds that are no
+    numbers."""
     efforts: dict[str, float] = {}
     known = {name for joint in root.iter() if joint.tag in ("joint", "freejoint") and (name := joint.get("name"))}
     for section in root.findall("actuator"):

@@ -68,9 +68,9 @@ class Settings:
         return math.radians(value) if self.degrees else value
 
     def full(self, element: Element, childclass: str) -> Element:
-        """A copy of an element of the file, without its children, with the attributes that it inherits from its default
-        class, or else from the class `childclass`, which its body gives its children. Raises `ElementError` for an
-        unknown class."""
+        """A copy of an element of the file, without its children, with its own attributes and, for those it lacks, the
+        attributes of the default class that it names or else of the class `childclass`, which its body gives its
+        children. Raises `ElementError` for an unknown class."""
         name = element.get("class", childclass)
         if name not in self.classes:
             known = ", ".join(self.classes)
