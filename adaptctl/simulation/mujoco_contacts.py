@@ -24,7 +24,7 @@ Pair = tuple[str, str]
 
 def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
     """Counts of the pairs of bodies in contact, by their names, over n positions (n, r), rad (m), of the r joints of a
-    MuJoCo `plant`'s arm: for each pair with a body of the arm in it, the one of lower index in the model first, the
+    MuJoCo `plant`'s arm: for each pair with a body of the arm in it (the one of lower index in the model first), the
     number of positions at which the two penetrate each other. All else is in the model's initial state; a body without
     a name is called "body" and its index. Raises `ValueError` for another number of joints."""
     import mujoco
@@ -43,8 +43,8 @@ def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
 
 def contacts_along(plant: MuJoCoPlant, reference: Reference) -> Counter[Pair]:
     """Counts of the pairs of bodies in contact, by their names, along a `reference` of the r joints of a MuJoCo
-    `plant`'s arm: for each pair with a body of the arm in it, the one of lower index in the model first, at how many of
-    TIMES (201) times, evenly from 0 to HORIZON (20) s, the two penetrate each other. Raises `ValueError` for a
+    `plant`'s arm: for each pair with a body of the arm in it (the one of lower index in the model first), at how many
+    of TIMES (201) times, evenly from 0 to HORIZON (20) s, the two penetrate each other. Raises `ValueError` for a
     reference of another number of joints."""
     return contacts_at(plant, reference(np.linspace(0.0, HORIZON, TIMES)).p)
 

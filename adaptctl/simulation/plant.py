@@ -112,8 +112,7 @@ class Plant(Tunable):
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
-        """The time (s) up to which true inertial parameters stay as at `time` (s), `time` at least; infinity for
-        ever."""
+        """The time (s) to which true inertial parameters stay as at `time` (s), `time` at least; infinity for ever."""
         return min((load.until(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:

@@ -54,9 +54,9 @@ class ActuatorEffect(Effect):
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The torque (r,) passed on to r joints over one control period (s), and the effect's memory (m,) after it, m
         numbers of its own. `torque` (r,) is the one given, by the controller or the effect before, and `memory` (m,)
-        that after the last period. Torques are in N m (N for a prismatic joint). All are `Column`s, vectors of scalars
-        of any kind: floats, or symbols that become native code. An implementation may raise `InputError` for settings
-        that do not fit r joints, `ValueError` for a memory of another length."""
+        that after the last period. Torques are in N m (N for a prismatic joint). Vectors are `Column`s of scalars of
+        any kind: floats, or symbols that become native code. An implementation may raise `InputError` for settings that
+        do not fit r joints, `ValueError` for a memory of another length."""
 
 
 class SensorEffect(Effect):
@@ -82,8 +82,8 @@ class SensorEffect(Effect):
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
         """The measured positions (r,) of r joints, rad or m, their measured velocities (r,), rad/s or m/s, and the
-        effect's memory (m,) after them, m numbers of its own. All are `Column`s, vectors of scalars of any kind:
-        floats, or symbols that become native code.
+        effect's memory (m,) after them, m numbers of its own. Vectors are `Column`s of scalars of any kind: floats, or
+        symbols that become native code.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, or as measured by the effects
         before; `memory` (m,) is that before this measurement, and `noise` (2r,) holds standard normal numbers
