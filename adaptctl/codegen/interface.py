@@ -169,7 +169,7 @@ class Interface:
     @cached_property
     def gains(self) -> tuple[Field, ...]:
         """The controller's gains that its law reads in a control period, a `Field` each, with their values, in SI
-        units. Raises `TraceError` for a law that cannot be traced."""
+        units, in the order of `all_gains`. Raises `TraceError` for a law that cannot be traced."""
         used = self._gain_places
         return tuple(field for field, places in self._gain_fields() if used & places)
 
@@ -182,7 +182,7 @@ class Interface:
     @cached_property
     def marks(self) -> tuple[str, ...]:
         """Names of the marks that the controller's guards set in the memory in each control period, such as
-        "torque_limited" or "stopped"; empty without guards."""
+        "torque_limited" or "stopped", in their order there; empty without guards."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
 
     def memory_of(self, state: Any) -> list[Array]:

@@ -20,9 +20,10 @@ Before = Callable[[int, int], Place | None]
 
 
 class PutBack:
-    """Results of a `piece` of a `routine` (traced function) that are a choice, by a condition, between a new value and
-    an earlier one, an argument's, which it replaces. The piece can store the new values as they are computed, and copy
-    the earlier ones back at the end where the condition holds.
+    """Results of a `piece` of a `routine` (traced function; a piece is the whole of it or, where it is long, one of
+    several functions that it is cut into) that are a choice, by a condition, between a new value and an earlier one, an
+    argument's, which it replaces. The piece can store the new values as they are computed, and copy the earlier ones
+    back at the end where the condition holds.
 
     `before(j, k)` is a callable that returns the indices (i, k') of the argument's scalar, k' of argument i, that
     scalar k of the result's part j replaces, None where it replaces none; all count from 0. `conditions` maps each
