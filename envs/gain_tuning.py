@@ -122,8 +122,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     `Box(-1, 1, (a,), float32)`, a numbers without a unit: a number x scales a gain by `span`^x, so that -1 divides it
     by `span` (4), 0 leaves it and 1 multiplies it. `gains` is one name in `controller.numbers` or several. Those of one
     number a joint, such as `bandwidth` and `damping`, have an action number a joint; others, such as `adaptation.gain`,
-    one for all their numbers. What is out of bounds is clipped; a wrong shape raises `InputError`, NaN and infinity
-    `NonFiniteError`.
+    one for all their numbers, in the order of the names. What is out of bounds is clipped; a wrong shape raises
+    `InputError`, NaN and infinity `NonFiniteError`.
 
     The largest gains together are checked as those of a new controller are: where the control period cannot carry them,
     an action of 1 stands for the largest factor that it can, `env.range.highest`, at least 1.

@@ -139,7 +139,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     | Option          | Value                                                                                 |
     |-----------------|---------------------------------------------------------------------------------------|
-    | `payload`       | a mass in kg held in the origin of the last link that has mass, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
+    | `payload`       | a mass in kg held in the origin of the last link that has mass, a `Payload`, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
     | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
     | `initial_error` | rad (m), one number or one a joint                                                    |
     | `parameters`    | (P,) true inertial parameters, SI units, in the order of `mechanism.parameter_names`, to which the payload is added |
@@ -210,9 +210,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The running episode's reference: a function from times (s) to a `ReferencePoint`, positions, velocities and
-        accelerations of the joints in rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises Gymnasium's `ResetNeeded` before the
-        first reset."""
+        """The running episode's reference: a function from times (T,), s, to a `ReferencePoint`, positions, velocities
+        and accelerations of the r joints, (T, r) each, in rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises Gymnasium's
+        `ResetNeeded` before the first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

@@ -47,7 +47,8 @@ class PutBack:
 
     def stored(self, x: Expression | float) -> Expression | float:
         """The value to store at first for the result `x`, an expression or a constant: for a choice between an earlier
-        value and a new one, the new one, which may be put back later; `x` itself for any other. Nothing is raised."""
+        value and a new one, the new one, over which the earlier one may be copied at the end; `x` itself for any other.
+        Nothing is raised."""
         if isinstance(x, Expression) and x in self._choices:
             kept: Expression | float = x.operands[2]
             return kept

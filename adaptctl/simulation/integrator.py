@@ -129,9 +129,10 @@ class LinearlyImplicitEuler:
 
     A step of `dt` s takes positions p, rad (m), and velocities v, rad/s (m/s), of r joints to p_1 and v_1, (r,) each. M
     (r, r) is the mass matrix in kg m^2 (kg); torque, the velocity torques C v and gravity's g are in N m (N), and B v
-    is the friction at v, B (r,) in N m s/rad (N s/m): Coulomb friction by the secant of its curve, whose value it keeps
-    at steady speed. One acceleration (`stages`) a step, `implicit` in friction alone. With torque and gravity held,
-    friction alone never reverses a velocity (a Rosenbrock method of one stage: Hairer and Wanner 1996, section IV.7).
+    is the friction at v, B (r,) in N m s/rad (N s/m): Coulomb friction by the secant of its curve from rest to v, so
+    that at steady speed it has the value of the curve. One acceleration (`stages`) a step, `implicit` in friction
+    alone. With torque and gravity held, friction alone never reverses a velocity (a Rosenbrock method of one stage:
+    Hairer and Wanner 1996, section IV.7).
     """
 
     stages: ClassVar[int] = 1

@@ -38,8 +38,9 @@ if TYPE_CHECKING:
 class Rollout:
     """A closed-loop run of r joints as T samples; every array is read-only. Nothing is checked at construction.
 
-    Sample k is the state at `time[k]` and the torque commanded on it, one in `every` control periods. Positions are in
-    rad (m), velocities and accelerations those per s and s^2, torques in N m (N).
+    Sample k is the state at `time[k]`, the beginning of a control period, and the torque commanded on it; there is one
+    sample in `every` control periods. Positions are in rad (m), velocities and accelerations those per s and s^2,
+    torques in N m (N).
 
     (T,): `time`, s; `clipped`, 1 where a torque was clipped, else 0; `energy`, J, NaN where not known; `reward` of the
     period after, no unit. `marks` maps names of events to arrays (T,): 1 where there was one, such as "torque_limited",
