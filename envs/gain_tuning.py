@@ -25,10 +25,11 @@ class GainRange:
     """Range in which actions move some tunable gains of a `controller` of r joints, each gain between `lowest` and
     `highest` times its own value, and the map from actions to gains.
 
-    `names` are the gains that are moved, keys of `controller.numbers`, a mapping from names to arrays. A gain of one
-    number a joint (r,) takes r actions, another, such as `adaptation.gain`, one for all its numbers; a is the number of
-    all actions. An action x, no unit, in [-1, 1] multiplies by `highest`^x where it is positive, else by
-    (1/`lowest`)^x: 0 leaves the gain. Made by `GainRange.of`, which checks; nothing is checked at construction.
+    `names` are the gains that are moved, keys of `controller.numbers`, a mapping from names to arrays, in the order of
+    their actions. A gain of one number a joint (r,) takes r actions, another, such as `adaptation.gain`, one for all
+    its numbers; a is the number of all actions. An action x, no unit, in [-1, 1] multiplies by `highest`^x where it is
+    positive, else by (1/`lowest`)^x: 0 leaves the gain. Made by `GainRange.of`, which checks; nothing is checked at
+    construction.
     """
 
     controller: Controller[Any]
@@ -64,8 +65,8 @@ class GainRange:
 
     @property
     def space(self) -> gymnasium.spaces.Box:
-        """The action space of one arm, `Box(-1, 1, (a,), float32)`, no unit: a is one action for each joint of a gain
-        that has one number a joint, and one for every other gain."""
+        """The action space of one arm, `Box(-1, 1, (a,), float32)`, no unit: a counts one action for each joint of a
+        gain that has one number a joint, and one for every other gain, in the order of `names`."""
         return gymnasium.spaces.Box(-1.0, 1.0, (sum(self.sizes.values()),), np.float32)
 
     @property
@@ -78,7 +79,8 @@ class GainRange:
     def gains(self, actions: Array) -> dict[str, Array]:
         """The scaled gains under actions (..., a), no unit, clipped to [-1, 1]: a mapping from the name of each gain
         that may be moved to its m numbers (..., m) in the gain's own unit, a matrix row by row. a is the sum of
-        `sizes`: one action a joint for a gain of one number a joint, else one. Nothing is checked."""
+        `sizes`, in the order of `names`: one action a joint for a gain of one number a joint, else one. Nothing is
+        checked."""
         within = np.clip(actions, -1.0, 1.0)
         factors = np.where(within > 0.0, self.highest, 1.0 / self.lowest) ** within
         ends = np.cumsum(list(self.sizes.values())).tolist()
@@ -120,8 +122,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     `Box(-1, 1, (a,), float32)`, a numbers without a unit: a number x scales a gain by `span`^x, so that -1 divides it
     by `span` (4), 0 leaves it and 1 multiplies it. `gains` is one name in `controller.numbers` or several. Those of one
     number a joint, such as `bandwidth` and `damping`, have an action number a joint; others, such as `adaptation.gain`,
-    one for all their numbers. What is out of bounds is clipped; a wrong shape raises `InputError`, NaN and infinity
-    `NonFiniteError`.
+    one for all their numbers, in the order of the names. What is out of bounds is clipped; a wrong shape raises
+    `InputError`, NaN and infinity `NonFiniteError`.
 
     The largest gains together are checked as those of a new controller are: where the control period cannot carry them,
     an action of 1 stands for the largest factor that it can, `env.range.highest`, at least 1.
@@ -156,10 +158,11 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         """The first observation, the environment's n numbers (n,) in its units, and `info` of an episode, which begins;
         the controller's state is made anew for this start, and `info` has its `gains`, unscaled, a mapping from names
         to the m numbers (m,) of each in its own unit. `seed` is that of the random numbers, None to go on with them;
-        `options` are those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
-        "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none.
-        Raises `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops
-        cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
+        `options` are those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`,
+        `center` and `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters`
+        (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`), None for none. Raises
+        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
+        be followed to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
@@ -189,9 +192,10 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 class TuningVectorEnv(ControlledVectorEnv):
     """Vector environment of N arms around a `VectorTrackingEnv`, each driven by a `controller`, a `Controller`, some of
     whose gains the actions scale, as in `TuningEnv`: actions (N, a), no unit, clipped to [-1, 1], are exponents of
-    `span` (4). `gains` names one of `controller.numbers` or several; each has one of the a actions, or one a joint
-    where the gain has. Observations (N, n), n numbers an arm, are the environment's, in its units. After a step `info`
-    has `gains`: a mapping from these names to the m numbers (N, m) of each, in the gain's own unit.
+    `span` (4). `gains` names one of `controller.numbers` or several; of the a actions, in the order of the names, a
+    gain of one number a joint has one for each joint, another gain has one. Observations (N, n), n numbers an arm, are
+    the environment's, in its units. After a step `info` has `gains`: a mapping from these names to the m numbers (N, m)
+    of each, in the gain's own unit.
 
     Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
     `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and

@@ -130,10 +130,11 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     ) -> tuple[Observation, dict[str, Any]]:
         """The first observation (n,), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], no
         unit, and `info` of an episode, which begins. `seed` is that of the random numbers, None to go on with them;
-        `options` are those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
-        "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none.
-        Raises `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops
-        cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
+        `options` are those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`,
+        `center` and `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters`
+        (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`), None for none. Raises
+        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
+        be followed to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
@@ -173,9 +174,10 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
         those in the option `reset_mask`, bools (N,).
 
         `seed` s gives arm i the seed s + i, a list each its own, None lets the random numbers go on. `options` are
-        those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
-        `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), for all arms or one each, None
-        for none. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown ones,
+        those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and
+        `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters` (P,), the P
+        true inertial ones, SI units, in the order of `Mechanism.parameter_names`), for all arms or one each, None for
+        none. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown ones,
         `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of the arms
         before the first reset of all.
         """

@@ -32,20 +32,21 @@ FADE_SLOPE = 1.875
 
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
-    """The reference that `trajectory` stands for, a function from times (s) to a `ReferencePoint` (positions,
-    velocities, accelerations): a `Reference` itself; for a seed the random one of that seed; for "random" or None a new
-    random one, drawn from `rng`. Random ones are those of `random_sinusoids` for the `mechanism`. Raises `InputError`
-    for anything else, and where a mechanism's loops leave no room for a random one."""
+    """The reference that `trajectory` stands for, a function from times (T,), s, to a `ReferencePoint` (positions,
+    velocities and accelerations of the r joints, (T, r) each, rad (m) and per s and s^2): a `Reference` itself; for a
+    seed the random one of that seed; for "random" or None a new random one, drawn from `rng`. Random ones are those of
+    `random_sinusoids` for the `mechanism`. Raises `InputError` for anything else, and where a mechanism's loops leave
+    no room for a random one."""
     return all_drawn([trajectory], mechanism, lambda _: rng)[0]
 
 
 def all_drawn(
     trajectories: Sequence[Trajectory], mechanism: Mechanism, generator: Callable[[int], np.random.Generator]
 ) -> list[Reference]:
-    """The references that `trajectories` stand for, as many, each a function from times (s) to a `ReferencePoint`
-    (positions, velocities, accelerations). Each trajectory is a `Reference`, which stands for itself; a seed, a whole
-    number of at least 0, equal ones sharing one reference; or "random" or None for a new random one, of which the one
-    of index k is drawn from `generator(k)`.
+    """The references that `trajectories` stand for, as many, each a function from times (T,), s, to a `ReferencePoint`
+    (positions, velocities and accelerations of the r joints, (T, r) each, rad (m) and per s and s^2). Each trajectory
+    is a `Reference`, which stands for itself; a seed, a whole number of at least 0, equal ones sharing one reference;
+    or "random" or None for a new random one, of which the one of index k is drawn from `generator(k)`.
 
     Random ones are those of `random_sinusoids` for the `mechanism`. Raises `InputError` for anything else, and where a
     mechanism's loops leave no room for a random one.

@@ -60,10 +60,11 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         """The first observation, the environment's n numbers (n,) in its units, and `info` of an episode, which begins;
         the controller's state is made anew for this start, and `info` has its first torque as `base_torque` (r,), N m
         (N), r joints. `seed` is that of the random numbers, None to go on with them; `options` are those of
-        `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or "random";
-        `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), None for none. Raises
-        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
-        be followed to the start, Gymnasium's `Error` for a bad seed."""
+        `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`;
+        `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters` (P,), the P true
+        inertial ones, SI units, in the order of `Mechanism.parameter_names`), None for none. Raises `InputError` for
+        bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot be followed to the
+        start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)

@@ -104,7 +104,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | Key              | Value                                                                      |
     |------------------|----------------------------------------------------------------------------|
     | `time`           | s since the reset                                                          |
-    | `parameters`     | (P,) the true inertial parameters now, SI units, payload included          |
+    | `parameters`     | (P,) the true inertial parameters now, SI units, payload included, in the order of `mechanism.parameter_names` |
     | `applied_torque` | (r,) the torque that reached the joints in the last step, N m (N)          |
     | `energy`         | kinetic plus potential energy in J                                         |
     | `clipped`        | how many steps since the reset had an action clipped                       |
@@ -139,10 +139,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     | Option          | Value                                                                                 |
     |-----------------|---------------------------------------------------------------------------------------|
-    | `payload`       | a mass in kg held in the origin of the last link that has mass, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
+    | `payload`       | a mass in kg held in the origin of the last link that has mass, a `Payload`, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
     | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
     | `initial_error` | rad (m), one number or one a joint                                                    |
-    | `parameters`    | (P,) true inertial parameters, SI units, to which the payload is added                |
+    | `parameters`    | (P,) true inertial parameters, SI units, in the order of `mechanism.parameter_names`, to which the payload is added |
 
     ## Version history
 
@@ -210,9 +210,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The running episode's reference: a function from times (s) to a `ReferencePoint`, positions, velocities and
-        accelerations of the joints in rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises Gymnasium's `ResetNeeded` before the
-        first reset."""
+        """The running episode's reference: a function from times (T,), s, to a `ReferencePoint`, positions, velocities
+        and accelerations of the r joints, (T, r) each, in rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises Gymnasium's
+        `ResetNeeded` before the first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
@@ -220,11 +220,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         `parameters` (P,), `applied_torque` (0 yet), `energy` (J) and `clipped` (0); with effects also `p`, `v` and
         `marks`. For r joints the observation has positions, velocities and the reference's positions, velocities and
         accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2 (m, m/s, m/s^2). `seed` is that of the
-        random numbers, None to go on with them; `options`, None for none, are `payload` (kg or a mapping), `trajectory`
-        (a `Reference`, a seed or "random"), `initial_error`, rad (m), and `parameters` (P,), the P true inertial ones,
-        SI units. Raises `InputError` for a bad option, of these `NotFoundError` for an unknown one and `NonFiniteError`
-        for an `initial_error` or `parameters` that are not finite, `SingularityError` where loops cannot be followed to
-        the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
+        random numbers, None to go on with them; `options`, None for none, are `payload` (kg, a `Payload` or a mapping
+        of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or "random"),
+        `initial_error`, rad (m), and `parameters` (P,), the P true inertial ones, SI units, in the order of
+        `Mechanism.parameter_names`. Raises `InputError` for a bad option, of these `NotFoundError` for an unknown one
+        and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, `SingularityError` where loops
+        cannot be followed to the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -247,10 +248,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         (no unit), `terminated`, `truncated` and `info` after one control period under the torque `action` (r,), N m
         (N), held and clipped to its limits. `terminated` is True where a joint's error passes its bound or kinematic
         loops come near a singularity or leave bounds that the robot's file states, `truncated` where the duration is
-        over. `info` has `time` (s), `parameters` (P,), the P true inertial ones (SI units), `applied_torque` (r,), N m
-        (N), `energy` (J) and `clipped`, the number of actions clipped so far; with effects also the true `p` and `v`
-        (r,) and `marks`, a dict of events. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and
-        a motion that runs away, Gymnasium's `ResetNeeded` without a running episode."""
+        over. `info` has `time` (s), `parameters` (P,), the P true inertial ones (SI units, in the order of
+        `Mechanism.parameter_names`), `applied_torque` (r,), N m (N), `energy` (J) and `clipped`, the number of actions
+        clipped so far; with effects also the true `p` and `v` (r,) and `marks`, a dict of events. Raises `InputError`
+        on a wrong shape, `NonFiniteError` on NaN, infinity and a motion that runs away, Gymnasium's `ResetNeeded`
+        without a running episode."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
@@ -357,10 +359,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return torque
 
     def true_parameters(self, options: Mapping[str, Any]) -> Array:
-        """The P true inertial parameters (P,), SI units, of an episode with the `options` of its reset, `parameters`
-        and `payload` (kg or a mapping) included. Raises `InputError` for bad ones: another shape, a payload that no
-        body has, or one on a mechanism with fewer than ten parameters a link; `NonFiniteError` for parameters that are
-        not finite."""
+        """The P true inertial parameters (P,), SI units, in the order of `Mechanism.parameter_names`, of an episode
+        with the `options` of its reset, `parameters` and `payload` (kg, a `Payload` or a mapping of its fields `mass`,
+        `center` and `inertia`) included. Raises `InputError` for bad ones: another shape, a payload that no body has,
+        or one on a mechanism with fewer than ten parameters a link; `NonFiniteError` for parameters that are not
+        finite."""
         own = finite_numbers(options.get("parameters", self.mechanism.inertial_parameters), "parameters")
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:

@@ -24,13 +24,14 @@ Given = Callable[[int, int], str]
 
 
 class CStatements:
-    """Statements of C, lines of text in `lines`, that compute a piece of a routine (traced function), written
-    expression by expression; `arrays` is the total length of the arrays that they declare.
+    """Statements of C, lines of text in `lines`, that compute a piece of a routine (traced function), the whole of it
+    or, where it is long, one of several C functions that share the array `passed`; they are written expression by
+    expression. The attribute `arrays` is the total length of the arrays that they declare.
 
     Made of `prefix`, which begins all names in the C code; `number`, the `CNumber`, double or float; `piece`, the
-    `Piece`, which tells what earlier pieces left in the array `passed`; `symbols`, the C functions' names by `Routine`,
-    for calls; and `given`, a callable `given(i, k)` that returns the C text of scalar k of the routine's argument i,
-    both from 0. Nothing is checked.
+    `Piece`, which tells what earlier pieces left in `passed`; `symbols`, the C functions' names by `Routine`, for
+    calls; and `given`, a callable `given(i, k)` that returns the C text of scalar k of the routine's argument i, both
+    from 0. Nothing is checked.
     """
 
     def __init__(

@@ -109,8 +109,9 @@ class CPackage:
 
     @property
     def state_bytes(self) -> int:
-        """Size in bytes of the controller's state in C, which the caller keeps for each arm: the memory twice, a hash
-        of 8 bytes and two numbers of 4."""
+        """Size in bytes of the controller's state in C, which the caller keeps for each arm: the memory twice, for each
+        step writes the copy that is not in use, rounded up to 8 bytes, a hash of 8 bytes, and a version and the index
+        of the copy in use, 4 bytes each."""
         numbers = max(sum(field.size for field in self.memory), 1)
         return 16 + -(-2 * numbers * self.number.size // 8) * 8
 

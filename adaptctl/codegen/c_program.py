@@ -136,8 +136,8 @@ class CProgram:
 
 def helpers(prefix: str, operations: set[Op]) -> str:
     """The C functions, as text, of the smaller and of the larger of two numbers, NaN when either is: each where its
-    `Op` is in `operations`, empty text where neither is. Their names are `prefix` and "_min" or "_max". Nothing is
-    raised."""
+    `Op` (MINIMUM, MAXIMUM) is in `operations`, empty text where neither is. They are named `prefix` and "_min" or
+    "_max", take the two numbers and return one. Nothing is raised."""
     texts = []
     for op, sign in ((Op.MINIMUM, "<"), (Op.MAXIMUM, ">")):
         if op in operations:

@@ -11,9 +11,10 @@ from adaptctl.compilation.sine import Sine, sine_for
 
 
 def sine_source(prefix: str, number: CNumber) -> str:
-    """The C function, as text, of sine and cosine of an angle in rad, named `prefix` and "_sincos", for a kind of
-    number, `number`, double or float: the operations are those of the native code in Python. It gives NaN for angles
-    beyond about 1e6 rad in double, 8192 rad in float. Nothing is raised."""
+    """The C function, as text, of sine and cosine of an angle, `static void` and named `prefix` and "_sincos": its
+    parameters are the angle x in rad and pointers to where the sine and the cosine are to go, in this order. `number`
+    is the kind of number, double or float; the operations are those of the native code in Python. It gives NaN for
+    angles beyond about 1e6 rad in double, 8192 rad in float. Nothing is raised."""
     sine = sine_for(number.precision)
     near, far = _near(prefix, number, sine), sine.farthest
     bits, within = f"uint{8 * number.size}_t", "2 ulp" if number.kind == "double" else "1.2e-7"

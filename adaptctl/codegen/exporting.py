@@ -137,16 +137,16 @@ def export(
     case unless given. `language` is "c" or "wasm", `scalar` the kind of number, "double" or in C "float". With `check`
     the closed loop is simulated for 600 s along `reference`, and its root mean square errors in joints, rad (m), go
     into the manifest; in C, ticks recorded near the reference go into the code's tests. `reference` is a function of
-    time (s), unless given one of sinusoids of 0.1 rad or m (0.05 m in a task space) about home, or as near to it as
-    joint limits allow. A controller should be `Guarded`: `unguarded` lets one without guards go. `large_stack` allows
-    more than about 16 kB of stack a tick in C.
+    time (s); None, the default, is for one of sinusoids of 0.1 rad or m (0.05 m in a task space) about home, or as near
+    to it as joint limits allow. A controller should be `Guarded`: `unguarded` lets one without guards go. `large_stack`
+    allows more than about 16 kB of stack a tick in C.
 
-    Raises `InputError` for what is no controller or overrides `step`, one without guards unless `unguarded`,
-    another name, scalar or language than these, float in WebAssembly, too large a stack, kinematic loops that single
-    precision leaves open, a reference that is no function or not for as many coordinates as the controller's, and a
-    check that becomes not finite, is stopped by guards or has no mechanism to run on; `NonFiniteError` for a reference
-    that is not finite; `TraceError` for a law that cannot be traced; `FileError` for what is no path, and for a folder
-    that exists or cannot be written.
+    Raises `InputError` for what is no controller or overrides `step`, one without guards unless `unguarded`, another
+    name, scalar or language than these, float in WebAssembly, too large a stack, kinematic loops that single precision
+    leaves open, a reference that is no function or not for as many coordinates as the controller's, and a check that
+    becomes not finite, is stopped by guards or has no mechanism to run on; `NonFiniteError` for a reference that is not
+    finite; `TraceError` for a law that cannot be traced; `FileError` for what is no path, and for a folder that exists
+    or cannot be written.
     """
     require_controller(controller)
     _require_choice("scalar", scalar, get_args(Kind))

@@ -79,9 +79,9 @@ class Interface:
     def law(self) -> Routine:
         """One tick of the controller (its work in a control period) as a traced `Routine`, from which exported code is
         written. Its arguments are positions, velocities, the reference's positions, velocities and accelerations, the
-        memory's fields and, where there are any, all gains in one column; its results the torque and the memory's
-        fields after it. Raises `TraceError` for a law that cannot be traced, `InputError` for one that does not return
-        its torque and memory."""
+        memory's fields and, where there are any, all gains in one vector, in the order of `all_gains`; its results the
+        torque and the memory's fields after it. Raises `TraceError` for a law that cannot be traced, `InputError` for
+        one that does not return its torque and memory."""
         law = self.controller
         sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
         return trace(law._equation(), sizes, name="law")
@@ -169,20 +169,20 @@ class Interface:
     @cached_property
     def gains(self) -> tuple[Field, ...]:
         """The controller's gains that its law reads in a control period, a `Field` each, with their values, in SI
-        units. Raises `TraceError` for a law that cannot be traced."""
+        units, in the order of `all_gains`. Raises `TraceError` for a law that cannot be traced."""
         used = self._gain_places
         return tuple(field for field, places in self._gain_fields() if used & places)
 
     @cached_property
     def all_gains(self) -> tuple[Field, ...]:
         """All gains of the controller, a `Field` each, with their values, in SI units, in the order in which its law is
-        given them in one column."""
+        given them in one vector, each row by row."""
         return tuple(field for field, _ in self._gain_fields())
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
         """Names of the marks that the controller's guards set in the memory in each control period, such as
-        "torque_limited" or "stopped"; empty without guards."""
+        "torque_limited" or "stopped", in their order there; empty without guards."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
 
     def memory_of(self, state: Any) -> list[Array]:

@@ -38,13 +38,16 @@ class LiveArm:
     """A closed loop of an arm of r joints that a web page runs live: `binary`, the WebAssembly module of one control
     period, and `facts`, a dict in JSON's types of what the page must know to run it. Nothing is checked.
 
-    Indices of 64-bit floats in the module's memory are in `facts` those of the inputs, "state" (a list of columns,
+    Indices of 64-bit floats in the module's memory are in `facts` those of the inputs, "state" (a list of vectors,
     whose lengths are "sizes"), "time", "parameters", "friction" and "gains" (None without any), and those of the
-    outputs, "next" (the new state), "torque", "error", "goal" (the reference's positions) and "places" (the links'
-    origins, "size" numbers, m). First values are "start" (the state's), "parameter" and "gain". Of the arm and the law
-    there are "joints" (names), "units" of errors ("mrad" or "mm" a joint), "period" (s), "damping" (r,), the law's, 1
-    where it has none, "groups" of gains that one slider scales, "parents" (the links' parents), "reach" (m), "load"
-    (what a payload of 1 kg adds to the parameters) and "heaviest" (the largest payload, kg).
+    outputs, "next" (the new state, as "state"), "torque", "error", "goal" (the reference's positions) and "places" (the
+    links' origins, "size" numbers, m). First values are "start" (the state's), "parameter" and "gain" (empty if any
+    gain is infinite). Of the arm and the law there are "joints" (names), "units" of errors ("mrad" or "mm" a joint),
+    "period" (s), "damping" (r,), the law's, N m s/rad (N s/m), 1 where it has none, "groups" of gains that one slider
+    scales (a "name" and "places", pairs of the first one's index among all gains and their number), "parents" (the
+    index of each link's parent, -1 for the ground), "reach" (m), "load" (P,) (what a payload of 1 kg in the last body's
+    origin adds to the P parameters; empty for parameters under linear constraints) and "heaviest" (the largest payload,
+    kg).
     """
 
     binary: bytes
@@ -53,9 +56,9 @@ class LiveArm:
 
 @dataclass(frozen=True, eq=False)
 class LiveLoop:
-    """Equation of a closed loop over one control period, over scalars of any kind: `plant`, the arm, `controller`, its
-    law, and `reference`, the sinusoids that its joints follow. Time, gains, the arm's parameters and its friction are
-    arguments, which a page can change. Nothing is checked."""
+    """Equation of a closed loop over one control period, over scalars of any kind (floats, arrays, or symbols to be
+    compiled): `plant`, the arm, `controller`, its law, and `reference`, the sinusoids that its joints follow. Time,
+    gains, the arm's parameters and its friction are arguments, which a page can change. Nothing is checked."""
 
     plant: Plant
     controller: Controller[Any]
@@ -63,24 +66,25 @@ class LiveLoop:
 
     @property
     def state(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that pass from one control period to the next: the plant's "q", "v",
-        "drives" and "sensors", then the controller's memory, "memory_0", "memory_1", ..."""
+        """Lengths, by name, of the columns (vectors) that pass from one control period to the next: the plant's "q",
+        "v", "drives" and "sensors", then the controller's memory, "memory_0", "memory_1", ..."""
         law = self.controller
         return self.plant.sizes | {f"memory_{k}": size for k, size in enumerate(law._memory_sizes.values())}
 
     @property
     def arguments(self) -> dict[str, int]:
-        """Lengths, by name, of all columns that the equation takes: those of `state`, then "time" (1), "parameters",
-        the P inertial and friction parameters, "friction" (r joints) and, where the controller has tunable gains,
-        "gains"."""
+        """Lengths, by name, of all columns (vectors) that the equation takes: those of `state`, then "time" (1),
+        "parameters", the P inertial and friction parameters in the order of `Mechanism.parameter_names`, "friction" (r
+        joints) and, where the controller has tunable gains, "gains"."""
         parameters = {"parameters": self.plant.mechanism.equations.parameters, "friction": self.plant.dof}
         return self.state | {"time": 1} | parameters | self.controller.gain_sizes
 
     def equation(self, time: Column, friction: Column, **columns: Column) -> tuple[Column, ...]:
-        """The columns of `state` after one control period, in order, followed by the law's torque (r,), N m (N if
-        prismatic), not yet clipped, the tracking errors (positions minus the reference's) and the reference's
-        positions, (r,) each, rad (m), and the origins of the N links in the world frame (3N,), m: x, y and z of the
-        first link first. Torque, errors, reference and origins are those at the period's beginning.
+        """The columns (vectors of scalars of any kind) of `state` after one control period, in order, followed by the
+        law's torque (r,), N m (N if prismatic), not yet clipped, the tracking errors (positions minus the reference's)
+        and the reference's positions, (r,) each, rad (m), and the origins of the N links in the world frame (3N,), m:
+        x, y and z of the first link first, in the order of `Mechanism.links`. Torque, errors, reference and origins are
+        those at the period's beginning.
 
         `time` (1,) is in s, `friction` (r,) is viscous friction of the r joints besides the plant's, N m s/rad (N s/m);
         `columns` are the others of `arguments`, SI units: "q", "v", "drives" and "sensors" of the plant, "memory_0",
@@ -105,9 +109,10 @@ def live_arm(
     plant: Plant, controller: Controller[Any], reference: Reference, begun: PlantState, parameters: Array
 ) -> LiveArm | str:
     """The `LiveArm`, a WebAssembly module for a web page, of the loop of `plant`, `controller` and `reference` from the
-    plant's state `begun` on, with the true `parameters` (P,) of the arm, SI units; or, as text, the reason why it
-    cannot be shown: effects between controller and joints, a reference that is no `Sinusoids`, a mechanism of more than
-    100 links, a law of more than 3000 floating-point operations, or a module of more than 60 kB.
+    plant's state `begun` on, with the true `parameters` (P,) of the arm, SI units, in the order of
+    `Mechanism.parameter_names`; or, as text, the reason why it cannot be shown: effects between controller and joints,
+    a reference that is no `Sinusoids`, a mechanism of more than 100 links, a law of more than 3000 floating-point
+    operations, or a module of more than 60 kB.
 
     Raises `TraceError` for a law that cannot be traced, and what `controller.init` raises for the state.
     """

@@ -20,9 +20,10 @@ Before = Callable[[int, int], Place | None]
 
 
 class PutBack:
-    """Results of a `piece` of a `routine` (traced function) that are a choice, by a condition, between a new value and
-    an earlier one, an argument's, which it replaces. The piece can store the new values as they are computed, and copy
-    the earlier ones back at the end where the condition holds.
+    """Results of a `piece` of a `routine` (traced function; a piece is the whole of it or, where it is long, one of
+    several functions that it is cut into) that are a choice, by a condition, between a new value and an earlier one, an
+    argument's, which it replaces. The piece can store the new values as they are computed, and copy the earlier ones
+    back at the end where the condition holds.
 
     `before(j, k)` is a callable that returns the indices (i, k') of the argument's scalar, k' of argument i, that
     scalar k of the result's part j replaces, None where it replaces none; all count from 0. `conditions` maps each
@@ -46,7 +47,8 @@ class PutBack:
 
     def stored(self, x: Expression | float) -> Expression | float:
         """The value to store at first for the result `x`, an expression or a constant: for a choice between an earlier
-        value and a new one, the new one, which may be put back later; `x` itself for any other. Nothing is raised."""
+        value and a new one, the new one, over which the earlier one may be copied at the end; `x` itself for any other.
+        Nothing is raised."""
         if isinstance(x, Expression) and x in self._choices:
             kept: Expression | float = x.operands[2]
             return kept

@@ -27,7 +27,7 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
     `reference`, a function of time (s), for `duration` s, 600 unless given, as a dict: "duration", s; "reference", a
     dict of its class's name and, for `Sinusoids`, their numbers; "finite", True; and "rms_error_first_10_s" and
     "rms_error_last_10_s", the root mean square of the position errors of all joints together, rad (m if prismatic), in
-    the first and the last 10 s, None where the reference is not one of joints.
+    the first and the last 10 s (in all where it is shorter), None where the reference is not one of joints.
 
     Raises `InputError` where the run becomes not finite or guards stop it, where no mechanism is known or it has more
     than 100 links, and for a reference for another number of coordinates; `NonFiniteError` for a reference that is not

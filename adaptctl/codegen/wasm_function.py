@@ -79,8 +79,9 @@ class WasmCode:
         return self._text[x.index] if isinstance(x, Expression) else constant(x)
 
     def keep(self, text: bytes, kind: bytes) -> bytes:
-        """The code, bytes, that puts on the stack what the code `text` makes: that is run once, here, and its value
-        kept in a new local variable of the type `kind`, WebAssembly's byte for it. Nothing is checked."""
+        """The code, bytes, that puts the value of the code `text` on the stack: `text` is appended to the function
+        here, so that it runs once, and its value kept in a new local variable, which the code returned reads. `kind` is
+        the variable's type, WebAssembly's byte for it. Nothing is checked."""
         number = self.new(kind)
         self.code += text + SET + unsigned(number)
         return GET + unsigned(number)

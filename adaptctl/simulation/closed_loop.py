@@ -25,8 +25,8 @@ _NOTHING = (Column(()), Column(()))
 
 class Sample(NamedTuple):
     """The record of one control period of a closed loop: the state at its beginning, and the torques commanded and
-    applied on it. Its parts are columns over scalars of any kind (floats, arrays, or symbols to be compiled), or
-    arrays, with leading axes for more periods or arms. Nothing is checked.
+    applied on it. Its parts are `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be compiled),
+    or arrays, with leading axes for more periods or arms. Nothing is checked.
 
     `q` (n,), rad (m), are positions of the n joints of the plant's spanning tree; `v` (r,), rad/s (m/s), velocities of
     its r primary (independent) joints; `measured_p` and `measured_v` (r,), in the same units, what the sensors measured
@@ -66,10 +66,11 @@ class ClosedLoop:
     """A closed loop of a `plant` and a `controller` as one step, a control period: at its beginning the controller
     computes a torque from the plant's measured positions and velocities, and the plant holds it until the end.
 
-    These columns pass from one period to the next, in this order: q, positions of the n joints of the plant's spanning
-    tree; v, velocities of its r primary (independent) joints; the memories of the plant's drives and sensors; where
-    there are sensors, the last measurement; and the controller's memory. Loops that differ in tunable gains alone are
-    equal, and share native code. Raises `InputError` where plant and controller differ in their number r of joints.
+    These columns (vectors of scalars) pass from one period to the next, in this order: q, positions of the n joints of
+    the plant's spanning tree; v, velocities of its r primary (independent) joints; the memories of the plant's drives
+    and sensors; where there are sensors, the last measurement; and the controller's memory. Loops that differ in
+    tunable gains alone are equal, and share native code. Raises `InputError` where plant and controller differ in their
+    number r of joints.
     """
 
     plant: Plant
@@ -83,8 +84,8 @@ class ClosedLoop:
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next, by name: "q", the n joints of the
-        plant's spanning tree, "v", its r primary (independent) joints, "drives" and "sensors", the memories of the
+        """Lengths of the columns (vectors) that pass from one control period to the next, by name: "q", the n joints of
+        the plant's spanning tree, "v", its r primary (independent) joints, "drives" and "sensors", the memories of the
         plant's effects, "measured_p" and "measured_v", r each, or 0 where nothing is measured, and "memory_0",
         "memory_1", ..., the arrays of the controller's memory."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
@@ -93,34 +94,36 @@ class ClosedLoop:
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that stay the same in a run: P for "parameters", the plant's inertial
-        parameters, and, where there are any, g for "gains", the controller's tunable gains."""
+        """Lengths, by name, of the columns (vectors) that stay the same in a run: P for "parameters", the plant's
+        inertial and friction parameters in the order of `Mechanism.parameter_names`, and, where there are any, g for
+        "gains", the controller's tunable gains."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths of a reference point's columns "reference_p", "reference_v" and "reference_a" (positions, velocities,
-        accelerations), by name: the number of joints r each, or for a task-space controller that of its task-space
-        coordinates."""
+        """Lengths of a reference point's columns (vectors) "reference_p", "reference_v" and "reference_a" (positions,
+        velocities, accelerations), by name: the number of joints r each, or for a task-space controller that of its
+        task-space coordinates."""
         return dict.fromkeys(REFERENCE, self.controller.reference_size)
 
     @property
     def noise(self) -> dict[str, int]:
-        """Length of the column "noise", the sensors' standard normal numbers (no unit) in a control period, by its
-        name: 2r for r joints, or 0 where there are no sensor effects and no encoders on motors of elastic joints."""
+        """Length of the column (vector) "noise", the sensors' standard normal numbers (no unit) in a control period, by
+        its name: 2r for r joints, the positions' first, or 0 where there are no sensor effects and no encoders on
+        motors of elastic joints."""
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """The columns after one control period, as a list in the order of the property `state`, and the `Sample`
-        recorded of it, which has the period's positions, velocities, torques and energy (J), over scalars of any kind
-        (floats, arrays of samples, dual numbers, nodes of an expression graph).
+        """The columns, vectors of scalars, after one control period, as a list in the order of the property `state`,
+        and the `Sample` recorded of it, which has the period's positions, velocities, torques and energy (J), over
+        scalars of any kind (floats, arrays of samples, dual numbers, nodes of an expression graph).
 
         `columns` are, in SI units, those before it: "q", "v", "drives", "sensors", "measured_p", "measured_v" and
         "memory_0", "memory_1", ... (lengths in the property `state`); "parameters", the plant's P true inertial ones,
-        and "gains", the controller's tunable numbers (in `held`); "reference_p", "reference_v" and "reference_a", the
-        reference's positions, velocities and accelerations (in `reference`); "noise", the sensors' standard normal
-        numbers. Without "gains" the controller's own are taken. Raises `KeyError` where another is missing; lengths are
-        not checked.
+        in the order of `Mechanism.parameter_names`, and "gains", the controller's tunable numbers (in `held`);
+        "reference_p", "reference_v" and "reference_a", the reference's positions, velocities and accelerations (in
+        `reference`); "noise", the sensors' standard normal numbers, the positions' first. Without "gains" the
+        controller's own are taken. Raises `KeyError` where another is missing; lengths are not checked.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
@@ -158,16 +161,17 @@ class ClosedLoop:
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:
         """The compiled step of the loop, one control period in native code, one arm at a time, as a `Stepper`: its
-        method `ensemble` makes arms, which take reference and noise as signals. The code of the 8 loops used last is
-        kept. Raises `TraceError` where the controller's law cannot be traced into an expression graph."""
+        method `ensemble` makes arms, which are given the reference and the noise of each period as signals. The code of
+        the 8 loops used last is kept. Raises `TraceError` where the controller's law cannot be traced into an
+        expression graph."""
         shared, name = self.reference | self.noise, type(self.controller).__name__
         return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
-        """The results of the method `equation` in one tuple: the columns after one control period, in the order of the
-        property `state`, then the fields of the `Sample` recorded of it. `columns` are by name, in SI units, those of
-        the properties `state`, `held`, `reference` and `noise`. Raises `KeyError` where one is missing; without "gains"
-        the controller's own are taken."""
+        """The results of the method `equation` in one tuple: the columns (vectors of scalars) after one control period,
+        in the order of the property `state`, then the fields of the `Sample` recorded of it. `columns` are by name, in
+        SI units, those of the properties `state`, `held`, `reference` and `noise`. Raises `KeyError` where one is
+        missing; without "gains" the controller's own are taken."""
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 

@@ -18,9 +18,9 @@ LARGEST = float(np.finfo(np.float64).max)
 
 class ErrorSums(NamedTuple):
     """Sums of the tracking errors (positions less the reference's) of a run of r joints over its control periods so
-    far: columns over scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, n) for M runs. They
-    stay once the run has diverged, an error being NaN or larger than its bound `beyond`, rad (m), (r,). Nothing is
-    checked.
+    far: `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, r) or (M,
+    1) for M runs. From the period on in which the run diverges, an error being NaN or larger than its bound `beyond`,
+    rad (m), (r,), errors are not counted any more. Nothing is checked.
 
     `squares` (r,), rad^2 (m^2), are sums of the errors' squares, and `final_squares` (r,) those of the periods at the
     run's end over which its final error is taken; `largest` (r,), rad (m), are the errors' largest magnitudes.
@@ -47,21 +47,22 @@ class ErrorSums(NamedTuple):
 
 
 def sum_sizes(joints: int) -> dict[str, int]:
-    """Lengths, by name, of the columns that hold a run's `ErrorSums`, which are sums of tracking errors of r `joints`:
-    r for "squares", "final_squares" and "largest", 1 for "outside", "diverged" and "joint". Nothing is checked."""
+    """Lengths, by name, of the columns (vectors) that hold a run's `ErrorSums`, which are sums of tracking errors of r
+    `joints`: r for "squares", "final_squares" and "largest", 1 for "outside", "diverged" and "joint". Nothing is
+    checked."""
     return ErrorSums(joints, joints, joints, 1, 1, 1)._asdict()
 
 
 def judged_by(joints: int) -> dict[str, int]:
-    """Lengths, by name, of the columns that tracking errors of r `joints` are judged by: r for the bounds "within" and
-    "beyond", rad (m), of the errors' magnitudes; 1 for "final", the index from 0 of the control period from which on
-    errors count as final. Nothing is checked."""
+    """Lengths, by name, of the columns (vectors) that tracking errors of r `joints` are judged by: r for the bounds,
+    rad (m), of the errors' magnitudes, "within", in which a run is to return, and "beyond", past which it has diverged;
+    1 for "final", the index from 0 of the control period from which on errors count as final. Nothing is checked."""
     return {"within": joints, "beyond": joints, "final": 1}
 
 
 def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> ErrorSums:
-    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over scalars of any kind
-    (floats, arrays, or symbols to be compiled).
+    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over `Column`s, vectors of
+    scalars of any kind (floats, arrays, or symbols to be compiled).
 
     `clock` is the period's index, from 0, and `error` (r,) are its tracking errors, positions of r joints less the
     reference's, rad (m). `columns` has, by name, the sums before the period, "squares", "final_squares" and "largest"
@@ -96,12 +97,12 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
 class ErrorSummary(NamedTuple):
     """Summaries of the tracking errors, positions less the reference's, of M runs of r joints. Nothing is checked.
 
-    (M, r), rad (m): `rms_error`, root mean square, and `largest_error`, largest magnitude, both NaN in a run that
-    diverged if no joint's bound for divergence was finite; `final_rms_error`, root mean square over the last SETTLED
-    (2) s, NaN in shorter runs and those that diverged before. (M,): `return_time`, s, after which every error stayed
-    within the bounds asked for, NaN where the last one did not or the run diverged; `diverged_at`, s, at which an error
-    was first not finite or beyond the bound for divergence, NaN where none was; `diverged_joint`, the index from 0 of
-    the first joint with such an error, -1 where none was.
+    (M, r), rad (m): `rms_error`, root mean square, and `largest_error`, largest magnitude, both, in a run that
+    diverged, of the time before, or NaN if no joint's bound for divergence was finite; `final_rms_error`, root mean
+    square over the last SETTLED (2) s, NaN in shorter runs and those that diverged before. (M,): `return_time`, s,
+    after which every error stayed within the bounds asked for, NaN where the last one did not or the run diverged;
+    `diverged_at`, s, at which an error was first not finite or beyond the bound for divergence, NaN where none was;
+    `diverged_joint`, the index from 0 of the first joint with such an error, -1 where none was.
     """
 
     rms_error: Array

@@ -30,9 +30,9 @@ class FundamentalMotion(NamedTuple):
     sums: tuple[tuple[tuple[int, float], ...], ...]
 
     def parameters(self, true: Column) -> Column:
-        """The column (P',) of the P' parameters of `equations`, regrouped from the mechanism's P `true` parameters
-        (P,), SI units, over scalars of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError` for a
-        column that is too short."""
+        """The column (vector) (P',) of the P' parameters of `equations`, regrouped from the mechanism's P `true`
+        parameters (P,), SI units, over scalars of any kind (floats, arrays, or symbols to be compiled). Raises
+        `IndexError` for a column that is too short."""
 
         def total(terms: tuple[tuple[int, float], ...]) -> Scalar:
             (i, weight), *rest = terms

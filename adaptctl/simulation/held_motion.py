@@ -25,8 +25,9 @@ STILL = 1e-9
 
 
 class Bodies(NamedTuple):
-    """Equations of motion under a torque as three functions over columns, scalars of any kind (floats, arrays, or
-    symbols to be compiled), as an integrator takes them. Nothing is checked.
+    """Equations of motion under a torque as three functions over `Column`s, vectors of scalars of any kind (floats,
+    arrays, or symbols to be compiled), as an integrator takes them: `rates(q, v)`, `moved(q, v, torque, parameters)`
+    and `projected(q)`. Nothing is checked.
 
     Their columns are q (n,), rad (m), positions of the spanning tree's n joints, and v (r,), rad/s (m/s), velocities of
     the r primary (independent) joints; with elastic joints each is followed by the motors' (r,). `rates` gives the rate
@@ -54,16 +55,16 @@ def held_motion(
     friction: Sequence[JointEffect] = (),
     transmission: Transmission | None = None,
 ) -> HeldMotion:
-    """The motion of a mechanism over one `control_period` (s) under a held torque: a function from columns q (n,), v
-    (r,), torque (r,) and inertial parameters (P,) to q and v at the period's end, over scalars of any kind (floats,
-    arrays, or symbols to be compiled).
+    """The motion of a mechanism over one `control_period` (s) under a held torque: a function (q, v, torque,
+    parameters) of columns (n,), (r,), (r,) and (P,) that returns q and v at the period's end; columns are vectors of
+    scalars of any kind (floats, arrays, or symbols to be compiled).
 
     q, rad (m), are positions of all n joints of the spanning tree, v, rad/s (m/s), velocities of the r primary
-    (independent) joints, the torque is in N m (N), the parameters are in SI units. The period is integrated by
-    `integrator` in `substeps` equal steps. `friction` are effects that brake the joints, none unless given;
-    `transmission` has the springs of elastic joints, None for rigid ones: with it q is (n + r,), the joints' positions
-    and then the motors', and v is (2r,), the joints' velocities and then the motors'. Kinematic loops are closed again
-    in every step. Nothing is checked here.
+    (independent) joints, the torque is in N m (N), the inertial parameters are in SI units, in the order of
+    `Mechanism.parameter_names`. The period is integrated by `integrator` in `substeps` equal steps. `friction` are
+    effects that brake the joints, none unless given; `transmission` has the springs of elastic joints, None for rigid
+    ones: with it q is (n + r,), the joints' positions and then the motors', and v is (2r,), the joints' velocities and
+    then the motors'. Kinematic loops are closed again in every step. Nothing is checked here.
     """
     dt, several = control_period / substeps, integrator.stages > 1
     fewer = fundamental_motion(mechanism) if transmission is None else None
@@ -138,8 +139,8 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
 
 
 def joined(links: Column, motors: Column) -> Column:
-    """The column (a + b,) of the numbers of `links` (a,), such as positions, followed by those of `motors` (b,), in the
-    units that they have. Nothing is checked."""
+    """The column (vector) (a + b,) of the numbers of `links` (a,), such as positions, followed by those of `motors`
+    (b,), in the units that they have. Nothing is checked."""
     return Column((*links, *motors))
 
 

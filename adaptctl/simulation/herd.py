@@ -29,8 +29,8 @@ class Herd:
 
     `loop` is the closed loop, and `stepper` its native step of one control period; `members` is the slice of these arms
     among all that are simulated, and `references` and `noise` are theirs alone. `parameters` (M, P) are their P true
-    inertial parameters, SI units, without the loads of effects. The attribute `arms` is the `Ensemble` of M copies of
-    the step, all zero until `begin`. Raises `InputError` for no arms.
+    inertial parameters, SI units, in the order of `Mechanism.parameter_names`, without the loads of effects. The
+    attribute `arms` is the `Ensemble` of M copies of the step, all zero until `begin`. Raises `InputError` for no arms.
     """
 
     def __init__(
@@ -47,10 +47,10 @@ class Herd:
         self.arms = stepper.ensemble(len(parameters))
 
     def begin(self, p: Array, v: Array, memory: Any, tuned: GainsOfMany) -> None:
-        """Put the M arms of this group, of r joints each, at positions `p`, rad (m), and velocities `v`, rad/s (m/s),
-        (M, r) each. `memory` is the controllers' first memory, arrays (M, length), or (length,) for all arms alike;
-        None for that of new controllers, begun at the first measurement, whose noise is drawn here. `tuned` has the
-        gains of all arms simulated, of which this group takes its own.
+        """Put the M arms of this group, of r joints each, at time zero, at positions `p`, rad (m), and velocities `v`,
+        rad/s (m/s), (M, r) each. `memory` is the controllers' first memory, arrays (M, length), or (length,) for all
+        arms alike; None for that of new controllers, begun at the first measurement, whose noise is drawn here. `tuned`
+        has the gains of all arms simulated, of which this group takes its own.
 
         Raises `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError`
         on NaN or infinity.
@@ -66,10 +66,10 @@ class Herd:
 
     def judge(self, bounds: Mapping[str, Array], final: int, tuned: GainsOfMany) -> None:
         """Set the numbers that the arms' tracking errors are judged by: `bounds`, arrays (r,), rad (m), by the names
-        "within" and "beyond" (infinity becomes the largest number of the precision), and `final`, the index from 0 of
-        the control period from which on errors count as final. Set also the true parameters of the Lyapunov function
-        where it is known; `tuned` has the gains of all arms simulated. Raises `InputError` for other names and
-        lengths."""
+        "within", in which errors are to return, and "beyond", past which a run has diverged (infinity becomes the
+        largest number of the precision), and `final`, the index from 0 of the control period from which on errors count
+        as final. Set also the true parameters of the Lyapunov function where it is known; `tuned` has the gains of all
+        arms simulated. Raises `InputError` for other names and lengths."""
         for name, bound in bounds.items():
             self.arms.held[name] = np.minimum(bound, float(np.finfo(self.arms.stepper.dtype).max))
         self.arms.held["final"] = float(final)

@@ -27,12 +27,13 @@ To solve with Gamma in each control period takes four times as long as the rest 
 
 class LyapunovRise(NamedTuple):
     """The Lyapunov function V of Slotine and Li's law at the latest control period, and its largest rise so far:
-    columns over scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, 1) for M arms. Nothing
-    is checked.
+    `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, 1) for M arms.
+    Nothing is checked.
 
     `lyapunov` (1,), J, is V = s'H s/2 plus the adaptation law's distance between estimated and true parameters; s is
-    the sliding variable, rad/s (m/s), H the mass matrix. `lyapunov_rise` (1,), J, is its largest rise from one period
-    to the next until the run diverged, 0 where it never rose. Both are empty, (0,), where V is not known.
+    the sliding variable, rad/s (m/s), the velocity errors plus bandwidth (1/s) times position errors, and H the mass
+    matrix, at the beginning of the period. `lyapunov_rise` (1,), J, is its largest rise from one period to the next
+    until the run diverged, 0 where it never rose. Both are empty, (0,), where V is not known.
     """
 
     lyapunov: Any
@@ -86,10 +87,10 @@ def first_rise(
     law: SlotineLi | None, parameters: Array, gains: Mapping[str, Array]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """The columns of a Lyapunov function V's rise before the first control period, and its constant columns, two dicts
-    by name for M arms: "lyapunov", the largest finite number, from which nothing rises, and "lyapunov_rise", 0; then
-    "truth" (M, k), the true values of the k adapted parameters in SI units, and, where the adaptation is gradient
-    descent with a matrix (k, k) as gain Gamma, "metric" (M, k (k + 1)/2), the upper triangle of its inverse, row by
-    row, with half its diagonal.
+    by name for M arms: "lyapunov", the largest finite float, from which nothing rises, and "lyapunov_rise", 0.0, the
+    same for all arms; then "truth" (M, k), the true values of the k adapted parameters in SI units, and, where the
+    adaptation is gradient descent with a matrix (k, k) as gain Gamma, "metric" (M, k (k + 1)/2), the upper triangle of
+    its inverse, row by row, its diagonal entries halved.
 
     `law` is the controller of which V is computed, as `watched` returns it: None where V is not known, which gives two
     empty dicts. `parameters` (M, P) are the P true inertial ones, SI units; `gains` has arms' own tunable numbers, (M,
@@ -116,13 +117,14 @@ def risen(
     loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
 ) -> LyapunovRise:
     """The `LyapunovRise`, Slotine and Li's Lyapunov function V and its largest rise so far, in J, after a control
-    period of a closed `loop`, over scalars of any kind (floats, arrays, or symbols to be compiled).
+    period of a closed `loop`, over `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be
+    compiled).
 
-    `sample` is the period's record, `point` the reference in it, columns (r,) of positions, rad (m), velocities and
-    accelerations, the same per s and s^2, of r joints; `runs` is a condition that is true until the run diverges, from
-    when on the rise stays. `columns` has by name what `first_rise` gave or the period before left, "lyapunov",
-    "lyapunov_rise", "truth" and "metric", and "gains", if any, (g,), the arm's own tunable numbers. Where V is not
-    known, the first two are empty and are returned as they are. Raises `KeyError` where a column is missing.
+    `sample` is the period's record, a `Sample`, `point` the reference in it, columns (r,) of positions, rad (m),
+    velocities and accelerations, the same per s and s^2, of r joints; `runs` is a condition that is true until the run
+    diverges, from when on the rise stays. `columns` has by name what `first_rise` gave or the period before left,
+    "lyapunov", "lyapunov_rise", "truth" and "metric", and "gains", if any, (g,), the arm's own tunable numbers. Where V
+    is not known, the first two are empty and are returned as they are. Raises `KeyError` where a column is missing.
     """
     before = LyapunovRise(*(columns[name] for name in LyapunovRise._fields))
     if not len(before.lyapunov):

@@ -43,8 +43,8 @@ class MuJoCoPlant(Plant):
     Actuators of the arm that are no torques, such as position servos, would hold it against the controller: they raise
     `InputError` unless `servos_off` is True (False by default), which switches them off. Raises `InputError` also
     without a model, for effects, for a mechanism of another number of joints, for a period or limits that are not
-    positive, for ball and free joints and, with `body` None, for not one moving root; `NotFoundError` for an unknown
-    `body`.
+    positive, for ball and free joints and, with `body` None, where not exactly one root body moves; `NotFoundError` for
+    an unknown `body`.
     """
 
     model: mujoco.MjModel | None = None
@@ -87,7 +87,8 @@ class MuJoCoPlant(Plant):
     ) -> PlantState:
         """The state at time zero of one arm at positions `p`, rad (m), and velocities `v`, rad/s (m/s), (r,) each; all
         else in the scene is as the model has it at its start. `parameters` (P,), SI units, are the arm's P true
-        inertial ones, None for the mechanism's own; `noise` is not used, for there are no sensors.
+        inertial ones, in the order of `Mechanism.parameter_names`, None for the mechanism's own; `noise` is not used,
+        for there are no sensors.
 
         Raises `InputError` on a wrong shape, for parameters that no rigid bodies have and for parameters of friction
         other than viscous and Coulomb, `NonFiniteError` on NaN or infinity.
@@ -106,10 +107,10 @@ class MuJoCoPlant(Plant):
         """The state of one arm a control period later, under a torque (r,) of r joints, N m (N), clipped to the limits
         and held.
 
-        `parameters` (P,), SI units, are the P true inertial ones in this period, None for the mechanism's own; `noise`
-        is not used. Raises `InputError` on a wrong shape and for parameters of no rigid bodies or of friction other
-        than viscous and Coulomb, `NonFiniteError` on NaN or infinity in torque or parameters and where the motion runs
-        away.
+        `parameters` (P,), SI units, are the P true inertial ones in this period, in the order of
+        `Mechanism.parameter_names`, None for the mechanism's own; `noise` is not used. Raises `InputError` on a wrong
+        shape and for parameters of no rigid bodies or of friction other than viscous and Coulomb, `NonFiniteError` on
+        NaN or infinity in torque or parameters and where the motion runs away.
         """
         given = self._finite(torque)
         applied = self.limited(given)

@@ -16,8 +16,9 @@ Seeds: TypeAlias = int | Sequence[int] | NDArray[np.object_] | None
 
 
 def checked_seeds(given: object) -> Seeds:
-    """The seeds `given` of many arms' noise: None, a whole number of at least 0, or an array of these of any shape.
-    Raises `InputError` for all else, such as 2.0, texts and booleans."""
+    """The seeds `given` of many arms' noise: None, a whole number of at least 0, or an array of Python objects, any
+    shape, made of a list or array of such numbers. Raises `InputError` for all else, such as 2.0, texts and
+    booleans."""
     if given is None:
         return None
     each = np.asarray(given, dtype=np.object_)
@@ -41,7 +42,8 @@ class Noise:
         """Sources of sensor noise, one for each group of at most `herd` arms, of all `members` arms in their order,
         with `size` numbers for an arm in a control period. `seed` is one whole number for all arms, None for another
         noise each time, or a sequence of one for each arm, whose noise then does not depend on the other arms. Raises
-        `ValueError` for a seed below 0 and, where `size` is not 0, for a sequence of another length."""
+        `ValueError` for a seed below 0 and, where `size` is not 0, for a sequence of another length, but for 1, which
+        gives every arm the same noise."""
         counts = [min(herd, members - first) for first in range(0, members, herd)]
         if seed is None or isinstance(seed, int | np.integer):
             root = np.random.SeedSequence(None if seed is None else int(seed))

@@ -47,9 +47,9 @@ class Plant(Tunable):
 
     The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
     noise, and equal calls give equal bits. Up to LARGEST_COMPILED (100) links run as native code, more in Python.
-    Raises `InputError` for a period that is not positive and finite, limits not positive, `substeps` that are no whole
-    number from 1 to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, what is no integrator, links that neither
-    have nor carry mass, and effects whose settings do not fit.
+    Raises `InputError` for a period not positive and finite, limits not positive, `substeps` that are no whole number
+    from 1 to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, what is no integrator, links that neither have
+    nor carry mass, and effects that do not fit.
     """
 
     mechanism: Mechanism
@@ -87,19 +87,19 @@ class Plant(Tunable):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names (m,), such as "torque_limited", of the m actuator effects that mark periods of changed torques."""
+        """Names (m,), by rank, such as "torque_limited", of the m actuator effects that mark periods when they act."""
         return self._effects.marks
 
     @cached_property
     def noise_size(self) -> int:
-        """Number of standard normal numbers that the sensors of r joints take a control period: 2r, or 0 where there
-        are neither sensor effects nor encoders on elastic joints' motors."""
+        """Number of standard normal numbers that sensors of r joints take a control period: 2r, positions' first, or 0
+        without sensor effects and without encoders on motors of elastic joints."""
         return 2 * self.dof if self._effects.sensors or self._effects.senses_motors else 0
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns that pass from one control period to the next, by name: "q", the n joints of the
-        spanning tree; "v", the r primary (independent) ones; "drives", the memory of the actuator effects and, with
+        """Lengths of the columns (vectors) passed from one control period to the next, by name: "q", the n joints of
+        the spanning tree; "v", the r primary (independent) ones; "drives", the memory of the actuator effects and, with
         elastic joints, 2r numbers of the motors; "sensors", the memory of the sensor effects."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
@@ -107,12 +107,12 @@ class Plant(Tunable):
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
-        """The P true inertial parameters (..., P) at `time` (s): `own` (..., P), those of the arms alone, with the
-        effects' loads added; SI units. Raises `InputError` for too few parameters for a payload's link."""
+        """The P true inertial parameters (..., P) at `time` (s), SI, ordered as `Mechanism.parameter_names`: `own`
+        (..., P), of arms alone, with effects' loads added. Raises `InputError` for too few for a payload's link."""
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
-        """The time (s) until which the true inertial parameters stay as at `time` (s); infinity if for ever."""
+        """The time (s) to which true inertial parameters stay as at `time` (s), `time` at least; infinity for ever."""
         return min((load.until(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
@@ -123,11 +123,12 @@ class Plant(Tunable):
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
         """The state of one arm or many at time zero from positions p, rad (m), and velocities v, rad/s (m/s), (..., r).
-        The r joints have been held by the torque that gravity asks for on the P true inertial `parameters` (..., P), SI
-        units, None for the mechanism's own with the effects' loads; it stretches elastic joints' springs, whose motors
-        move as the links do. `noise` (..., 2r) is the first measurement's, standard normal, None for zero. Raises
-        `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN
-        or infinity; `parameters` are used only with actuator effects or elastic joints, `noise` only with sensors."""
+        The r joints have been held by the torque that gravity asks for on the P true inertial `parameters` (..., P),
+        SI, ordered as `Mechanism.parameter_names`, None for the mechanism's own with loads; it stretches elastic
+        joints' springs, whose motors move as the links do. `noise` (..., 2r) is the first measurement's, standard
+        normal, positions' first, None for zero. Raises `SingularityError` where loops cannot be followed to p,
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity; parameters are used only with actuator
+        effects or elastic joints, noise only with sensors."""
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
         p, v = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
@@ -154,10 +155,10 @@ class Plant(Tunable):
         noise: ArrayLike | None = None,
     ) -> PlantState:
         """State of one arm a control period later, the torque (r,) of r joints, N m (N), being clipped and held.
-        `parameters` (P,), SI units, are the P true inertial ones in this period, None for the mechanism's own with the
-        effects' loads at the state's time. `noise` (2r,) is the sensors', standard normal, None for zero. Raises
-        `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity in positions, velocities, torque or
-        parameters, or when the motion itself runs away; the noise is not checked for it."""
+        `parameters` (P,), SI, ordered as `Mechanism.parameter_names`, are the true inertial ones in this period, None
+        for the mechanism's own with loads as at the state's time. `noise` (2r,) is the sensors', standard normal,
+        positions' first, None for zero, not checked. Raises `InputError` on a wrong shape and `NonFiniteError` on NaN
+        or infinity in positions, velocities, torque or parameters, or when the motion itself runs away."""
         true = self._true(state.time) if parameters is None else parameters
         moving = state.q, state.v, self._finite(torque), true
         if self._chained:
@@ -179,8 +180,8 @@ class Plant(Tunable):
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
         """Kinetic plus potential energy of one arm, J, gravity's zero at the base's origin, with elastic joints'
-        springs and motors; `parameters` (P,), SI units, are the P true inertial ones, None for the mechanism's own with
-        the effects' loads. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        springs and motors; true inertial `parameters` (P,), SI, are ordered as `Mechanism.parameter_names`, None for
+        the mechanism's own with loads. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
         ((energy,),) = self._energy(state.q, state.v, true, *motors)
@@ -206,20 +207,20 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """The equation of a control period, a `ControlPeriod`: a function over scalars of any kind (floats, arrays,
-        symbols) from columns, SI units, to a `PeriodOutcome`: "q" (n,), the tree's n joints, "v" and "torque" (r,), of
-        the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), standard normal, empty without
-        sensors, and memories "drives" and "sensors" of effects. It raises `KeyError` where one is missing."""
+        """The equation of a control period, a `ControlPeriod`: a function from `Column`s, vectors of scalars of any
+        kind (floats, arrays, symbols), SI units, to a `PeriodOutcome`: "q" (n,), the tree's n joints, "v" and "torque"
+        (r,), of the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), standard normal, empty
+        without sensors, and "drives" and "sensors", effects' memories. It raises `KeyError` where one is missing."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, J, with springs and motors, at q (n,), rad (m), of the spanning tree's n
-        joints and v (r,), rad/s (m/s), of the r primary (independent) ones; over scalars of any kind (floats, arrays,
-        symbols). `parameters` (P,) are the P true inertial ones, SI units; `drives` ends in elastic joints' motor
-        positions and velocities (2r,), and is not used for rigid joints. Nothing is checked."""
+        """Kinetic plus potential energy, J, with springs and motors, a scalar as in the `Column`s (vectors of floats,
+        arrays or symbols) q (n,), rad (m), of the spanning tree's n joints, v (r,), rad/s (m/s), of the r primary
+        (independent) ones, and true inertial `parameters` (P,), SI, ordered as `Mechanism.parameter_names`. `drives`,
+        used for elastic joints alone, ends in their motors' positions and velocities (2r,). Nothing is checked."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -230,7 +231,7 @@ class Plant(Tunable):
         return elastic
 
     def primary(self, q: Column) -> Column:
-        """Positions (r,), rad (m), of the r primary (independent) joints among all n of the tree, the column q (n,)."""
+        """Positions (r,), rad (m), of the r primary (independent) joints among all n of the tree, the vector q (n,)."""
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property

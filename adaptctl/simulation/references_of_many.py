@@ -21,8 +21,8 @@ from adaptctl.simulation.sampled_references import REFERENCE, sampled
 class SampledForm:
     """Form in which a compiled step gets its reference points as samples from outside: positions, rad (m), velocities
     and accelerations, the same per s and s^2, of `size` joints each, one point for all arms or, where `each` is True,
-    one for each arm. `held`, `shared` and `driven` name the step's columns; forms that are equal share native code.
-    Nothing is checked."""
+    one for each arm. `held`, `shared` and `driven` name the step's columns (vectors); forms that are equal share native
+    code. Nothing is checked."""
 
     size: int
     each: bool
@@ -47,9 +47,9 @@ class SampledForm:
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
-        """The reference point of a control period, made of three entries of `columns`, unchanged: "reference_p",
-        positions, rad (m), "reference_v", velocities, and "reference_a", accelerations, the same per s and s^2, (r,)
-        each for r = `size` joints. Raises `KeyError` where one is missing."""
+        """The reference point of a control period, made of three entries of `columns`, vectors of scalars, unchanged:
+        "reference_p", positions, rad (m), "reference_v", velocities, and "reference_a", accelerations, the same per s
+        and s^2, (r,) each for r = `size` joints. Raises `KeyError` where one is missing."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
@@ -57,7 +57,7 @@ class SampledForm:
 class SinusoidForm:
     """Form in which a compiled step computes its reference points itself, from the numbers of each arm's own
     `Sinusoids`, sums of `terms` sinusoids for each of `size` joints. `held`, `shared` and `driven` name the step's
-    columns; forms that are equal share native code. Nothing is checked."""
+    columns (vectors); forms that are equal share native code. Nothing is checked."""
 
     size: int
     terms: int
@@ -84,8 +84,8 @@ class SinusoidForm:
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
         """The reference point of an arm's sums of sinusoids, at the time in `columns` plus `ahead` (s), 0 unless given:
-        columns (r,) for r = `size` joints of positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2
-        (m/s^2), over scalars of any kind (floats, arrays, or symbols to be compiled).
+        columns (r,), vectors, for r = `size` joints of positions, rad (m), velocities, rad/s (m/s), and accelerations,
+        rad/s^2 (m/s^2), over scalars of any kind (floats, arrays, or symbols to be compiled).
 
         `columns` has by name "time" (1,), s, and the numbers of h = `terms` sinusoids a joint: "center" (r,) and
         "amplitude" (h r,), rad (m), "frequency" (h r,), Hz, "phase" (h r,), rad, with the r numbers of the first
@@ -128,9 +128,9 @@ class ReferencesOfMany:
     @classmethod
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:
         """The references of many arms, from `given`, one for all or a sequence with one for each, whose points are of
-        `size` joints. One for all, or the same object for each, is sampled; `Sinusoids` that are alike in their number
-        of terms are kept by their numbers; all others are sampled. Raises `InputError` for what is not callable, and
-        for an empty sequence."""
+        `size` joints. One for all, or the same object for each, is sampled. Where all of several are `Sinusoids` with
+        equal numbers of terms, they are kept by their numbers; else all are sampled. Raises `InputError` for what is
+        not callable, and for an empty sequence."""
         if callable(given):
             return cls([given], SampledForm(size, each=False), size, ())
         references = list(given) if isinstance(given, Sequence) else []

@@ -141,7 +141,8 @@ def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array],
     """The contents of a run's Parquet file at `path`, three mappings by name: the arrays of a `Rollout` of T samples in
     SI units, read-only: "time", "clipped", "energy" and "reward" (T,), those of r joints, such as "p" (T, r), and
     "estimate" (T, k) and "learning" (T, l), of k and l numbers; the marks of events, (T,) each; and of the whole run
-    "control_period" and "wall_time", s, "complete", "terminated" and "every", as far as the file has them.
+    "control_period" and "wall_time", s, "complete", "terminated" and "every", as far as the file has them. Arrays that
+    were left out of the file are missing.
 
     Raises `FileError` for a file that cannot be read, is no run of this package or is damaged, and
     `ModuleNotFoundError` without pyarrow.

@@ -38,8 +38,9 @@ if TYPE_CHECKING:
 class Rollout:
     """A closed-loop run of r joints as T samples; every array is read-only. Nothing is checked at construction.
 
-    Sample k is the state at `time[k]` and the torque commanded on it, one in `every` control periods. Positions are in
-    rad (m), velocities and accelerations those per s and s^2, torques in N m (N).
+    Sample k is the state at `time[k]`, the beginning of a control period, and the torque commanded on it; there is one
+    sample in `every` control periods. Positions are in rad (m), velocities and accelerations those per s and s^2,
+    torques in N m (N).
 
     (T,): `time`, s; `clipped`, 1 where a torque was clipped, else 0; `energy`, J, NaN where not known; `reward` of the
     period after, no unit. `marks` maps names of events to arrays (T,): 1 where there was one, such as "torque_limited",
@@ -198,12 +199,12 @@ class Rollout:
         reference's positions, rad (m): arrays (T, r) of T samples, at least 2, of r joints, one a `control_period` (s).
 
         Velocities `v` and the reference's velocities and accelerations `reference_v` and `reference_a`, (T, r) each, in
-        rad (m) per s and s^2, are differences of the positions unless given; `applied` (T, r), N m (N), the torque at
-        the joints, is that commanded unless given; `time` (T,), s, counts control periods from zero unless given.
-        `estimate` (T, k) is the controller's k parameter estimates, SI units, None for none; `complete` is False for a
-        run that was cut off. Energy and reward are not known: NaN, and zero; `clipped` is 1 where `applied` is not
-        `torque`. Raises `InputError` on shapes that do not fit, a period that is not positive or times that do not
-        increase, `NonFiniteError` on NaN and infinity.
+        rad (m) per s and s^2, are differences of the positions unless given, central, one-sided at both ends; `applied`
+        (T, r), N m (N), the torque at the joints, is that commanded unless given; `time` (T,), s, counts control
+        periods from zero unless given. `estimate` (T, k) is the controller's k parameter estimates, SI units, None for
+        none; `complete` is False for a run that was cut off. Energy and reward are not known: NaN, and zero; `clipped`
+        is 1 where `applied` is not `torque`. Raises `InputError` on shapes that do not fit, a period that is not
+        positive or times that do not increase, `NonFiniteError` on NaN and infinity.
         """
         from adaptctl.simulation.logged_run import logged_run
 

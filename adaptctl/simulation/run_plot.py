@@ -25,7 +25,9 @@ LAST = 2.0
 
 class DrawnRun(LearningRun, SampledRun, Protocol):
     """Protocol of a closed-loop run that can be drawn, such as a `Rollout`: T samples of r joints, their reference and
-    k parameter estimates, and how the run ended."""
+    k parameter estimates, and how the run ended. An implementation has, besides the properties here, positions `p`,
+    velocities `v`, `reference_p`, `reference_v` and `reference_a`, (T, r) each, in rad (m) and per s and s^2,
+    `estimate` (T, k), SI units, and `control_period`, s."""
 
     @property
     def time(self) -> Array:
@@ -34,7 +36,8 @@ class DrawnRun(LearningRun, SampledRun, Protocol):
 
     @property
     def applied(self) -> Array:
-        """Torques (T, r), N m (N for a prismatic joint), that drove the r joints in the T control periods sampled."""
+        """Torques (T, r), N m (N for a prismatic joint), that drove the r joints in the T control periods sampled,
+        those that began at `time`."""
         ...
 
     @property

@@ -148,13 +148,14 @@ def simulate_many(
 
     `controller` is one for all runs or a sequence of M, which may differ in their `numbers`, such as gains, alone;
     `reference` is one for all or a sequence of M; those that are `Sinusoids` alike in their number of terms cost no
-    memory. `parameters` (P,) or (M, P), SI units, are the P true inertial ones, the mechanism's own when not given;
-    `p`, rad (m), and `v`, rad/s (m/s), (r,) or (M, r), are where the arms start, on their references when not given;
-    `memory` is the controllers' first memory, such as estimates, in the form in which `controller.init` gives it for
-    one arm or for M, and that itself when not given; `members` is M, needed where nothing else has M rows, else 1.
-    `gains` are numbers of the controller by their names in `controller.numbers`, as they are there or with a leading
-    axis of M, the controller's own when not given. `seed` is that of the sensors' noise, one for all or M: with one
-    each, an arm's noise does not depend on who else runs; None draws another noise each time.
+    memory. `parameters` (P,) or (M, P), SI units, are the P true inertial ones, in the order of
+    `Mechanism.parameter_names`, the mechanism's own when not given; `p`, rad (m), and `v`, rad/s (m/s), (r,) or (M, r),
+    are where the arms start, on their references when not given; `memory` is the controllers' first memory, such as
+    estimates, in the form in which `controller.init` gives it for one arm or for M, and that itself when not given;
+    `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the controller by their names
+    in `controller.numbers`, as they are there or with a leading axis of M, the controller's own when not given. `seed`
+    is that of the sensors' noise, one for all or M: with one each, an arm's noise does not depend on who else runs;
+    None draws another noise each time.
 
     Every `every`-th control period is recorded as a sample, the first one included; None records no samples. Summaries
     of the errors are of all control periods. `within` (rad or m, a number or (r,), infinite unless given) bounds the

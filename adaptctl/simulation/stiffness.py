@@ -72,8 +72,8 @@ def integration(
     integrator: Integrator | None = None,
     transmission: Transmission | None = None,
 ) -> Integration:
-    """The integrator of a control period of `control_period` (s), and its number of equal steps, so that friction
-    cannot make it unstable and it follows the oscillations of elastic joints, if there are any.
+    """The `Integration` of a control period of `control_period` (s), an integrator and its number of equal steps,
+    chosen so that friction cannot make it unstable and it follows the oscillations of elastic joints, if there are any.
 
     `effects` are those in the joints, such as friction, besides the `mechanism`'s drives; `transmission` has the
     springs of elastic joints, None for rigid ones; `integrator` is the method asked for, which gets as many steps as it

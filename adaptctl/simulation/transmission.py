@@ -16,9 +16,9 @@ from adaptctl.simulation.effects import ElasticJoints
 
 
 class Motors(NamedTuple):
-    """The motors of r elastic joints, before the springs, as they appear behind their gears; columns (r,) over scalars
-    of any kind: positions `theta`, rad (m), velocities `w`, rad/s (m/s), and inertias `inertia`, kg m^2 (kg). Nothing
-    is checked."""
+    """The motors of r elastic joints, before the springs, as they appear behind their gears; `Column`s (r,), vectors of
+    scalars of any kind (floats, arrays, or symbols to be compiled): positions `theta`, rad (m), velocities `w`, rad/s
+    (m/s), and inertias `inertia`, kg m^2 (kg). Nothing is checked."""
 
     theta: Column
     w: Column
@@ -27,13 +27,13 @@ class Motors(NamedTuple):
 
 class Springs(NamedTuple):
     """The torque f (r,) of the springs and dampers of r elastic joints over an integration step of `dt` (s), linear in
-    the links' joint velocities at its end; columns (r,) over scalars of any kind (floats, arrays, or symbols to be
-    compiled). Nothing is checked.
+    the links' joint velocities at its end. Its parts are `Column`s (r,), vectors of scalars of any kind (floats,
+    arrays, or symbols to be compiled). Nothing is checked.
 
     The motors have positions theta and velocities w, the links' joints p and v; the index 1 is for the end of the step.
-    With u = w - v the stretch of the springs at the end is taken to be (theta - p) + dt (u + u_1)/2. The motors'
-    equation, J (w_1 - w) = dt (tau - f), is solved for w_1, J being their inertias and tau their torque, which leaves f
-    linear in v_1. With dt = 0 it is what springs do at once.
+    The springs' stretch at the end is taken to be (theta - p) + dt (u + u_1)/2, where u = w - v. The motors' equation,
+    J (w_1 - w) = dt (tau - f), is solved for w_1, J being their inertias and tau their torque, which leaves f linear in
+    v_1. With dt = 0, f is the springs' and dampers' torque at the beginning.
 
     `held`, N m (N), is f for w_1 = v_1; `slope`, N m s/rad (N s/m), what f gains by each unit of w_1 - v_1; `v`, rad/s
     (m/s), are the joint velocities at the beginning; `motors` has theta, w and J then; `given`, N m (N), is tau.
@@ -51,20 +51,21 @@ class Springs(NamedTuple):
 
     @property
     def firm(self) -> Column:
-        """The damping (r,) of the springs' torque on r joints over the step, N m s/rad (N s/m): its decrease for every
-        rad/s (m/s) that the velocity of a link's joint gains by the step's end."""
+        """The damping (r,), a `Column` (vector of scalars), of the springs' torque on r joints over the step, N m s/rad
+        (N s/m): its decrease for every rad/s (m/s) that the velocity of a link's joint gains by the step's end."""
         return self._share * self.motors.inertia
 
     @property
     def torque(self) -> Column:
-        """The springs' torque (r,) on the links at r joints, N m (N), for joint velocities that are the same at the
-        step's end as at its beginning."""
+        """The springs' torque (r,), a `Column` (vector of scalars), on the links at r joints, N m (N), for joint
+        velocities that are the same at the step's end as at its beginning."""
         driven = self.motors.inertia * (self.motors.w - self.v) + self.dt * (self.given - self.held)
         return self.held + self._share * driven
 
     def spin(self, after: Column) -> Column:
-        """The motors' mean acceleration (r,) over the step, rad/s^2 (m/s^2), where the r joints' velocities at its end
-        are `after` (r,), rad/s (m/s). Raises `ValueError` for another number of joints."""
+        """The motors' mean acceleration (r,), a `Column` (vector of scalars), over the step, rad/s^2 (m/s^2), where the
+        r joints' velocities at its end are `after` (r,), rad/s (m/s). Raises `ValueError` for another number of
+        joints."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property
@@ -83,8 +84,8 @@ class Transmission:
 
     `stiffness`, N m/rad (N/m), and `damping`, N m s/rad (N s/m), are (r,), as is `inertia`, kg m^2 (kg): that of the
     motors, behind their gears, besides the rotors modelled. `rotors` (r,) has for each joint the index of its rotor's
-    inertia among the mechanism's P inertial parameters, None where it has none; `primary` (r,) the indices of the
-    primary (independent) joints among the spanning tree's n.
+    inertia among the mechanism's P inertial parameters (in the order of `Mechanism.parameter_names`), None where it has
+    none; `primary` (r,) the indices of the primary (independent) joints among the spanning tree's n.
     """
 
     stiffness: Array
@@ -118,30 +119,31 @@ class Transmission:
 
     def motors(self, parameters: Column) -> Column:
         """Inertias (r,) of the motors of r joints behind their gears, kg m^2 (kg of a prismatic joint), from the
-        mechanism's P inertial `parameters` (P,), SI units, which have the rotors', over scalars of any kind (floats,
-        arrays, or symbols to be compiled). Raises `IndexError` for too few of them."""
+        mechanism's P inertial `parameters` (P,), SI units, which have the rotors', over `Column`s, vectors of scalars
+        of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError` for too few of them."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
     def links(self, parameters: Column) -> Column:
         """Inertial parameters (P,) of the links alone, SI units: the mechanism's P `parameters` (P,) with the rotors'
-        inertias replaced by zero, over scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is
-        checked."""
+        inertias replaced by zero, over `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be
+        compiled). Nothing is checked."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
         """The torques, a `Springs`, of the r joints' springs over an integration step of `dt` (s), at positions q (n,),
         rad (m), of the spanning tree's n joints, velocities v (r,), rad/s (m/s), and the `motors`' positions and
-        velocities, these driven by a `torque` (r,), N m (N); over scalars of any kind (floats, arrays, or symbols to be
-        compiled). Raises `ValueError` or `IndexError` for columns that are too short."""
+        velocities, these driven by a `torque` (r,), N m (N); over `Column`s, vectors of scalars of any kind (floats,
+        arrays, or symbols to be compiled). Raises `ValueError` or `IndexError` for columns that are too short."""
         half = (0.5 * dt) * column(self.stiffness)
         held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
-        """Kinetic energy of the motors plus elastic energy of the springs, J, over scalars of any kind (floats, arrays,
-        or symbols to be compiled), at positions q (n,), rad (m), of the spanning tree's n joints and the `motors`'
-        positions, velocities and inertias (r,). Raises `ValueError` or `IndexError` for columns that are too short."""
+        """Kinetic energy of the motors plus elastic energy of the springs, J, a scalar of any kind (float, array, or
+        symbol to be compiled), as in the `Column`s (vectors) given, at positions q (n,), rad (m), of the spanning
+        tree's n joints and the `motors`' positions, velocities and inertias (r,). Raises `ValueError` or `IndexError`
+        for columns that are too short."""
         stretch = self._stretch(q, motors)
         total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
         return total

@@ -34,11 +34,12 @@ class StepResult:
     """The results of a control period, or of the beginning of an episode, of k arms of r joints, as arrays with a row
     for each arm.
 
-    `observation` (k, n) in the environment's units; `reward` (k,), no unit; `terminated` and `truncated` (k,), bools,
-    the two ways in which an episode ends; `time` (k,), s since the reset; `energy` (k,), kinetic plus potential, J;
-    `clipped` (k,), how many steps since the reset had a torque clipped; `p` and `v` (k, r), the true positions, rad
-    (m), and velocities, rad/s (m/s), not those measured; `torque` (k, r), N m (N), that reached the joints; `marks` (k,
-    m), 1 for each of the m actuator effects named in `Plant.marks` that changed a torque, else 0. Nothing is checked.
+    `observation` (k, n), n numbers an arm, in the environment's units; `reward` (k,), no unit; `terminated` and
+    `truncated` (k,), bools, the two ways in which an episode ends; `time` (k,), s since the reset; `energy` (k,),
+    kinetic plus potential, J; `clipped` (k,), how many steps since the reset had a torque clipped; `p` and `v` (k, r),
+    the true positions, rad (m), and velocities, rad/s (m/s), not those measured; `torque` (k, r), N m (N), that reached
+    the joints; `marks` (k, m), 1 for each of the m actuator effects named in `Plant.marks` that changed a torque, else
+    0. Nothing is checked.
     """
 
     observation: Array
@@ -73,8 +74,9 @@ class Arms:
 
     `count` is N; `precision`, "double" or "single", is that of the native code. Attributes: `steps` and `clipped` (N,),
     control periods since the reset and those with a clipped torque; `parameters` (N, P), the P true inertial parameters
-    now, payloads included, SI units, read-only; `payload` (N,), the mass in kg that load effects add. Raises
-    `InputError` for another precision, and where single precision cannot close the mechanism's loops.
+    now, payloads included, SI units, in the order of `Mechanism.parameter_names`, read-only; `payload` (N,), the mass
+    in kg that load effects add. Raises `InputError` for another precision, and where single precision cannot close the
+    mechanism's loops.
     """
 
     def __init__(self, single: TrackingEnv, count: int, precision: Precision = "double") -> None:
@@ -98,9 +100,10 @@ class Arms:
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> StepResult:
         """The first results, a `StepResult` of k rows, of new episodes of the arms of indices `arms` (k,). `options`
-        may have `payload`, kg or a mapping, `trajectory`, a `Reference`, a seed or "random", `initial_error`, rad (m),
-        and `parameters`, the P true inertial ones, SI units: one value for all N arms or N of them; others are not
-        looked at, and what is missing is that of the single environment.
+        may have `payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`, `trajectory`, a
+        `Reference`, a seed or "random", `initial_error`, rad (m), and `parameters`, the P true inertial ones, SI units,
+        in the order of `Mechanism.parameter_names`: one value for all N arms or N of them; others are not looked at,
+        and what is missing is that of the single environment.
 
         Raises `InputError` for a bad value, of these `NonFiniteError` for numbers that are not finite, naming the arm,
         and `SingularityError` where loops cannot be followed to the start.

@@ -25,8 +25,11 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     its own, which begins anew with each episode.
 
     `env` is a `VectorTrackingEnv`, without wrappers; `controller` the `Controller`; `actions` the number a of actions
-    of one arm. Observations are those of `env`. A subclass defines what actions do. Raises `InputError` for another
-    environment, what is no controller, and one for another number of joints.
+    of one arm. Observations are those of `env`. A subclass defines what actions do by `_torques(actions)`: from actions
+    (N, a), finite ones, the torques (N, r) of the next control period on r joints, N m (N), and a dict that is added to
+    `info`. It takes the controller's state from `_memory` and positions, velocities and reference, (N, r) each, from
+    `_seen`, and puts the next state into `_memory`. Raises `InputError` for another environment, what is no controller,
+    and one for another number of joints.
     """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
@@ -52,8 +55,9 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         "Disabled", of those in the option `reset_mask`, bools (N,); the controller's state of these arms is made anew.
 
         `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
-        `payload` (kg or a mapping), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (rad, m) and the
-        P true inertial `parameters` (P,), SI units, for all arms or one each, None for none. Raises `InputError` for
+        `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a
+        `Reference`, a seed or "random"), `initial_error` (rad, m) and the P true inertial `parameters` (P,), SI units,
+        in the order of `Mechanism.parameter_names`, for all arms or one each, None for none. Raises `InputError` for
         bad seeds and options, of these `NotFoundError` for unknown ones and `NonFiniteError` for numbers that are not
         finite, `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of
         the arms before the first reset of all.

@@ -46,11 +46,11 @@ class LearnerView:
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
         """The first observations (N, n), n numbers an arm in the environment's units, of an episode of each of the N
         arms. `seeds` and `options` have N entries each: an arm's seed, None to go on with its random numbers, and its
-        options, those of `TrackingEnv.reset` (`payload`, kg or a mapping; `trajectory`, a `Reference`, a seed or
-        "random"; `initial_error`, rad (m); `parameters` (P,), the P true inertial ones, SI units), of the same names
-        for all arms. Raises `InputError` for bad seeds and options, other names, and another number of seeds or
-        options, of these `NotFoundError` for unknown options; `SingularityError` where loops cannot be followed to the
-        start."""
+        options, those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center`
+        and `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters` (P,), the
+        P true inertial ones, SI units, in the order of `Mechanism.parameter_names`), of the same names for all arms.
+        Raises `InputError` for bad seeds and options, other names, and another number of seeds or options, of these
+        `NotFoundError` for unknown options; `SingularityError` where loops cannot be followed to the start."""
         count = self.env.num_envs
         listed = isinstance(options, Sequence) and all(isinstance(own, Mapping) for own in options)
         if not listed or len(options) != count:

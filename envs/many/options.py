@@ -53,10 +53,11 @@ class ArmOptions:
         return [values[arm] for arm in self.arms.tolist()]
 
     def parameters(self, options: Mapping[str, Any], own: Array, link: int) -> Array:
-        """The P true inertial parameters of each of the k chosen arms (k, P), SI units: the option `parameters`, P
-        numbers for all arms or (N, P) for all N, or else the mechanism's `own` (P,), with the option `payload` added to
-        the body of index `link`: a mass in kg, a mapping with `mass`, `center` and `inertia`, or a `Payload`, one or N
-        of them.
+        """The P true inertial parameters of each of the k chosen arms (k, P), SI units, in the order of
+        `Mechanism.parameter_names`: the option `parameters`, P numbers for all arms or (N, P) for all N, or else the
+        mechanism's `own` (P,), with the option `payload` added to the body of index `link`: a mass in kg, a mapping
+        with `mass`, kg, `center` (3,), m, in that body's frame, and `inertia` (3, 3), kg m^2, about it, or a `Payload`,
+        one or N of them.
 
         `options` maps names to values; others are not looked at. Raises `InputError` on a wrong shape, another number
         of payloads than one or N, and for what is no payload, naming the arm; of these `NotFoundError` for an unknown

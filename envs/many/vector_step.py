@@ -21,12 +21,12 @@ LARGEST = 1e300
 
 
 class Facts(NamedTuple):
-    """Facts about an arm after a control period, one scalar each, where conditions are 1.0 or 0.0: `reward`, no unit,
-    without the penalty for an episode that is terminated; `finite`, 1 if the motion has not run away; `lost`, 1 if a
-    joint's error passed its bound; `sure`, 1 if a mechanism's loops are surely away from singularities and positions
-    within the conditions that its file states, or it has no loops, 0 where that must be computed exactly; `energy`,
-    kinetic plus potential, J, with the inertial parameters of the period that ends; `clipped`, 1 if the torque was
-    clipped to its limits. Nothing is checked."""
+    """Facts about an arm after a control period, one scalar each of any kind (float, array over arms, or symbol to be
+    compiled), where conditions are 1.0 or 0.0: `reward`, no unit, without the penalty for an episode that is
+    terminated; `finite`, 1 if the motion has not run away; `lost`, 1 if a joint's error passed its bound; `sure`, 1 if
+    a mechanism's loops are surely away from singularities and positions within the conditions that its file states, or
+    it has no loops, 0 where that must be computed exactly; `energy`, kinetic plus potential, J, with the inertial
+    parameters of the period that ends; `clipped`, 1 if the torque was clipped to its limits. Nothing is checked."""
 
     reward: Any
     """without what ending costs"""
@@ -42,8 +42,9 @@ class Facts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class VectorStep:
-    """The control period of a vector environment as one equation over scalars of any kind, to be compiled for many arms
-    at once: the motion of the plant under a torque, the observation and the reward, each arm at a time (s) of its own.
+    """The control period of a vector environment as one equation over scalars of any kind (floats, arrays, or symbols),
+    to be compiled for many arms at once: the motion of the plant under a torque, the observation and the reward, each
+    arm at a time (s) of its own.
 
     `plant` is the `Plant`, of r joints; `look_ahead` (L,) are the times ahead, s, at which the reference is observed;
     `error_bound` (r,), rad (m), ends an episode; `weights` are the `RewardWeights`; `sinusoids`, a `SinusoidForm`, says
@@ -60,19 +61,19 @@ class VectorStep:
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths, by name, of the columns from which the reference follows: {"row": 3r + r L}, samples for r joints
-        and L look-ahead times, where references are given by samples; else "time" (1) and the numbers of h sinusoids a
-        joint: "center" (r), "amplitude", "frequency" and "phase" (r h each, with the r numbers of the first sinusoid
-        first) and "start_time" (1)."""
+        """Lengths, by name, of the columns (vectors) from which the reference follows: {"row": 3r + r L}, samples for r
+        joints and L look-ahead times, where references are given by samples; else "time" (1) and the numbers of h
+        sinusoids a joint: "center" (r), "amplitude", "frequency" and "phase" (r h each, with the r numbers of the first
+        sinusoid first) and "start_time" (1)."""
         if not self.sinusoids.terms:
             return {"row": (3 + len(self.look_ahead)) * self.plant.dof}
         return self.sinusoids.shared | self.sinusoids.held
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that a step reads and leaves as they are: "torque" (r), "noise" (2r, or 0
-        without sensors), "parameters" (P, the true inertial ones) and those of the property `reference`, for r
-        joints."""
+        """Lengths, by name, of the columns (vectors) that a step reads and leaves as they are: "torque" (r), "noise"
+        (2r, the positions' first, or 0 without sensors), "parameters" (P, the true inertial ones, in the order of
+        `Mechanism.parameter_names`) and those of the property `reference`, for r joints."""
         given = {"torque": self.plant.dof, "noise": self.plant.noise_size}
         return given | {"parameters": self.plant.mechanism.equations.parameters} | self.reference
 
@@ -97,20 +98,21 @@ class VectorStep:
         return compile_function(row, self.reference, name="row")
 
     def row(self, columns: Mapping[str, Column]) -> Column:
-        """The row of a reference, a `Column` (3r + r L,) of scalars of any kind: positions, velocities and
-        accelerations of r joints now, then the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m if
-        prismatic). `columns` has, by name, those of the property `reference`; one that is missing raises `KeyError`."""
+        """The row of a reference, a `Column`, which is a vector of scalars of any kind, (3r + r L,): positions,
+        velocities and accelerations of r joints now, then the positions at each of L look-ahead times, in rad, rad/s,
+        rad/s^2 (m if prismatic). `columns` has, by name, those of the property `reference`; one that is missing raises
+        `KeyError`."""
         if not self.sinusoids.terms:
             return columns["row"]
         now, *ahead = (self.sinusoids.point(columns, delay) for delay in (0.0, *self.look_ahead.tolist()))
         return Column(x for part in (*now, *(point.p for point in ahead)) for x in part)
 
     def equation(self, **columns: Column) -> tuple[Column, ...]:
-        """The results of a control period as a tuple of seven `Column`s over scalars of any kind, SI units: the plant's
-        new state, `q` (n,) of the tree's n joints, `v` (r,) of the r primary ones and the memories `drives` and
+        """The results of a control period as a tuple of seven `Column`s, vectors of scalars of any kind, SI units: the
+        plant's new state, `q` (n,) of the tree's n joints, `v` (r,) of the r primary ones and the memories `drives` and
         `sensors`; the observation (5r + r L,), measured positions and velocities and the reference's row; the six
-        numbers of `Facts` (reward, finite, lost, sure, energy, clipped) and the plant's m marks (6 + m,); and the true
-        positions and velocities and the torque that reached the joints (3r,).
+        numbers of `Facts` (reward, finite, lost, sure, energy, clipped) and the plant's m marks (6 + m,); and, one
+        after the other (3r,), the true positions, the velocities and the torque that reached the joints.
 
         `columns` are, by name, the state before it, "q", "v", "drives" and "sensors", and those of the property `held`:
         "torque" (r,), "noise", "parameters" (P,) and the reference's; one that is missing raises `KeyError`.

@@ -160,12 +160,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         and for each key a mask `_key` (N,) of the arms that have begun.
 
         `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
-        `payload` (kg or a mapping), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (rad, m) and the
-        P true inertial `parameters` (P,) in SI units, for all arms or one each, in place of those in `reset_options`,
-        None for these alone. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown ones
-        and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, naming the arm;
-        `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of the arms
-        before the first reset of all.
+        `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a
+        `Reference`, a seed or "random"), `initial_error` (rad, m) and the P true inertial `parameters` (P,) in SI
+        units, in the order of `Mechanism.parameter_names`, for all arms or one each, in place of those in
+        `reset_options`, None for these alone. Raises `InputError` for bad seeds and options, of these `NotFoundError`
+        for unknown ones and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, naming the
+        arm; `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of the
+        arms before the first reset of all.
         """
         given = dict(_known(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -189,13 +190,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
         `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity or leave
         bounds that the robot's file states, `truncated` where the duration is over. `info` has `time` (N,), s,
-        `parameters` (N, P), the P true inertial ones (SI units), `applied_torque` (N, r), N m (N), `energy` (N,), J,
-        and `clipped` (N,), actions clipped so far; with effects also the true `p` and `v` (N, r) and `marks`, a dict of
-        events; for each key a mask `_key` (N,) of arms; with `autoreset_mode` "SameStep" `final_obs` and `final_info`
-        of episodes that ended. Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming
-        joint and arm, before anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away;
-        Gymnasium's `ResetNeeded` before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is
-        over.
+        `parameters` (N, P), the P true inertial ones (SI units, in the order of `Mechanism.parameter_names`),
+        `applied_torque` (N, r), N m (N), `energy` (N,), J, and `clipped` (N,), actions clipped so far; with effects
+        also the true `p` and `v` (N, r) and `marks`, a dict of events; for each key a mask `_key` (N,) of arms; with
+        `autoreset_mode` "SameStep" `final_obs` and `final_info` of episodes that ended. Raises `InputError` on a wrong
+        shape and `NonFiniteError` on NaN and infinity, naming joint and arm, before anything has moved;
+        `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded` before the first reset,
+        and with `autoreset_mode` "Disabled" where an arm's episode is over.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)

@@ -63,7 +63,7 @@ class Camera:
 
     def rays(self) -> Array:
         """Directions (height, width, 3) of the rays from the camera through the pixels' centres, unit vectors in world
-        coordinates, rows from the top."""
+        coordinates: rows from the top, columns from the left."""
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / self.focal
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / self.focal
         right, down, forward = self.axes

@@ -30,7 +30,8 @@ PAINT = {Solid.LINK: BODY, Solid.JOINT: RUNS[0], Solid.TOOL: INK}
 class Renderer:
     """A renderer of pictures of one `mechanism`, a `Mechanism`, seen from one place, from the front and a little above,
     with all that it can reach in view. `width` and `height` are the pictures' in pixels. Background, floor and
-    pedestals are computed once, at construction; `camera` is the `Camera`. Nothing is checked at construction."""
+    pedestals are computed once, at construction; `camera` is the `Camera`, with twice as many pixels each way, of which
+    each four are averaged. Nothing is checked at construction."""
 
     def __init__(self, mechanism: Mechanism, width: int = 640, height: int = 480) -> None:
         self._mechanism, self._parts = mechanism, skeleton(mechanism)

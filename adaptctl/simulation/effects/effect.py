@@ -15,10 +15,12 @@ from adaptctl.scalars import Column
 
 class Effect(ABC):
     """Abstract base class of plant effects, which are what real plants have besides rigid links and ideal drives, such
-    as delays or friction. A subclass is a frozen dataclass of its own parameters, which it checks itself.
+    as delays or friction. A subclass is a frozen dataclass of its own settings. Derive from `ActuatorEffect`,
+    `SensorEffect`, `JointEffect` or `LoadEffect`: a plant leaves out all others but `ElasticJoints`. Each gives
+    `require(dof, links, control_period)`, which raises `InputError` where its settings do not fit a plant.
 
-    Its equations are written over scalars of any kind: floats, or symbols that become native code. What changes over
-    time is its memory, one column (m,) of m numbers passed in and out.
+    Equations are written over scalars of any kind: floats, or symbols that become native code. What changes over time
+    is an effect's memory, one `Column` (vector) of m numbers, passed in and out.
     """
 
     @abstractmethod
@@ -32,9 +34,10 @@ class ActuatorEffect(Effect):
     """Abstract base class of actuator effects, which change torques on their way from the controller to the joints,
     such as a delay. Nothing is checked at construction, unless by a subclass.
 
-    `rank`, an integer, is the effect's place on that way, lower ones first; `mark` is the name under which a rollout
-    marks the control periods in which the effect passed on another torque than it was given, None (the default) for no
-    marks.
+    A subclass gives `rank`, `require(dof, links, control_period)`, `start(torque, control_period)`, its first memory,
+    and `act(torque, memory, control_period)`, the torque passed on and the next memory. `rank`, an integer, is the
+    effect's place on that way, lower ones first; `mark` is the name under which a rollout marks the control periods in
+    which the effect passed on another torque than it was given, None (the default) for no marks.
     """
 
     rank: ClassVar[int]
@@ -50,15 +53,20 @@ class ActuatorEffect(Effect):
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The torque (r,) passed on to r joints over one control period (s), and the effect's memory (m,) after it, m
-        numbers of its own, from the `torque` (r,) given and the `memory` (m,) before. Torques are in N m (N for a
-        prismatic joint); all are scalars of any kind: floats, or symbols that become native code. An implementation may
-        raise `InputError` for settings that do not fit r joints, `ValueError` for a memory of another length."""
+        numbers of its own. `torque` (r,) is the one given, by the controller or the effect before, and `memory` (m,)
+        that after the last period. Torques are in N m (N for a prismatic joint). Vectors are `Column`s of scalars of
+        any kind: floats, or symbols that become native code. An implementation may raise `InputError` for settings that
+        do not fit r joints, `ValueError` for a memory of another length."""
 
 
 class SensorEffect(Effect):
     """Abstract base class of sensor effects, which change positions and velocities on their way from the joints to the
-    controller, such as encoders. `rank`, an integer, is the effect's place on that way, lower ones first. Nothing is
-    checked at construction, unless by a subclass."""
+    controller, such as encoders. Nothing is checked at construction, unless by a subclass.
+
+    A subclass gives `rank`, `require(dof, links, control_period)`, `start(p, v, control_period)`, its first memory, and
+    `measure(p, v, noise, memory, control_period)`, the positions and velocities measured and the next memory. `rank`,
+    an integer, is the effect's place on that way, lower ones first.
+    """
 
     rank: ClassVar[int]
     """Place on the way from the joints to the controller, an integer: lower ones come first."""
@@ -74,8 +82,8 @@ class SensorEffect(Effect):
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
         """The measured positions (r,) of r joints, rad or m, their measured velocities (r,), rad/s or m/s, and the
-        effect's memory (m,) after them, m numbers of its own; all are scalars of any kind: floats, or symbols that
-        become native code.
+        effect's memory (m,) after them, m numbers of its own. Vectors are `Column`s of scalars of any kind: floats, or
+        symbols that become native code.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, or as measured by the effects
         before; `memory` (m,) is that before this measurement, and `noise` (2r,) holds standard normal numbers
@@ -86,15 +94,16 @@ class SensorEffect(Effect):
 
 class JointEffect(Effect):
     """Abstract base class of joint effects, which are torques in the joints that resist their motion and dissipate
-    energy, such as friction; they depend on the joints' velocities alone. Nothing is checked at construction, unless by
-    a subclass."""
+    energy, such as friction; they depend on the joints' velocities alone. A subclass gives `require(dof, links,
+    control_period)`, `torque(v)`, the resisting torque (r,) at velocities v (r,) of r joints, and `steepest(dof)`, its
+    greatest slope (r,) over velocity. Nothing is checked at construction, unless by a subclass."""
 
     @abstractmethod
     def torque(self, v: Column) -> Column:
         """The resisting torque (r,), N m (N for a prismatic joint), at joint velocities v (r,), rad/s (m/s), of r
         joints. It has the sign of v: in the equations of motion it is subtracted from the drives' torque. Both are
-        scalars of any kind: floats, or symbols that become native code. An implementation may raise `InputError` for
-        settings that do not fit r joints."""
+        `Column`s, vectors of scalars of any kind: floats, or symbols that become native code. An implementation may
+        raise `InputError` for settings that do not fit r joints."""
 
     @abstractmethod
     def steepest(self, dof: int) -> Array:
@@ -105,7 +114,9 @@ class JointEffect(Effect):
 
 class LoadEffect(Effect):
     """Abstract base class of load effects, which change the mechanism's inertial parameters in mid-motion, such as a
-    payload that is picked up. Nothing is checked at construction, unless by a subclass."""
+    payload that is picked up. A subclass gives `require(dof, links, control_period)`, `mass(time)`, the mass added, kg,
+    and `loaded(parameters, links, time)`, the parameters with the load; it may override `until(time)`, the time until
+    which the load stays as it is, s. Nothing is checked at construction, unless by a subclass."""
 
     @abstractmethod
     def mass(self, time: float) -> float:
@@ -121,10 +132,11 @@ class LoadEffect(Effect):
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
         """The mechanism's P inertial parameters (..., P) with the load at `time` (s) added to `parameters` (..., P),
-        those without it. The first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx,
-        I_xy, I_yy, I_xz, I_yz, I_zz (mass, first moments of mass, inertia tensor), in kg, kg m, kg m^2 about the origin
-        of the link's frame; the drives' follow, SI units. An implementation may raise `NotFoundError` for a link that
-        is not among `links`, `InputError` for too few parameters."""
+        those without it, which are left as they are; where nothing is added they may be returned themselves. The first
+        are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz
+        (mass, first moments of mass, inertia tensor), in kg, kg m, kg m^2 about the origin of the link's frame; the
+        drives' (rotor inertias and friction) follow, SI units. An implementation may raise `NotFoundError` for a link
+        that is not among `links`, `InputError` for too few parameters."""
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:

@@ -58,12 +58,13 @@ class Encoder(SensorEffect):
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured positions (r,) of r joints, rad or m, in whole counts, the noisy velocities (r,), rad/s or m/s,
-        and the `memory` (0,) as it was.
+        """The measured positions (r,) of r joints, rad or m, with noise and rounded to whole counts of `resolution`
+        (where that is 0, not rounded), the noisy velocities (r,), rad/s or m/s, and the `memory` (0,) as it was.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, and `noise` (2r,) holds standard
-        normal numbers (unitless), the positions' first; `control_period` (s) is not used. Raises `InputError` for
-        settings that are negative, NaN or do not fit r joints, `ValueError` for columns of other lengths.
+        normal numbers (unitless), the positions' first; `control_period` (s) is not used. Vectors are `Column`s of
+        scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for settings that are
+        negative, NaN or do not fit r joints, `ValueError` for columns of other lengths.
         """
         dof = len(p)
         jitter, steps, shake = (

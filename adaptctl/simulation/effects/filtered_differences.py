@@ -22,11 +22,12 @@ class FilteredDifferences(SensorEffect):
         w_k = a w_(k-1) + (1 - a) (p_k - p_(k-1))/T_c,   a = exp(-2 pi cutoff T_c)
 
     w (r,) is the estimate for r joints in rad/s (m/s of a prismatic joint), p (r,) the measured position in rad (m), k
-    counts control periods, T_c is their length in s, and `cutoff` is in Hz, one number for all joints. This is the
-    derivative that controllers use in practice (Astrom and Hagglund, Advanced PID Control, 2006, section 3.3); it is
-    late by about T_c/2 + 1/(2 pi cutoff) s. An encoder's count of c rad (m) makes it jump by (1 - a) c/T_c. `rank`, 1,
-    is the effect's place on the way from the joints to the controller: after encoders. Raises `InputError` for a cutoff
-    that is not positive and finite, and in a `Plant` for one of at least half the sampling rate, 0.5/T_c.
+    counts control periods, T_c is their length in s, and `cutoff` is in Hz, one number for all joints. Before the first
+    measurement w is the true velocity v, and p is taken to have been p - T_c v. This is the derivative that controllers
+    use in practice (Astrom and Hagglund, Advanced PID Control, 2006, section 3.3); it is late by about T_c/2 + 1/(2 pi
+    cutoff) s. An encoder's count of c rad (m) makes it jump by (1 - a) c/T_c. `rank`, 1, is the effect's place on the
+    way from the joints to the controller: after encoders. Raises `InputError` for a cutoff that is not positive and
+    finite, and in a `Plant` for one of at least half the sampling rate, 0.5/T_c.
     """
 
     cutoff: float
@@ -58,7 +59,8 @@ class FilteredDifferences(SensorEffect):
         them, and the filter's memory (2r,) after them: p, then the estimate.
 
         `memory` (2r,), p and the estimate, is that of the period before, `control_period` is in s; the velocities v
-        (r,) and `noise` (2r,) are not used. Raises `ValueError` for a memory of another length.
+        (r,) and `noise` (2r,) are not used. Vectors are `Column`s of scalars of any kind: floats, arrays, or symbols to
+        be compiled. Raises `ValueError` for a memory of another length.
         """
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
         before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])

@@ -53,8 +53,8 @@ class Payload:
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
         """A payload, a rigid body held by a link, from a mass in kg, or from a mapping with `mass` (kg) and perhaps
-        `center` of mass (3,) in m and `inertia` tensor (3, 3) in kg m^2 about it, zero unless given; a `Payload` is
-        returned as it is.
+        `center` of mass (3,) in m, in that link's frame, and `inertia` tensor (3, 3) in kg m^2 about it, zero unless
+        given; a `Payload` is returned as it is.
 
         Raises `InputError` for anything else, for a mass that is missing or negative, a wrong shape, numbers that are
         not finite or too large, and an inertia that no rigid body has; `NotFoundError`, a subclass of it, for an
@@ -77,9 +77,9 @@ class Payload:
         not.
 
         The parameters begin with ten a link: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg
-        m^2 about the origin of the link's frame; the drives', if any, follow. Raises `InputError` for parameters that
-        are no numbers or too few to include that link's, and for an index that is no whole number of at least 0; NaN
-        and infinity among the parameters pass.
+        m^2 about the origin of the link's frame; the drives' (rotor inertias and friction), if any, follow. Raises
+        `InputError` for parameters that are no numbers or too few to include that link's, and for an index that is no
+        whole number of at least 0; NaN and infinity among the parameters pass.
         """
         loaded = numbers(parameters, "payload: parameters").copy()
         whole_number(link, "payload: link", 0, (loaded.shape[-1] if loaded.ndim else 0) // 10 - 1)

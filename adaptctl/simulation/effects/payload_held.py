@@ -59,9 +59,9 @@ class PayloadHeld(LoadEffect):
         unchecked.
 
         The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives', if any, follow.
-        While the payload is held, raises `NotFoundError` where its link is not among `links`, `InputError` for
-        parameters that are no numbers or too few to include that link's.
+        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives' (rotor inertias
+        and friction), if any, follow. While the payload is held, raises `NotFoundError` where its link is not among
+        `links`, `InputError` for parameters that are no numbers or too few to include that link's.
         """
         if not self.start <= time < self.stop:
             return parameters

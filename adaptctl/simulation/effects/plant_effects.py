@@ -55,9 +55,10 @@ class PlantEffects:
         )
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` where an effect's settings are negative, NaN or not one number or one for each of `dof`
-        (r) joints, or a filter's cutoff is too high for the `control_period` (s); `NotFoundError`, a subclass of
-        it, where a payload's link is not among `links`, the names of those with ten inertial parameters each."""
+        """Raise `InputError` where an effect's settings do not fit a plant of `dof` (r) joints, as its own `require`
+        finds: negative, NaN or not one number or one for each joint, say, or a filter's cutoff too high for the
+        `control_period` (s). Raise `NotFoundError`, a subclass of it, where a payload's link is not among `links`, the
+        names of those with ten inertial parameters each."""
         elastic = () if self.elastic is None else (self.elastic,)
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
             effect.require(dof, links, control_period)
@@ -79,9 +80,9 @@ class PlantEffects:
         `parameters` (..., P), SI units, those without loads; these themselves where there is no load.
 
         The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives', if any, follow.
-        While a payload is held, raises `NotFoundError` where its link is not among `links`, `InputError` for parameters
-        that are no numbers or too few to include that link's.
+        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives' (rotor inertias
+        and friction), if any, follow. While a payload is held, raises `NotFoundError` where its link is not among
+        `links`, `InputError` for parameters that are no numbers or too few to include that link's.
         """
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
@@ -106,8 +107,9 @@ class PlantEffects:
         `PlantEffects.marks`: 1 where that effect changed any joint's torque, else 0.
 
         `torque` (r,) is the one commanded, in the same unit, `memory` (m,) the m numbers that the effects remember from
-        the period before; scalars of any kind (floats, arrays, or symbols to be compiled). Raises `InputError` for
-        settings that do not fit r joints; a lag or a rate limit raises `ValueError` for a memory that is too short.
+        the period before. Vectors are `Column`s of scalars of any kind: floats, arrays, or symbols to be compiled.
+        Raises `InputError` for settings that do not fit r joints; a lag or a rate limit raises `ValueError` for a
+        memory that is too short.
         """
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
@@ -130,9 +132,9 @@ class PlantEffects:
         `p` and `v` (r,), in the same units, are the true ones, of the motors where encoders sit on these
         (`senses_motors`); `memory` (m,) holds the m numbers that the effects remember from before, and `noise` (2r,)
         standard normal numbers (unitless), the positions' first, each effect getting the same ones; `control_period` is
-        in s; scalars of any kind (floats, arrays, or symbols to be compiled). Raises `InputError` for settings that do
-        not fit r joints, `ValueError`, with filtered differences, for a memory that is too short and, with encoders,
-        for noise of another length.
+        in s. Vectors are `Column`s of scalars of any kind: floats, arrays, or symbols to be compiled. Raises
+        `InputError` for settings that do not fit r joints, `ValueError`, with filtered differences, for a memory that
+        is too short and, with encoders, for noise of another length.
         """
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])
@@ -145,8 +147,8 @@ class PlantEffects:
 
 def differs(asked: Column, given: Column) -> Scalar:
     """Mark of a torque that was changed: 1 where any of r joints was `given` another torque than `asked`, (r,) each in
-    N m (N), else 0, over scalars of any kind (floats, arrays, or symbols to be compiled). Raises `ValueError` for
-    columns of unlike lengths."""
+    N m (N), else 0, over `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises
+    `ValueError` for columns of unlike lengths."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):
         largest = maximum(largest, absolute(x - y))
