@@ -160,8 +160,8 @@ def shown_live(env: gymnasium.Env[Any, Any], mechanism: Mechanism) -> Iterator[g
     """Context manager that gives the environment to drive: `env` itself, or, within
     `adaptctl.recording.live.streaming`, where the live viewer named there can be reached, a wrapper of `env` that also
     shows the motion of its arm, `mechanism`, there. Where no viewer can be reached a `LiveViewWarning` is given. Raises
-    `InputError` for an address that is none on this computer and for a mechanism that cannot be drawn, `FileError` for
-    a file in no place to write to."""
+    `InputError` for an address other than a port of this computer or a file .rrd, and for a mechanism that cannot be
+    drawn, `FileError` for a file in no place to write to."""
     from adaptctl.recording.live import CURRENT, Live
 
     if (to := CURRENT.get()) is None:

@@ -139,8 +139,9 @@ class Checked:
         )
 
     def facts(self) -> tuple[Fact, ...]:
-        """Facts of the check, questions with answers, for terminal and report: how many builds agree, the largest
-        difference of torques (N m) for each kind of number, and the compilers found and not found."""
+        """Facts of the check, questions with answers, for terminal and report: how many builds agree with Python, the
+        largest difference of these builds' torques (N m) for each kind of number, the number of laws, and the compilers
+        found and not found."""
         worst = [Fact(f"Off at most, {scalar}", f"{scientific(off, 2)} N m") for scalar, off in self._worst().items()]
         return (
             Fact("Builds that agree", f"{self._passed} of {len(self.builds)}"),

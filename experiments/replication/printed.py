@@ -107,8 +107,8 @@ class Number:
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
-        """Text of a `computed` value in the style of the printed number: as many decimals, with an exponent or
-        without."""
+        """Text of a `computed` value in the style of the printed number: as many decimals, and an exponent where that
+        has one; without, what rounds to zero has no minus sign."""
         decimals = len(self.text.upper().partition("E")[0].partition(".")[2])
         if "E" in self.text.upper():
             return f"{computed:.{decimals}E}"

@@ -56,7 +56,7 @@ class Check:
 
     @property
     def is_mark(self) -> bool:
-        """True for an entry of a table of crosses, a cross or a blank, and no number."""
+        """True if the printed entry is a cross or a blank, in a table of crosses, and no number."""
         return self.printed in (MARK, "")
 
     @property

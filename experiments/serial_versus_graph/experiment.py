@@ -120,10 +120,10 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def side(self, arm: ArmWithTip, progress: Progress) -> Side:
-        """Data of one arm: its fundamental (base) parameters, its runs and the motions of its tip. `progress(what,
-        share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a path that is out of reach,
-        `GainError` for gains too large for the control period, `RankError` where the number of fundamental parameters
-        cannot be certified."""
+        """Data, a `Side`, of one `arm` with its tip: its fundamental (base) parameters, its runs and the motions of its
+        tip. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a path
+        that is out of reach, `GainError` for gains too large for the control period, `RankError` where the number of
+        fundamental parameters cannot be certified."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
         tip = arm.on(mechanism)
