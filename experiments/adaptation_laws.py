@@ -90,9 +90,9 @@ EULER = "gradient-euler"
 
 @dataclass(frozen=True)
 class AdaptationLaws(RoughStart, Learning):
-    """Experiment that compares adaptation laws and control laws on one arm, reference and seed, all from one rough
-    model, which has every link's parameters off by `parameter_error`, a share: Slotine and Li's control law with each
-    adaptation law of `laws`, and the other control laws in it.
+    """Experiment that compares the `laws` on one arm, reference and seed, all from one rough model, which has every
+    link's parameters off by `parameter_error`, a share: each adaptation law among them in Slotine and Li's control law,
+    each other control law by itself.
 
     In the settings, s is the sliding variable, the velocity error plus the bandwidth times the position error.
     `leakage` and `sliding_leakage` are the leaks of sigma- and e-modification towards the rough model; `prediction`,
@@ -210,8 +210,8 @@ class AdaptationLaws(RoughStart, Learning):
 
     def motors(self, mechanism: Mechanism) -> Array:
         """Largest torques (r,) that the motors of the r primary (independently moving) joints give, N m (N if
-        prismatic): the mechanism's limits, or, where a joint has none, four times the largest torque that it needs in
-        200 random states."""
+        prismatic): the mechanism's limits, or, where a joint has none, four times the most that it needs in 200 random
+        states of up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), 1 N m (N) at least."""
         return finite_torque_limits(mechanism)
 
     def effects(self) -> Iterator[Effect]:

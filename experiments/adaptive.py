@@ -36,7 +36,7 @@ PLANTS = ("adaptctl", "mujoco")
 @dataclass(frozen=True)
 class AdaptiveTracking(Learning):
     """Experiment of learning to track on any arm from knowing none of its inertial parameters: reference, gains and
-    integration steps are those that `tune` chooses for it, and the plant is adaptctl's own or MuJoCo.
+    integration steps are those that `adaptctl.tuning.tune` chooses for it, and the plant is adaptctl's own or MuJoCo.
 
     In the settings' formulas T_c is the control period, M the mass matrix, B the viscous friction, K the damping, Y the
     regressor, Γ the adaptation gain and λ_max the largest eigenvalue. Raises `InputError` at construction for another
@@ -103,9 +103,9 @@ class AdaptiveTracking(Learning):
         return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
-        """Tuning of a mechanism, `Tuning`: the reference, gains, torque limits and integration steps that `tune`
-        chooses for this experiment's settings; the last four tunings are cached. With MuJoCo, the reference is kept
-        clear of contacts. Raises `InputError` where no gains can hold a joint."""
+        """Tuning of a mechanism, `Tuning`: the reference, gains, torque limits and integration steps that
+        `adaptctl.tuning.tune` chooses for this experiment's settings; the last four tunings are cached. With MuJoCo,
+        the reference is kept clear of contacts. Raises `InputError` where no gains can hold a joint."""
         return _tuned(self, mechanism)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
@@ -130,8 +130,8 @@ class AdaptiveTracking(Learning):
         )
 
     def scene(self, mechanism: Mechanism) -> Any:
-        """Scene for MuJoCo: the path of the robot's file if it is one of MuJoCo's (.xml, .mjcf), else the `mechanism`,
-        from whose links a model is made."""
+        """Scene for MuJoCo: the path, a text, of the robot's file if it is one of MuJoCo's (.xml, .mjcf), else the
+        `mechanism`, from whose links a model is made."""
         return self.robot if Path(self.robot).suffix.lower() in (".xml", ".mjcf") else mechanism
 
     @property
@@ -169,15 +169,16 @@ class AdaptiveTracking(Learning):
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Contenders (controllers to compare, with names) in the order in which they run, the first being the
         experiment's subject: Slotine and Li's law on the k fundamental (base) parameters in `basis`; with adaptation
-        off; computed torque with true, wrong and no parameters; and Slotine and Li's law on all parameters. Each
-        controller is made when first asked for, which raises `GainError` for gains too large for the control period.
-        Raises `InputError` for a basis of another geometry than the mechanism's."""
+        off; computed torque with true parameters, with wrong ones (every link's off by `parameter_error`, a share) and
+        with none; and Slotine and Li's law on all parameters. Each controller is made when first asked for, which
+        raises `GainError` for gains too large for the control period. Raises `InputError` for a basis of another
+        geometry than the mechanism's."""
         return [contender for contender in super().contenders(mechanism, basis) if contender.name != MAPPED]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Finding on whether adapting the fundamental (base) parameters and adapting all are one controller: the
-        largest difference of their torques, N m; none where either was not run. `outcome` has the runs; `basis` is not
-        used."""
+        largest difference of their commanded torques, N m (N if prismatic); none where either was not run. `outcome`
+        has the runs; `basis` is not used."""
         return one_controller(outcome, ADAPTIVE)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:

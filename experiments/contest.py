@@ -83,10 +83,10 @@ def contest(
 
     `progress(label, share)` gets the contender's label and the share of its run that is done, 0 to 1. All controllers
     are made before anything runs, so that what their making raises, such as `GainError`, comes first. Where all runs
-    together have more than 600 000 control periods, at most 30 000 of them are recorded. Raises `InputError` for an
-    environment that a controller cannot drive, `NonFiniteError` where a motion runs away. Ctrl-C ends the contest: the
-    runs that were begun are returned, as not complete; `KeyboardInterrupt` is raised where there are none, and for an
-    environment that gives no sample.
+    together have more than 600 000 control periods, at most about 30 000 of them, evenly spaced, are recorded. Raises
+    `InputError` for an environment that a controller cannot drive, `NonFiniteError` where a motion runs away. Ctrl-C
+    ends the contest: the runs that were begun are returned, as not complete; `KeyboardInterrupt` is raised where there
+    are none, and for an environment that gives no sample.
     """
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
@@ -159,7 +159,9 @@ def _run(
 def shown_live(env: gymnasium.Env[Any, Any], mechanism: Mechanism) -> Iterator[gymnasium.Env[Any, Any]]:
     """Context manager that gives the environment to drive: `env` itself, or, within
     `adaptctl.recording.live.streaming`, where the live viewer named there can be reached, a wrapper of `env` that also
-    shows the motion of its arm, `mechanism`, there."""
+    shows the motion of its arm, `mechanism`, there. Where no viewer can be reached a `LiveViewWarning` is given. Raises
+    `InputError` for an address other than a port of this computer or a file .rrd, and for a mechanism that cannot be
+    drawn, `FileError` for a file in no place to write to."""
     from adaptctl.recording.live import CURRENT, Live
 
     if (to := CURRENT.get()) is None:
@@ -186,9 +188,10 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
     """Cost of a control tick, the computation of one torque, over 1000 states spread over a run of a controller: the
-    median time of a call from Python, s; the least mean time in a native loop, s; and the number of floating-point
-    operations. The last two are None where the control law is not compiled; the native time is None also beyond 20 000
-    operations, which take too long to compile. Raises `IndexError` for a run without samples."""
+    median time of a call from Python, s; the mean time in a loop of native code over all these states, s, the least of
+    30 such loops; and the number of floating-point operations. The last two are None where the control law is not
+    compiled; the native time is None also beyond 20 000 operations, which take too long to compile. Raises `IndexError`
+    for a run without samples."""
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
     states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
     called, kernel = _called(controller, states), controller.kernel

@@ -35,8 +35,8 @@ EVERY, FEW, HELD = "all", "few", "held"
 
 class Burden(NamedTuple):
     """Burden of a run on the arm: root mean square tracking errors of all joints (rad or m), `rms_error` of the whole
-    run and `final_rms_error` of its last two seconds (None where it was shorter); `rms_torque`, the root mean square
-    torque of all joints together, as a share of their limits (no unit); `work`, the motors', the integral of |torque
+    run and `final_rms_error` of its last two seconds (None where it was shorter); `rms_torque` (no unit), the root of
+    the mean over time of the sum over joints of (torque / its limit)^2; `work`, the motors', the integral of |torque
     times velocity| summed over joints, J; the `duration`, s; and `stopped`, True where an error passed its bound.
     Nothing is checked at construction."""
 
@@ -59,7 +59,8 @@ class CounterweightedTracking(ClosedLoopExperiment):
     """Experiment on counterweights in closed loop: an arm tracks one reference as it is described and then with optimal
     counterweights, each time with Slotine and Li's law adapting all parameters, adapting only the `components`
     essential components that carry most energy, and holding their true values. Essential components are the parts of
-    the inertial parameters along orthonormal directions, by falling energy.
+    the inertial parameters along the right singular vectors of the arm's energies over random states, by falling
+    energy.
 
     The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
     joint to the next. A link's counterweight lies in the box around its joints and centre of mass, widened on all sides
@@ -84,10 +85,11 @@ class CounterweightedTracking(ClosedLoopExperiment):
     def run(self, progress: Progress) -> Result:
         """Result of the comparison: outcome in words, facts (questions with answers), and a function that writes its
         folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C during a run keeps what
-        was run. Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be used, `InputError`
-        for an arm with friction or linear constraints between its inertial parameters, for more `components` than the
-        arm has essential (identifiable) parameters, for an unknown link or objective and for joints that no gains can
-        hold, `RankError` where the number of essential parameters cannot be certified."""
+        was run; before the first sample of an arm `KeyboardInterrupt` passes. Raises `NotFoundError` for an unknown
+        robot, `FileError` for a file that cannot be used, `InputError` for an arm with friction or linear constraints
+        between its inertial parameters, for more `components` than the arm has essential (identifiable) parameters, for
+        an unknown link or objective and for joints that no gains can hold, `RankError` where the number of essential
+        parameters cannot be certified."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:
@@ -226,8 +228,9 @@ def burden(run: ControllerRun, limits: Array) -> Burden:
 
 
 def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
-    """Matplotlib figure of the root mean square tracking error of all joints, in mrad (mm), over the last 0.25 s at
-    each time (s): a line for each run, on a logarithmic scale, solid with counterweights and dashed without."""
+    """Matplotlib figure of the root mean square tracking error of all joints, in mrad (mm), over the 0.25 s that end at
+    each time (s): a line for each of the `runs`, on a logarithmic scale, solid with counterweights (runs whose names
+    end in "after") and dashed without. `mechanism` gives the unit."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
@@ -248,8 +251,8 @@ def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Fi
 
 def applied_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
     """Matplotlib figure of the applied torque, N m (N if prismatic), of every primary (independently moving) joint of a
-    mechanism over time, s, a panel for each: those of the `runs` that adapt all parameters, with counterweights and
-    without."""
+    mechanism over time, s, a panel for each: those of the `runs` that adapt all parameters, by their names
+    "all-before", without counterweights, and "all-after", with them."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -31,7 +31,7 @@ class EnergyDifferences(Experiment):
     """Experiment on two estimators of inertial parameters on a real robot's log: how errors of the torques become
     errors of the torques that they predict. One is energy differences, by which the change of energy over a window of
     `window` (s) is the joints' work; the other is filtered dynamics, the equations of motion behind a low-pass filter.
-    The torques' errors are none, noise, and those of the measured torques.
+    Torques are taken without errors, with noise, and as measured.
 
     Raises `InputError` at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN
     or infinity.
@@ -53,9 +53,10 @@ class EnergyDifferences(Experiment):
     def compare(self, progress: Progress) -> Amplification:
         """Errors of both estimators, as an `Amplification`. A model fitted to the whole log stands for the truth; each
         estimator is fitted to the first 60 % of the log and predicts the torques tau of the rest, with the error
-        |predicted tau - true tau| / |true tau| (no unit). This is done with five kinds of torques in the log: the true
-        ones; these with 1 % and with 5 % of noise; these with a tenth of the residual, measured less true torques; and
-        the measured ones. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises
+        |predicted tau - true tau| / |true tau| (no unit), tau being those of all joints and samples in one vector,
+        low-pass filtered at 25 Hz. This is done with five kinds of torques in the log: the true ones; these with white
+        noise of 1 % and of 5 % of each joint's RMS torque; these with a tenth of the residual, measured less true
+        torques; and the measured ones. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises
         `NotFoundError` for a `robot` that is not the name of an example with a log."""
         progress(STAGE, 0.0)
         evidence, log = _evidence(self.robot)

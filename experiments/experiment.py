@@ -20,10 +20,10 @@ FAR = 100.0
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
     """Dataclass field for a setting of an experiment, with the `default` given. Its values must be of the type of
     `default`, but whole numbers may stand for floats; if `default` is a tuple, every entry must be of the type of its
-    first one, or a number if it is empty. `meaning` says in words what the setting is, with its unit; `symbol` is its
-    letter in formulas, put before the meaning in the command line's help, empty for none; `low` and `high` are the
-    inclusive bounds of every number in it, infinite unless given. Nothing is checked here; constructing the experiment
-    checks its values."""
+    first one, or a number if it is empty; an empty value is refused. `meaning` says in words what the setting is, with
+    its unit; `symbol` is its letter in formulas, put before the meaning in the command line's help, empty for none;
+    `low` and `high` are the inclusive bounds of every number in it, infinite unless given. Nothing is checked here;
+    constructing the experiment checks its values."""
     text = f"{symbol}: {meaning}" if symbol else meaning
     metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)
@@ -69,9 +69,9 @@ class Experiment(CheckedSettings, ABC):
 @dataclass(frozen=True)
 class ClosedLoopExperiment(Experiment):
     """Base class of experiments that run controllers in closed loop: each run lasts `duration` (s), and a torque is
-    held for the control period T_c, `control_period` (s). Raises `InputError` at construction for more than 300 000
-    control periods a run, and for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or
-    infinity."""
+    held for the control period T_c, `control_period` (s). A subclass gives `name`, `title` and the method `run`. Raises
+    `InputError` at construction for more than 300 000 control periods a run, and for a setting of the wrong type or out
+    of its bounds, `NonFiniteError` for NaN or infinity."""
 
     duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
     control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)

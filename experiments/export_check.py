@@ -46,10 +46,11 @@ class ExportCheck(Experiment):
     def run(self, progress: Progress) -> Result:
         """Result of all builds: outcome in words, facts (questions with answers), a verdict with each build that
         differs from Python, and a function that writes the folder. `progress(what, share)` gets the step's name and the
-        share done, 0 to 1; Ctrl-C keeps the builds done. Raises `InputError` where no compiler is found, a kind of
-        number is unknown or no gains can hold a joint, `NotFoundError` for an unknown law or robot, `FileError` for a
-        robot's file that cannot be used, `RankError` where the number of base parameters cannot be certified,
-        `subprocess.TimeoutExpired` for a compiler or program that takes more than 300 s."""
+        share done, 0 to 1; Ctrl-C keeps the builds done; where there are none, `KeyboardInterrupt` passes. Raises
+        `InputError` where no compiler is found, a kind of number is unknown or no gains can hold a joint,
+        `NotFoundError` for an unknown law or robot, `FileError` for a robot's file that cannot be used, `RankError`
+        where the number of base parameters cannot be certified, `subprocess.TimeoutExpired` for a compiler or program
+        that takes more than 300 s."""
         compilers = found_compilers()
         if not compilers:
             raise InputError(f"export-check: no compiler is found; install one of: {', '.join(COMPILERS)}")
@@ -138,8 +139,9 @@ class Checked:
         )
 
     def facts(self) -> tuple[Fact, ...]:
-        """Facts of the check, questions with answers, for terminal and report: how many builds agree, the largest
-        difference of torques (N m) for each kind of number, and the compilers found and not found."""
+        """Facts of the check, questions with answers, for terminal and report: how many builds agree with Python, the
+        largest difference of these builds' torques (N m) for each kind of number, the number of laws, and the compilers
+        found and not found."""
         worst = [Fact(f"Off at most, {scalar}", f"{scientific(off, 2)} N m") for scalar, off in self._worst().items()]
         return (
             Fact("Builds that agree", f"{self._passed} of {len(self.builds)}"),
@@ -186,10 +188,10 @@ class Checked:
         progress("Recording and report", 1.0)
 
     def summary(self) -> dict[str, Any]:
-        """Summary of the check in JSON's types: the experiment's name, "robot", "seed", "complete", "passed" (of all
-        builds), the versions of "compilers" found by name, "missing" ones, and "builds", a dict for each with "law",
-        "scalar", "compiler", "passed", "message", and "difference" and "largest" of the torques (N m, None where not
-        known)."""
+        """Summary of the check in JSON's types: "schema", "experiment" (its name), "robot", "seed", "complete",
+        "passed" (of all builds), the versions of "compilers" found by name, "missing" ones, and "builds", a dict for
+        each with "law", "scalar", "compiler", "passed", "message", "difference" (the largest of its torques from
+        Python's, N m) and "largest" (of Python's torques, N m), these two None where not known."""
         told = [{**asdict(b), "difference": b.difference, "largest": b.largest} for b in self.builds]
         about = {"schema": "adaptctl/export-check/2", "experiment": self.of.name, "robot": self.of.robot}
         passed = {"seed": self.of.seed, "complete": self.complete, "passed": self.verdict.passed}

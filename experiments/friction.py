@@ -37,9 +37,9 @@ class FrictionInJoints(OnRealPlant):
 
     Viscous and Coulomb friction of the drives are parameters like the others, first estimated as zero. The plant also
     has Stribeck's excess of static friction, for which no parameter stands, so that an error remains even for a law
-    that learns. `first_estimate` is in words for the report. Raises `InputError` at construction for a `center`,
-    `amplitude` or `frequency` that has not six entries, one a joint, and for settings of the wrong type or out of their
-    bounds, `NonFiniteError` for NaN or infinity.
+    that learns. `first_estimate` is in words for the report. Raises `InputError` at construction where a setting that
+    it inherits, the reference's `center`, `amplitude` or `frequency`, has not six entries, one a joint, and for
+    settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "friction"
@@ -68,9 +68,10 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: in each joint Stribeck's excess of static over Coulomb friction, in
-        magnitude `stribeck` F_c / (1 + (v/`stribeck_speed`)^2), F_c being the joint's Coulomb friction, N m (N if
-        prismatic), and v its velocity, rad/s (m/s). Raises `InputError` for an arm without friction in its joints."""
+        """Effects of the plant besides rigid links: in each joint Stribeck's excess of static over Coulomb friction,
+        against the motion and in magnitude `stribeck` F_c / (1 + (v/`stribeck_speed`)^2), F_c being the joint's Coulomb
+        friction, N m (N if prismatic), and v its velocity, rad/s (m/s). Raises `InputError` for an arm without friction
+        in its joints."""
         from adaptctl.simulation.effects import Friction
 
         coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
@@ -123,9 +124,9 @@ class FrictionInJoints(OnRealPlant):
         ]
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences, never None here, with the RMS tracking errors of the last two seconds, mrad, with friction among
-        the parameters, without, and by computed torque; `outcome` has the runs; `found`, the findings by name, is not
-        used. Raises `StopIteration` where one of the three runs is missing."""
+        """Sentences, never None here, with the RMS tracking errors of all joints in the last two seconds, mrad, with
+        friction among the parameters, without, and by computed torque; `outcome` has the runs; `found`, the findings by
+        name, is not used. Raises `StopIteration` where one of the three runs is missing."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "
@@ -133,10 +134,11 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the ratio of the RMS tracking errors of the last two seconds with friction
-        parameters and without (no unit; left out where either run is missing or shorter), and each friction parameter
-        as learned at the end, in its SI unit, its meaning telling the true one. `outcome` has the runs, `basis` the
-        mechanism's fundamental (base) parameters."""
+        """Findings, named numbers: the RMS tracking error of all joints in the last two seconds with friction
+        parameters, divided by that without (no unit; left out where either run is missing or shorter), and each
+        friction parameter as learned at the end, in its SI unit, its meaning telling the true one. `outcome` has the
+        runs, `basis` the mechanism's fundamental (base) parameters. Raises `KeyError` where the run with friction
+        parameters is missing."""
         from adaptctl.recording.trace import parameter_unit
 
         runs = {run.name: run for run in outcome.runs}

@@ -31,11 +31,12 @@ BEGINNING = 2.0
 @dataclass(frozen=True)
 class IdentifyThenAdapt(OnRealPlant):
     """Experiment on first estimates identified from a real arm's log: Slotine and Li's law adapts on a simulated arm
-    from zero, from the arm's URDF, and from what is identified from the log's first part, a share of `known`.
+    from zero, from the links' parameters in the arm's URDF file, and from what is identified from the log's first part,
+    a share of `known`.
 
     The simulated arm has the parameters that are identified from the whole log. Raises `InputError` at construction for
-    a `center`, `amplitude` or `frequency` that has not six entries, one a joint, and for settings of the wrong type or
-    out of their bounds, `NonFiniteError` for NaN or infinity.
+    a `center`, `amplitude` or `frequency` of the reference that has not six entries, one a joint, and for settings of
+    the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "identify-then-adapt"
@@ -115,8 +116,8 @@ class IdentifyThenAdapt(OnRealPlant):
         return self.slotine_li(model, self.adaptation(model) if adapting else None, model.regrouping @ parameters)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence on the RMS errors of the first two seconds, mrad, from each first estimate; None where one of the
-        adapting runs in `outcome` is missing. `found`, the findings by name, is not used."""
+        """Sentence on the RMS tracking errors of all joints in the first two seconds, mrad, from each first estimate;
+        None where one of the adapting runs in `outcome` is missing. `found`, the findings by name, is not used."""
         first = {run.name: 1e3 * (run.rms_error(stop=BEGINNING) or np.nan) for run in outcome.runs}
         if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
             return None
@@ -126,9 +127,9 @@ class IdentifyThenAdapt(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the RMS tracking error of each run's first two seconds, rad, and the ratio of two of
-        these (no unit), that of the run from zero divided by that of the run from the identified estimate. `outcome`
-        has the runs; `basis` is not used."""
+        """Findings, named numbers: the RMS tracking error of all joints in each run's first two seconds, rad, and the
+        ratio of two of these (no unit), that of the run from zero divided by that of the run from the identified
+        estimate. `outcome` has the runs; `basis` is not used."""
         first = {run.name: run.rms_error(stop=BEGINNING) or np.nan for run in outcome.runs}
         for name, value in first.items():
             yield Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {BEGINNING:g} s, {name}")

@@ -51,7 +51,8 @@ class Learning(ClosedLoopExperiment):
     Gamma_beta = R Gamma_D R', R (k, P) being the regrouping matrix that takes all parameters to the k. The last two are
     one controller to round-off, so that only their cost differs.
 
-    A subclass gives environment, gains and reference. `first_estimate` is, for the report, the first estimate in words;
+    A subclass gives `name`, `title`, the property `purpose` and the methods `environment`, `gains`, `adaptation`,
+    `adaptation_setting` and `reference_settings`. `first_estimate` is, for the report, the first estimate in words;
     `expected` maps failures of the first controller that the experiment is meant to show to the reasons why. Raises
     `InputError` at construction for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or
     infinity.
@@ -123,7 +124,7 @@ class Learning(ClosedLoopExperiment):
     def run(self, progress: Progress) -> Result:
         """Result of the comparison: outcome in words, facts (questions with answers), verdict, and a function that
         writes the folder of results. `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C
-        keeps the runs begun.
+        keeps the runs begun; where there are none, `KeyboardInterrupt` passes.
 
         Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
         unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
@@ -134,7 +135,7 @@ class Learning(ClosedLoopExperiment):
     def compare(self, progress: Progress) -> Comparison:
         """Comparison of the runs of all controllers with findings on them, after the fundamental (base) parameters are
         found from energies. `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C keeps the
-        runs begun, as a comparison that is not complete.
+        runs begun, as a comparison that is not complete; where there are none, `KeyboardInterrupt` passes.
 
         Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
         unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
@@ -176,14 +177,14 @@ class Learning(ClosedLoopExperiment):
     ) -> Outcome:
         """Outcome of the contest: the runs of all `contenders` (controllers with names) on the environment `env` with
         the arm `mechanism`, in turn, from one seed. `progress(label, share)` gets a contender's label and the share of
-        its run done, 0 to 1. Ctrl-C keeps the runs begun. Raises `GainError` for gains too large for the control
-        period, `NonFiniteError` where a motion runs away."""
+        its run done, 0 to 1. Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises
+        `GainError` for gains too large for the control period, `NonFiniteError` where a motion runs away."""
         return contest(env, mechanism, contenders, self.seed, progress, self.options)
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers besides the runs: the largest difference of torques, N m, between adapting the
-        fundamental (base) parameters and adapting all, where both were run; a subclass may give others. `outcome` has
-        the runs, `basis` the mechanism's fundamental parameters."""
+        """Findings, named numbers besides the runs: the largest difference of commanded torques, N m (N if prismatic),
+        between adapting the fundamental (base) parameters and adapting all, where both were run; a subclass may give
+        others. `outcome` has the runs, `basis` the mechanism's fundamental parameters."""
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
@@ -194,7 +195,8 @@ class Learning(ClosedLoopExperiment):
 
     def leading(self, outcome: Outcome) -> Leading | None:
         """Errors that recording and report show before the joints' errors, as a `Leading`, such as a tool's distance
-        from its path, for the runs in `outcome`; None, as here, where there are no others."""
+        from its path: their meaning, the unit that they are shown in, and an array (T,) for each run in `outcome`, T
+        its samples; None, as here, where there are no others."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
@@ -204,10 +206,12 @@ class Learning(ClosedLoopExperiment):
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run, the first being the
-        experiment's subject, Slotine and Li's law on the k fundamental (base) parameters in `basis`; each controller is
-        made when first asked for, which raises `GainError` for gains too large for the control period. Raises
-        `InputError` for a basis of another geometry than the mechanism's."""
+        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law on the k
+        fundamental (base) parameters in `basis`, the experiment's subject; with adaptation off; computed torque with
+        true parameters, with wrong ones (every link's off by `parameter_error`, a share) and with none; Slotine and
+        Li's law on all parameters; and on the k with the gain mapped from that on all. Each controller is made when
+        first asked for, which raises `GainError` for gains too large for the control period. Raises `InputError` for a
+        basis of another geometry than the mechanism's."""
         model, full = models(mechanism, basis)
         k, everything = len(basis.columns), len(mechanism.parameter_names)
         true, wrong = mechanism.inertial_parameters, f"{100 * self.parameter_error:.0f} % off"
@@ -276,7 +280,8 @@ def models(mechanism: Mechanism, basis: FundamentalBasis) -> tuple[ReducedModel,
 
 class Found:
     """Findings (named numbers that an experiment found) by name, and texts of them. It is made of a sequence of
-    findings; its attribute `of` maps the name of each to its value, in the finding's own unit. Nothing is checked."""
+    findings; its attribute `of` maps the name of each to its value, in the finding's own unit; of two with one name the
+    last counts. Nothing is checked."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.of = {finding.name: finding.value for finding in findings}
@@ -310,9 +315,9 @@ def numbers(values: Array) -> str:
 
 def one_controller(outcome: Outcome, mapped: str = MAPPED) -> Iterator[Finding]:
     """Finding on whether adapting the fundamental (base) and adapting all parameters are one controller: the largest
-    difference of their commanded torques, N m, in two runs of `outcome`, "adaptive-full" on all parameters and
-    `mapped`, "adaptive-mapped" unless given, on the fundamental ones with the adaptation gain mapped from that on all;
-    none where either is missing."""
+    difference of their commanded torques, N m (N if prismatic), in two runs of `outcome`, "adaptive-full" on all
+    parameters and `mapped`, "adaptive-mapped" unless given, on the fundamental ones with the adaptation gain mapped
+    from that on all; none where either is missing."""
     runs = {run.name: run for run in outcome.runs}
     if mapped not in runs or FULL not in runs:
         return

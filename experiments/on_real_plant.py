@@ -32,10 +32,10 @@ JOINTS = 6
 class OnRealPlant(RoughStart, Learning):
     """Abstract base class of experiments in which laws learn on an arm of six joints whose plant has more effects than
     rigid links, such as friction or a payload, from a rough model with every link's parameters off by
-    `parameter_error`, a share. A subclass gives the effects. In the setting `ratio` a joint's typical inertia is the
-    median of its entry of the mass matrix's diagonal over random configurations. Raises `InputError` at construction
-    for a `center`, `amplitude` or `frequency` that has not six entries, and for settings of the wrong type or out of
-    their bounds, `NonFiniteError` for NaN or infinity."""
+    `parameter_error`, a share. A subclass gives `name`, `title`, the property `purpose` and the method `effects`. In
+    the setting `ratio` a joint's typical inertia is the median of its entry of the mass matrix's diagonal over random
+    configurations. Raises `InputError` at construction for a `center`, `amplitude` or `frequency` that has not six
+    entries, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
 
     robot: str = setting("puma560_geared", "puma560_geared, puma560_friction, or another arm of six joints")
     rate: float = setting(
@@ -96,8 +96,8 @@ class OnRealPlant(RoughStart, Learning):
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
         """Limits (r,) of the torques of the r primary (independently moving) joints, N m (N if prismatic): the
-        mechanism's own, or, where a joint has none, four times the largest torque that it needs in 200 random
-        states."""
+        mechanism's own, or, where a joint has none, four times the most that it needs in 200 random states of up to 2
+        rad/s and 10 rad/s^2 (m/s, m/s^2), 1 N m (N) at least."""
         return finite_torque_limits(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:

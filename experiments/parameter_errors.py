@@ -24,9 +24,9 @@ NAME_HEIGHT = 0.062
 
 @dataclass(frozen=True, eq=False)
 class ParameterErrors:
-    """Measure of the errors of estimates of a `model`'s k parameters, each weighed by the root mean square torque that
-    it makes along a motion: `weights` (k,), N m for each SI unit of the parameter. Nothing is checked at
-    construction."""
+    """Measure of the errors of estimates of a `model`'s k parameters, each weighed by the root mean square torque, over
+    the motion's samples and all joints, that it makes along a motion: `weights` (k,), N m for each SI unit of the
+    parameter. Nothing is checked at construction."""
 
     model: ReducedModel
     weights: Array
@@ -34,9 +34,10 @@ class ParameterErrors:
 
     @classmethod
     def along(cls, model: ReducedModel, p: Array, v: Array, a: Array) -> ParameterErrors:
-        """Measure of estimates' errors, weighed along a motion of T samples of the r joints of a `model`: positions p,
-        rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), (T, r) each. Raises `InputError` for
-        other shapes, `NonFiniteError` for NaN or infinity."""
+        """Measure of estimates' errors, weighed by each parameter's root mean square torque, N m a unit, over all
+        joints and samples of a motion: T samples of the r joints of a `model`, positions p, rad (m), velocities v,
+        rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), (T, r) each. Raises `InputError` for other shapes,
+        `NonFiniteError` for NaN or infinity."""
         rows = model.torque_regressor(p, v, a)
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 

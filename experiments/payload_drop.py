@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class PayloadDrop(AdaptationLaws):
     """Experiment on a payload that an arm picks up and drops in motion: the time that each adaptation and control law
-    takes, from one rough model, until its tracking error has come back. The run is cut into `times` equal parts; in
-    each the payload is held from `start` to `stop`, s from the part's beginning. In the settings, s as a letter is the
-    sliding variable, the velocity error plus the bandwidth times the position error. `error_bound` (100 rad or m) is
-    the joint error that ends a run.
+    takes, from one rough model, until its RMS tracking error over 2 s is below twice that of the 2 s before the pickup.
+    The run is cut into `times` equal parts; in each the payload is held from `start` to `stop`, s from the part's
+    beginning. In the settings, s as a letter is the sliding variable, the velocity error plus the bandwidth times the
+    position error. `error_bound` (100 rad or m) is the joint error that ends a run.
 
     Raises `InputError` at construction for a payload that is not picked up 2 s or more after the start and dropped
     later within its part of the run, for a law given twice, and for settings of the wrong type or out of their bounds,
@@ -102,13 +102,14 @@ class PayloadDrop(AdaptationLaws):
         yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: each law's time, s, from each event until its RMS error is less than twice the one
-        before the pickup or, where it never is, the ratio of its last error to that one (no unit); its RMS error in the
-        2 s before the pickup, mrad; its parameter error at the end, |w (estimate - true)| / |w true| (no unit), w being
-        the RMS torque that each parameter makes along the reference; the share of samples (no unit) whose excitation
-        passed the law's threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of these, SI
-        units; and the median time, us, of computing one torque. `outcome` has the runs, `basis` the fundamental (base)
-        parameters of which the errors are."""
+        """Findings, named numbers: each law's time, s, from each event (pickup and drop, with more `times` the last of
+        each too) until its RMS tracking error over 2 s is less than twice that of the 2 s before the pickup or, where
+        it never is, the ratio of its error in the 2 s before the next event, or the run's end, to that one (no unit);
+        the error before the pickup, mrad; its parameter error at the end, |w (estimate - true)| / |w true| (no unit), w
+        being the RMS torque that each parameter makes along the reference; the share of samples (no unit) whose
+        excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of
+        these, SI units; and the median time, us, of computing one torque. `outcome` has the runs, `basis` the
+        fundamental (base) parameters of which the errors are."""
         for one in self._recoveries(outcome):
             name, event = one.run.name, one.event.replace(" ", "_")
             if one.time is not None:
@@ -193,7 +194,7 @@ class PayloadDrop(AdaptationLaws):
     def deviations(self, model: ReducedModel) -> Array:
         """Standard deviations (k,) of a model's k parameters from their first estimates, in SI units: sqrt(a^2 + b^2)
         for each, a being its deviation where links and drives are off by `parameter_error`, a share of their size, and
-        b that where the last link may hold the payload, as large as the payload makes it."""
+        b the size of what the payload adds to it while the last link holds it."""
         nothing = np.zeros(len(model.mechanism.parameter_names))
         loaded = self._body().added_to(nothing, len(model.mechanism.description.bodies) - 1)
         return np.hypot(super().deviations(model), deviations(model, loaded, 1.0))

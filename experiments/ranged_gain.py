@@ -11,7 +11,7 @@ from adaptctl.identifiability import ReducedModel
 class RangedGain:
     """Base class of experiments whose adaptation gain Gamma is `rate` (1/J) times the square of each parameter's prior
     range (its greatest plausible error): `mass_range` (kg) for masses, `first_moment_range` (kg m) for first moments,
-    `inertia_range` (kg m^2) for inertias. Nothing is checked at construction."""
+    `inertia_range` (kg m^2) for inertias. A subclass has these four as settings. Nothing is checked at construction."""
 
     mass_range: float
     first_moment_range: float

@@ -21,10 +21,11 @@ TWICE = 2.0
 
 @dataclass(frozen=True)
 class Recovery:
-    """Recovery of the tracking error of a `run` after an `event`, such as a payload's drop: `earlier`, the RMS error
-    (rad or m) over the 2 s before the first event; `time`, s from the event until the RMS error over the next 2 s is
-    below twice `earlier`, None if it never is; and `left`, the RMS error of the last 2 s before the next event, divided
-    by `earlier` (no unit). Nothing is checked at construction."""
+    """Recovery of the tracking error of a `run` after an `event`, such as a payload's drop: `earlier`, the RMS error of
+    all joints (rad or m) over the 2 s before the first event; `time`, s from the event until the RMS error over the
+    next 2 s is below twice `earlier`, None if it never is; and `left`, the RMS error of the last 2 s before the next
+    event or the run's end, but from the event on, divided by `earlier` (no unit). Nothing is checked at
+    construction."""
 
     run: ControllerRun
     event: str
@@ -39,7 +40,7 @@ class Recovery:
 def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
     """Recovery of a run's tracking error between an event at `begin` (s) and the next at `end` (s, or the run's end), a
     `Recovery`; `event` is the first one's name, `earlier` the RMS error (rad or m) before the first event of the run,
-    not zero. Nothing is checked."""
+    not zero. Without samples in the last 2 s before `end` its `left` is NaN. Nothing is checked."""
     end = min(end, run.duration)
     left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
     return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)

@@ -40,11 +40,12 @@ class ReducedModelTracking(Puma560Adaptive):
     """Experiment on tracking with reduced models: controllers whose models have only the s essential components of the
     parameters with the most energy, as in Table 3 of Sheu and Walker (1991), but in adaptive control.
 
-    Essential components are the parts alpha_j v_j of the P inertial parameters along orthonormal directions v_j (P,),
-    those that change energies, sorted by the energy that they make over sampled states. For each count s in
-    `components`, Slotine and Li's law adapts s numbers from zero, along the first s of the v_j; and, with adaptation
-    off, holds the first s components of the truth. Raises `InputError` at construction for settings of the wrong type,
-    out of their bounds, or not one a joint, `NonFiniteError` for NaN or infinity.
+    Essential components are the parts alpha_j v_j, alpha_j being numbers, of the P inertial parameters along
+    orthonormal directions v_j (P,), those that change energies, sorted by the energy that they make over sampled
+    states. For each count s in `components`, Slotine and Li's law adapts s numbers from zero, along the first s of the
+    v_j; and, with adaptation off, holds the first s components of the truth. Raises `InputError` at construction for
+    settings of the wrong type or out of their bounds, and for a `damping`, `center`, `amplitude` or `frequency`, which
+    are inherited, that has not one number a joint, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "reduced-model"
@@ -99,7 +100,8 @@ class ReducedModelTracking(Puma560Adaptive):
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers: the energy error, %, of keeping each count of essential components (parts of the
         parameters along the directions that make most energy), as in Table 3 of Sheu and Walker (1991), and each run's
-        RMS tracking error of the last two seconds, mrad. `outcome` has the runs; `basis` is not used."""
+        RMS tracking error of all joints in the last two seconds, mrad, left out for a shorter run. `outcome` has the
+        runs; `basis` is not used."""
         errors = self._reduction(outcome.mechanism)[0].percent_errors
         for s in self.components:
             yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
@@ -108,10 +110,10 @@ class ReducedModelTracking(Puma560Adaptive):
                 yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence, never None here, with three RMS tracking errors of the last two seconds, mrad: of the controller
-        that adapts the most essential components (parts of the parameters along the directions that make most energy),
-        of that which adapts the fewest, and of that which holds the true values of the fewest; a dash for an error that
-        was not found. `found` has the findings by name; `outcome`, the runs, is not used."""
+        """Sentence, never None here, with three RMS tracking errors of all joints in the last two seconds, mrad: of the
+        controller that adapts the most essential components (parts of the parameters along the directions that make
+        most energy), of that which adapts the fewest, and of that which holds the true values of the fewest; a dash for
+        an error that was not found. `found` has the findings by name; `outcome`, the runs, is not used."""
         least, most = min(self.components), max(self.components)
         few, many = (found.text(f"final_rms_error.{ADAPTIVE}-{s}") for s in (least, most))
         return (

@@ -17,7 +17,8 @@ class RoughStart:
     `parameter_error`, a share. The adaptation gain Gamma is `rate` (1/J) times the square of each parameter's deviation
     from the rough model; the tracking loop has the `bandwidth`, 1/s, and a damping of `ratio` (no unit) times the
     bandwidth times each joint's typical inertia (the median of its entry of the mass matrix's diagonal over random
-    configurations); `seed` draws which links are up and which down. Nothing is checked at construction."""
+    configurations); `seed` draws which links are up and which down. A subclass has these five as settings. Nothing is
+    checked at construction."""
 
     seed: int
     bandwidth: float
@@ -33,8 +34,9 @@ class RoughStart:
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
 
     def rough(self, mechanism: Mechanism) -> Array:
-        """Parameters (P,) of the rough model in SI units: the ten of every link of the mechanism scaled up or down by
-        `parameter_error`, a share, by seed; those of drives (rotor inertias, friction) as they are."""
+        """Parameters (P,) of the rough model in SI units, in the mechanism's own order: the ten of every link, scaled
+        by 1 + `parameter_error` or 1 - `parameter_error`, drawn by seed, then those of drives (rotor inertias,
+        friction), as they are."""
         return scaled_links(mechanism, self.parameter_error, self.seed)
 
     def first(self, model: ReducedModel) -> Array:

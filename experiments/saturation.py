@@ -37,9 +37,9 @@ class Saturation(OnRealPlant):
 
     The question is which error is left when the payload is gone. `first_estimate` is in words for the report;
     `expected` maps failures of the first controller that the experiment is meant to show to the reasons why. Raises
-    `InputError` at construction for a payload that is not dropped after it is picked up and within the run, for a
-    `center`, `amplitude` or `frequency` that has not six entries, and for settings of the wrong type or out of their
-    bounds, `NonFiniteError` for NaN or infinity.
+    `InputError` at construction for a payload that is not dropped after it is picked up and within the run, where a
+    setting that it inherits, the reference's `center`, `amplitude` or `frequency`, has not six entries, and for
+    settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "saturation"
@@ -76,9 +76,9 @@ class Saturation(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: a payload of mass `payload` (kg), held by the last link from
-        `start` to `stop` (s), and the limit `rate_limit` of the torques' rate, N m/s (N/s for a prismatic joint).
-        `mechanism` is not used."""
+        """Effects of the plant besides rigid links: a payload, a point of mass `payload` (kg), held in the origin of
+        the last link that has mass from `start` to `stop` (s), and the limit `rate_limit` of the torques' rate, N m/s
+        (N/s for a prismatic joint). `mechanism` is not used."""
         from adaptctl.simulation.effects import PayloadHeld, TorqueRateLimit
 
         return (PayloadHeld(self.payload, self.start, self.stop), TorqueRateLimit(self.rate_limit))
@@ -111,8 +111,9 @@ class Saturation(OnRealPlant):
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Findings, named numbers. Of each run: the RMS tracking error of all joints from the payload's drop on, rad
         (NaN for a run that ended before); the share of samples with a torque held back (no unit); and the largest
-        magnitude of any estimated parameter, SI units. Once: the ratio of the RMS errors of two whole runs, adaptation
-        frozen to never frozen (no unit). `outcome` has the runs; `basis` is not used."""
+        magnitude of any estimated parameter, SI units. Once: the RMS error of all joints over the whole run with
+        adaptation frozen, divided by that with it never frozen (no unit). `outcome` has the runs; `basis` is not
+        used."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"
@@ -128,9 +129,9 @@ class Saturation(OnRealPlant):
             )
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences, never None here: the RMS tracking errors, mrad, of the whole run with adaptation frozen and never
-        frozen, and of its last two seconds with adaptation frozen and off. `outcome` has the runs; `found`, the
-        findings by name, is not used. Raises `KeyError` where one of the three runs is missing."""
+        """Sentences, never None here: the RMS tracking errors of all joints, mrad, of the whole run with adaptation
+        frozen and never frozen, and of its last two seconds with adaptation frozen and off. `outcome` has the runs;
+        `found`, the findings by name, is not used. Raises `KeyError` where one of the three runs is missing."""
         runs = {run.name: run for run in outcome.runs}
         frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
         return (
@@ -142,8 +143,9 @@ class Saturation(OnRealPlant):
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Figure for the report, as a `Drawing`: the parameter error |w (estimate - true)| / |w true| (no unit) of each
-        run over time, s, w being the RMS torque that each parameter makes along the motion, and when a torque was held
-        back. `outcome` has the runs, `basis` the fundamental (base) parameters of which the errors are."""
+        run over time, s, w being the RMS torque that each parameter makes along the first run's motion, and when a
+        torque was held back. `outcome` has the runs, `basis` the fundamental (base) parameters of which the errors
+        are."""
         from adaptctl.recording.drawing import Drawing
 
         points = outcome.runs[0].rollout

@@ -114,9 +114,10 @@ class StableBandwidth(AdaptationLaws):
 
     def compare(self, progress: Progress) -> Comparison:
         """Comparison of the runs on the stiffest springs, with the largest stable bandwidths, 1/s, among its findings
-        and in a figure. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError`
-        for an arm without rotor inertias or a reference that the arm cannot follow, `GainError` for gains too large for
-        the control period, `RankError` where the number of fundamental (base) parameters cannot be certified."""
+        and in a figure. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError`
+        for an unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm without rotor inertias
+        or a reference that the arm cannot follow, `GainError` for gains too large for the control period, `RankError`
+        where the number of fundamental (base) parameters cannot be certified."""
         from adaptctl.recording.drawing import Drawing
 
         done = super().compare(progress)
@@ -172,9 +173,10 @@ class StableBandwidth(AdaptationLaws):
 
 def tracks(plant: Plant, controller: Controller[Any], reference: Any, seconds: float) -> bool:
     """True if a `controller` follows a reference on a plant: in the last third of a run of `seconds`, the RMS velocity
-    error is below 0.25 rad/s (m/s), and in fewer than 1 % of the control periods a torque is at its limit. False also
-    where numbers become infinite or NaN. The run starts on the reference, a function that gives positions, velocities
-    and accelerations (T, r) of the plant's r joints, rad (m) and per s and s^2, at times (T,), s."""
+    error of all joints is below 0.25 rad/s (m/s), and in fewer than 1 % of the control periods the torque that the law
+    asks of some joint reaches its limit. False also where numbers become infinite or NaN. The run starts on the
+    reference, a function that gives positions, velocities and accelerations (T, r) of the plant's r joints, rad (m) and
+    per s and s^2, at times (T,), s."""
     count = round(seconds / plant.control_period)
     points = reference(plant.control_period * np.arange(count))
     state = plant.init(points.p[0], points.v[0])
@@ -214,7 +216,8 @@ def bandwidths_over_stiffness(
 ) -> Figure:
     """Matplotlib figure of the largest stable bandwidths, 1/s, over the `stiffness` (N m/rad) of the joints, a line for
     each of `laws` (pairs of a name and a label), the rigid arm at the right. `found` maps names of findings, such as
-    "stable_bandwidth.gradient.1000" and "stable_bandwidth.gradient.rigid", to bandwidths, 1/s."""
+    "stable_bandwidth.gradient.1000" and "stable_bandwidth.gradient.rigid", to bandwidths, 1/s; 0, for none that is
+    stable, is drawn at 0.25, a missing one not at all."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

@@ -53,10 +53,10 @@ class SinusoidTask(NamedTuple):
 @dataclass(frozen=True)
 class StatedTask(RangedGain, Learning):
     """Base class of experiments of learning to track on sinusoids in an arm's own environment, every number of the task
-    a setting. A subclass gives `joints`, the number of the arm's primary (independently moving) joints;
-    `environment_id`, the Gymnasium environment's; and defaults of `damping`, `center`, `amplitude` and `frequency`,
-    which have one number a joint. Raises `InputError` at construction for another number of these, and for settings of
-    the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
+    a setting. A subclass gives `name`, `title` and the property `purpose`; `joints`, the number of the arm's primary
+    (independently moving) joints; `environment_id`, the Gymnasium environment's; and defaults of `damping`, `center`,
+    `amplitude` and `frequency`, which have one number a joint. Raises `InputError` at construction for another number
+    of these, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
 
     joints: ClassVar[int]
     environment_id: ClassVar[str]
@@ -89,7 +89,8 @@ class StatedTask(RangedGain, Learning):
     def task(self, mechanism: Mechanism) -> SinusoidTask:
         """Task of the tracking environment as data in SI units: the reference's sinusoids, the run's duration, the
         control period, the joints' first error, and the torque limits that the method `torque_limits` returns for the
-        mechanism. Raises what that raises, here nothing."""
+        `mechanism`, which is not used otherwise. A subclass's `torque_limits` may raise `InputError`; else nothing is
+        checked."""
         limits = self.torque_limits(mechanism)
         limited = ("torque_limits", None if limits is None else tuple(limits.tolist()))
         return SinusoidTask(self.environment_id, self._named(REFERENCE), (*self._named(ENVIRONMENT), limited))
@@ -99,8 +100,8 @@ class StatedTask(RangedGain, Learning):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset, by name: `payload`, the mass on the last link, kg, where it is not 0,
-        else none."""
+        """Options of the environment's reset, by name: `payload`, the mass, kg, of a point in the origin of the last
+        link that has mass, where it is not 0, else none."""
         return {"payload": self.payload} if self.payload > 0.0 else {}
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:

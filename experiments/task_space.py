@@ -172,9 +172,9 @@ class TaskSpaceTracking(TipPath, Learning):
         return " ".join((text, *(f"The least of all controllers is {one}." for one in least)))
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """Errors that recording and report show first, as a `Leading`, never None here: the distances (T,), m, of the
-        tool from its path at the T samples of each run in `outcome`. Raises `InputError` for a robot whose tool is not
-        known."""
+        """Errors that recording and report show first, as a `Leading`, never None here: the distances (T,), m and shown
+        in mm, of the tool from its path at the T samples of each run in `outcome`. Raises `InputError` for a robot
+        whose tool is not known."""
         errors = {run.name: self._tool_errors(outcome.mechanism, run) for run in outcome.runs}
         return Leading("Distance of the tool from its path", "mm", errors)
 

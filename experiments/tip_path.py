@@ -57,7 +57,8 @@ class TipPath(RangedGain):
     entries, x, y and z; `duration` (s) is the run's, `start_time` (s) that of the smooth start, 2 s by default. Errors
     decay at the rate `bandwidth` (1/s). Each joint's damping is K = `stiffness` `bandwidth` I, `stiffness` having no
     unit and I being the joint's typical inertia, the median of its entry of the mass matrix's diagonal over random
-    configurations. Nothing is checked at construction."""
+    configurations. A subclass has these as settings (`start_time` where it is to be one), besides `mass_range`,
+    `first_moment_range`, `inertia_range` and `rate` for the adaptation gain. Nothing is checked at construction."""
 
     duration: float
     bandwidth: float
@@ -78,9 +79,9 @@ class TipPath(RangedGain):
 
     def in_joints(self, tip: Tip, arm: ArmWithTip) -> Spline:
         """Reference of the three joints, positions in rad, that moves the tip along its path, by inverse kinematics
-        every 0.02 s and a spline of degree 5 through these. `tip` is the point that follows the path; `arm` gives the
-        joint positions where inverse kinematics starts. Raises `InputError` for a path that is out of reach or passes a
-        singularity."""
+        every 0.02 s and a spline of degree 5 through these, from 0 to 1 s after the run's `duration`. `tip` is the
+        point that follows the path; `arm` gives the joint positions where inverse kinematics starts. Raises
+        `InputError` for a path that is out of reach or passes a singularity."""
         times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
         return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
 

@@ -80,7 +80,8 @@ class TwoPlants(AdaptiveTracking):
         """Outcome of the contest: runs of the `contenders` (controllers with names) on the environment `env`, then of
         the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the arm
         `mechanism`. `env` is MuJoCo's. `progress(label, share)` gets a run's label and the share of it done, 0 to 1.
-        Ctrl-C keeps the runs begun. Raises `GainError` for gains too large for the control period, `NonFiniteError`
+        Ctrl-C keeps the runs begun; before the first sample of the contest, or of one of the two runs after it,
+        `KeyboardInterrupt` passes. Raises `GainError` for gains too large for the control period, `NonFiniteError`
         where a motion runs away."""
         done = super().outcome(env, mechanism, contenders, progress)
         for name, label, other in (

@@ -45,24 +45,26 @@ class AddedMass:
     def change(self) -> Array:
         """The change (P,) of the P inertial parameters by the added body. Its link's ten change by the body's mass m
         (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg
-        m^2), about the origin of the link's frame; the others by zero. P counts ten parameters a link and rotor
-        inertias. Raises `InputError` for an unknown link and where a number overflows. Read-only."""
+        m^2), about the origin of the link's frame; the others by zero. The order is that of `parameters`: ten a link,
+        in the mechanism's order of links, then rotor inertias. Raises `InputError` for an unknown link and where a
+        number overflows. Read-only."""
         return frozen(change_of(self.task, self.link, self.body))
 
     @cached_property
     def parameters(self) -> Array:
-        """The P inertial parameters (P,) with the added body, without friction: of each link its mass m (kg), first
-        moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about
-        the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic joint). Raises `InputError` for an
-        unknown link. Read-only."""
+        """The P inertial parameters (P,) with the added body, without friction: of each link, in the mechanism's order,
+        its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz,
+        I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic joint).
+        Raises `InputError` for an unknown link. Read-only."""
         return frozen(self.task.parameters + self.change)
 
     @cached_property
     def essential(self) -> Array:
         """The projection V1 V1' c (P,), in SI units, of the change c (P,) of the P inertial parameters by the added
-        body: the part of c that changes energies and torques. V1 (P, k) is an orthonormal basis of the essential space:
-        the k right singular vectors of the task's energies whose singular values are not zero. Raises `InputError` for
-        an unknown link, `RankError` where the number of identifiable parameters cannot be certified. Read-only."""
+        body, in the order of `parameters`: the part of c that changes energies and torques. V1 (P, k) is an orthonormal
+        basis of the essential space: the k right singular vectors of the task's energies whose singular values are not
+        zero. Raises `InputError` for an unknown link, `RankError` where the number of identifiable parameters cannot be
+        certified. Read-only."""
         return frozen(self.task.space.project(self.change))
 
     @property
@@ -82,10 +84,10 @@ class AddedMass:
 
     @property
     def torque_change(self) -> float:
-        """Relative change (unitless) of the joint torques by the added body, 0.1 for 10 % more. The torques, each as a
-        share of its joint's torque limit, count as one number: the root of the sum, over the joints, of their mean
-        squares over the task's states. Infinite where the torques were zero. Raises `InputError` for an unknown link,
-        `NonFiniteError` where the torques are too large for numbers."""
+        """Relative change (unitless) of the joint torques, without friction, by the added body, 0.1 for 10 % more. The
+        torques, each as a share of its joint's torque limit, count as one number: the root of the sum, over the joints,
+        of their mean squares over the task's states. Infinite where the torques were zero. Raises `InputError` for an
+        unknown link, `NonFiniteError` where the torques are too large for numbers."""
         return self._change("torque")
 
     @property
@@ -115,10 +117,10 @@ class AddedMass:
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
-        """Pairs (name, change) of the fundamental (base) parameters that the added body changes, the changes in SI
-        units (kg, kg m or kg m^2). Left out are changes whose number is at most 1e-9 of the greatest change of one of
-        the link's ten inertial parameters. Raises `InputError` for an unknown link, `RankError` where the number of
-        identifiable parameters cannot be certified."""
+        """Pairs (name, change), in the order of `task.basis`, of the fundamental (base) parameters that the added body
+        changes, the changes in SI units (kg, kg m or kg m^2). Left out are changes whose number is at most 1e-9 of the
+        greatest change of one of the link's ten inertial parameters. Raises `InputError` for an unknown link,
+        `RankError` where the number of identifiable parameters cannot be certified."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
@@ -154,8 +156,9 @@ def added_mass(
 def change_of(task: DesignTask, link: str, body: Payload) -> Array:
     """The change (P,) of a mechanism's P inertial parameters by a `body` fixed to the link named `link`: that of the
     link's mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz,
-    I_zz (kg m^2), about the origin of its frame, and zero for all others. P counts ten parameters a link and rotor
-    inertias. Raises `InputError` for an unknown link and where a number overflows."""
+    I_zz (kg m^2), about the origin of its frame, and zero for all others. The order is that of `task.parameters`: ten a
+    link, in the mechanism's order of links, then rotor inertias. Raises `InputError` for an unknown link and where a
+    number overflows."""
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():

@@ -19,10 +19,10 @@ EACH = 9
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """Cost of a point mass on a link named `link`: the `least` and the `most` of the relative changes (unitless, 0.1
-    for 10 % more) that it makes of a cost of the mechanism's motion, such as its root mean square energy, at the places
-    `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`, at the link's centre of mass. Made
-    by `CostMap.over`; nothing is refused at construction."""
+    """Cost of a point, of the `mass` (kg) of a `CostMap`, on a link named `link`: the `least` and the `most` of the
+    relative changes (unitless, 0.1 for 10 % more) that it makes of a cost of the mechanism's motion, such as its root
+    mean square energy, at the places `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`,
+    at the link's centre of mass. Made by `CostMap.over`; nothing is refused at construction."""
 
     link: str
     least: float
@@ -41,10 +41,11 @@ class CostMap:
 
     `objective` names the cost, a root mean square over the task's states: "energy" of the kinetic plus potential energy
     about its mean (J), "torque" of the joint torques as shares of their limits (unitless), "coupling" of the mass
-    matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
-    combinations of inertial parameters that change it (J). Made by `cost_map`. Raises `InputError` at construction for
-    a mass that is not positive and finite, for an unknown objective and for a cost that is zero without the mass,
-    `RankError` for "components" where the number of identifiable parameters cannot be certified.
+    matrix's entries off the diagonal (kg m^2; their mean over pairs of joints), "components" of the energy about its
+    mean, computed from the combinations of inertial parameters that change it (J). Made by `cost_map`. Raises
+    `InputError` at construction for a mass that is not positive and finite, for an unknown objective and for a cost
+    that is zero without the mass, `RankError` for "components" where the number of identifiable parameters cannot be
+    certified.
     """
 
     task: DesignTask
@@ -99,10 +100,11 @@ def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> 
 
     `objective` names the cost, a root mean square over the task's states: "energy", the default, of the kinetic plus
     potential energy about its mean (J), "torque" of the joint torques as shares of their limits (unitless), "coupling"
-    of the mass matrix's entries off the diagonal (kg m^2), "components" of the energy about its mean, computed from the
-    combinations of inertial parameters that change it (J). Raises `InputError` for a mass that is not positive and
-    finite, for an unknown objective, for a cost that is zero without the mass and for a task with constant energy, and
-    `RankError` for "components" where the number of identifiable parameters cannot be certified.
+    of the mass matrix's entries off the diagonal (kg m^2; their mean over pairs of joints), "components" of the energy
+    about its mean, computed from the combinations of inertial parameters that change it (J). Raises `InputError` for a
+    mass that is not positive and finite, for an unknown objective, for a cost that is zero without the mass and for a
+    task with constant energy, and `RankError` for "components" where the number of identifiable parameters cannot be
+    certified.
     """
     task.require_energy()
     return CostMap(task, mass, objective)

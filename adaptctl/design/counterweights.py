@@ -62,8 +62,8 @@ class Counterweights:
     or "components", which is the number of essential components), `within` (the bounds of masses and places, one
     `PlaceBounds` for each link) and `percent` are those asked for. Essential components are combinations of the
     inertial parameters; `percent` is the energy error (%) that their number allows. `weights` are the counterweights
-    found, without those of at most 1e-6 of the mass allowed on their link, and `evaluations` is the number of designs
-    evaluated. Nothing is refused at construction.
+    found, in the order of `within`, without those of at most 1e-6 of the mass allowed on their link, and `evaluations`
+    is the number of designs evaluated. Nothing is refused at construction.
     """
 
     task: DesignTask
@@ -76,10 +76,10 @@ class Counterweights:
 
     @cached_property
     def parameters(self) -> Array:
-        """The P inertial parameters (P,) with the counterweights, without friction: of each link its mass m (kg), first
-        moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about
-        the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic joint). Raises `InputError` for a
-        counterweight on an unknown link. Read-only."""
+        """The P inertial parameters (P,) with the counterweights, without friction: of each link, in the mechanism's
+        order, its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy,
+        I_xz, I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic
+        joint). Raises `InputError` for a counterweight on an unknown link. Read-only."""
         D = np.array(self.task.parameters)
         for weight in self.weights:
             first = 10 * self.task.link(weight.link)
@@ -95,35 +95,36 @@ class Counterweights:
 
     @property
     def cost_before(self) -> float:
-        """The cost, which `objective` names, of the motion without counterweights: root mean square energy about its
-        mean, J ("energy"), torques as a share of their limits, unitless ("torque"), entries of the mass matrix off the
-        diagonal, kg m^2 ("coupling"), or the number of essential components (combinations of inertial parameters) that
-        keep the energy to an error of `percent` % ("components"). Raises `InputError` for an unknown objective and, for
-        "components", for a percentage that is no finite number of at least 0, `NonFiniteError` where the cost is too
-        large for numbers, `RankError` for "components" where the number of identifiable parameters cannot be
-        certified."""
+        """The cost, which `objective` names, of the motion without counterweights: a root mean square over the task's
+        states, of the energy about its mean, J ("energy"), of the joint torques as shares of their limits, unitless
+        ("torque"), or of the mass matrix's entries off the diagonal, kg m^2 ("coupling"); or the number of essential
+        components (combinations of inertial parameters) that keep the energy to an error of `percent` % ("components").
+        Raises `InputError` for an unknown objective and, for "components", for a percentage that is no finite number of
+        at least 0, `NonFiniteError` where the cost is too large for numbers, `RankError` for "components" where the
+        number of identifiable parameters cannot be certified."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
     def cost_after(self) -> float:
-        """The cost, which `objective` names, of the motion with the counterweights: root mean square energy about its
-        mean, J ("energy"), torques as a share of their limits, unitless ("torque"), entries of the mass matrix off the
-        diagonal, kg m^2 ("coupling"), or the number of essential components (combinations of inertial parameters) that
-        keep the energy to an error of `percent` % ("components"). Raises `InputError` for a counterweight on an unknown
-        link, for a link's inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for
-        a percentage that is no finite number of at least 0, `NonFiniteError` where the cost is too large for numbers,
-        `RankError` for "components" where the number of identifiable parameters cannot be certified."""
+        """The cost, which `objective` names, of the motion with the counterweights: a root mean square over the task's
+        states, of the energy about its mean, J ("energy"), of the joint torques as shares of their limits, unitless
+        ("torque"), or of the mass matrix's entries off the diagonal, kg m^2 ("coupling"); or the number of essential
+        components (combinations of inertial parameters) that keep the energy to an error of `percent` % ("components").
+        Raises `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI
+        units), for an unknown objective and, for "components", for a percentage that is no finite number of at least 0,
+        `NonFiniteError` where the cost is too large for numbers, `RankError` for "components" where the number of
+        identifiable parameters cannot be certified."""
         return _cost(self.balanced, self.objective, self.percent)
 
     @property
     def saved(self) -> float:
-        """Share (unitless) of the cost of the motion, which `objective` names, that the counterweights found remove,
-        from 0 to 1; 0 where the cost without them is zero. The cost "components" is a number of essential components
-        (combinations of inertial parameters that keep the energy to an error of `percent` %). Raises `InputError` for a
-        counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for an unknown
-        objective and, for "components", for a percentage that is no finite number of at least 0, `NonFiniteError` where
-        the cost is too large for numbers, `RankError` for "components" where the number of identifiable parameters
-        cannot be certified."""
+        """Share (unitless) of the cost of the motion, which `objective` names, that the counterweights found remove:
+        (before - after) / before, from 0 to 1, of `cost_before` and `cost_after`; 0 where the cost without them is
+        zero. The cost "components" is a number of essential components (combinations of inertial parameters that keep
+        the energy to an error of `percent` %). Raises `InputError` for a counterweight on an unknown link, for a link's
+        inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for a percentage that
+        is no finite number of at least 0, `NonFiniteError` where the cost is too large for numbers, `RankError` for
+        "components" where the number of identifiable parameters cannot be certified."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
@@ -150,18 +151,18 @@ def optimal_counterweights(
     task least, as a `Counterweights`. `within` has one `PlaceBounds` for each such link: bounds of the ball's mass and
     place.
 
-    `objective` names the cost: the root mean square energy about its mean ("energy", J), the torques ("torque", share
-    of limits, unitless), the mass matrix's entries off the diagonal ("coupling", kg m^2), or the number of essential
-    components ("components"). Essential components are combinations of the inertial parameters, the right singular
-    vectors of the task's energies; the fewest are counted that keep the energy to an error of `percent`, by default 1
-    %, and of designs with equally few, the one with the least error is taken. Balls, of a density in kg/m^3 (steel's
-    7850 by default), have a positive definite pseudo-inertia (the matrix of second moments, first moments and mass), so
-    that links that are physically consistent stay so. The search starts from the best of an even sample of designs,
-    drawn by `seed`, and goes on by trust regions within bounds (SciPy's `least_squares`): it is global as far as the
-    sample is dense. Raises `InputError` for an unknown objective or link, for no links or one given twice, for a
-    `percent` that is no finite number of at least 0, a density not positive and finite, a `seed` other than a whole
-    number from 0 to 2^32 - 1 and a task with constant energy, `RankError` where the number of identifiable parameters
-    cannot be certified.
+    `objective` names the cost: a root mean square over the task's states, of the energy about its mean ("energy", J),
+    of the joint torques as shares of their limits ("torque", unitless), or of the mass matrix's entries off the
+    diagonal ("coupling", kg m^2); or the number of essential components ("components"). Essential components are
+    combinations of the inertial parameters, the right singular vectors of the task's energies; the fewest are counted
+    that keep the energy to an error of `percent`, by default 1 %, and of designs with equally few, the one with the
+    least error is taken. Balls, of a density in kg/m^3 (steel's 7850 by default), have a positive definite
+    pseudo-inertia (the matrix of second moments, first moments and mass), so that links that are physically consistent
+    stay so. The search starts from the best of an even sample of designs, drawn by `seed`, and goes on by trust regions
+    within bounds (SciPy's `least_squares`): it is global as far as the sample is dense. Raises `InputError` for an
+    unknown objective or link, for no links or one given twice, for a `percent` that is no finite number of at least 0,
+    a density not positive and finite, a `seed` other than a whole number from 0 to 2^32 - 1 and a task with constant
+    energy, `RankError` where the number of identifiable parameters cannot be certified.
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")

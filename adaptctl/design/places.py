@@ -83,8 +83,8 @@ class PlaceBounds:
 
     def grid(self, each: int) -> Array:
         """Places (each^3, 3), m in the link's frame, evenly spaced over the box from `lower` to `upper`, faces
-        included, with `each` of them along every edge; for 1, the corner `lower` alone. Raises `InputError` for an
-        `each` other than a whole number from 1 to 100."""
+        included, with `each` of them along every edge, z changing fastest, then y, then x; for 1, the corner `lower`
+        alone. Raises `InputError` for an `each` other than a whole number from 1 to 100."""
         whole_number(each, "grid: places along an edge", 1, 100)
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

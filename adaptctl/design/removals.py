@@ -39,13 +39,13 @@ class Removal:
 
     `way` is "symmetry" (a link made its own mirror image), "balance" (a ball added) or "relocation" (a part of a link's
     mass moved), and `link` the name of the link to change, empty for all symmetries that links have already. `known`
-    names the inertial parameters that are zero by symmetry, `zero` the fundamental parameters that are zero afterwards.
-    `columns` (k',) are the indices, among all P inertial parameters without friction, of those that are enough, and
-    `regrouping` (k', P), in SI units, gives their values: Y D = Y[:, columns] regrouping D for the inertial parameters
-    D (P,) of the changed design, with the torque regressor Y (r, P) of r primary (independently moving) joints. `mass`
-    (kg) is added at `place` (3,), m in the link's frame, or moved there from the link's centre of mass; 0 and None for
-    a symmetry. `holds` is true where the mechanism has the symmetry already. Made by `removals`; nothing is refused at
-    construction.
+    names the inertial parameters that are zero by symmetry (none for a ball or a moved part), `zero` the fundamental
+    parameters that are zero afterwards. `columns` (k',) are the indices, among all P inertial parameters without
+    friction, of those that are enough, and `regrouping` (k', P), in SI units, gives their values: Y D = Y[:, columns]
+    regrouping D for the inertial parameters D (P,) of the changed design, with the torque regressor Y (r, P) of r
+    primary (independently moving) joints. `mass` (kg) is added at `place` (3,), m in the link's frame, or moved there
+    from the link's centre of mass; 0 and None for a symmetry. `holds` is true where the mechanism has the symmetry
+    already. Made by `removals`; nothing is refused at construction.
     """
 
     basis: FundamentalBasis
@@ -75,7 +75,8 @@ class Removal:
     @property
     def gone(self) -> tuple[str, ...]:
         """Names of the fundamental (base) parameters of the mechanism that are not needed after the change of its
-        design. They may be more than the change saves, where another inertial parameter takes the place of one."""
+        design, in the order of `basis`. They may be more than the change saves, where another inertial parameter takes
+        the place of one."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
@@ -116,10 +117,11 @@ class Removal:
 
 
 def operations_saved(task: DesignTask, removal: Removal) -> int:
-    """Number of floating-point operations that an adaptive controller saves in each control period after a change of
-    design, a `removal`: it needs fewer parameters in the equations of the task's mechanism (torques and powers; sines,
-    cosines and roots are not counted). Friction's parameters stay. Raises `RankError` where the number of identifiable
-    parameters cannot be certified, `LoopError` where loops do not fit together."""
+    """Number of floating-point operations that an adaptive controller of the task's mechanism saves in each control
+    period after a change of design, a `removal`, since it needs fewer parameters. Counted are the torque Y beta and the
+    powers Y's, with beta (k,) the values of k parameters, Y (r, k) the regressor of r joints, Y' its transpose and s
+    (r,) joint rates; sines, cosines and roots are not. Friction's parameters stay. Raises `RankError` where the number
+    of identifiable parameters cannot be certified, `LoopError` where loops do not fit together."""
     mechanism = task.mechanism
     friction = range(mechanism.energetic, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
@@ -132,11 +134,12 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
     link that may change: bounds of added or moved mass and of its places. Empty where there are no such changes.
 
     By symmetry: a link becomes its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
-    (steel's 7850 by default), added to a link, makes a fundamental parameter zero that is not zero before. By
-    relocation: a part of the link's own mass, taken from its centre of mass and placed as such a ball, does so. Each is
-    one change alone; where links have symmetries already, one more takes all of these at once. Raises `InputError` for
-    an unknown link or one given twice and a density that is not positive and finite, `RankError` where the number of
-    identifiable parameters cannot be certified.
+    (steel's 7850 by default), added to a link, makes a fundamental parameter zero that makes more than 1e-6 of the root
+    mean square energy before. By relocation: a part of the link's own mass, taken from its centre of mass and placed as
+    such a ball, does so. The ball's place is that of 13 along each edge of the link's box where it does most, its mass
+    the least that is enough there. Each is one change alone; where links have symmetries already, one more takes all of
+    these at once. Raises `InputError` for an unknown link or one given twice and a density that is not positive and
+    finite, `RankError` where the number of identifiable parameters cannot be certified.
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
     within = tuple(within)

@@ -56,18 +56,19 @@ class DesignStudy:
 
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
-        """The cheapest and the dearest place on every link, of 9 along each edge of its box of places, for a point with
-        the body's mass, as `LinkCost`: places (3,), m in the link's frame, and relative changes (unitless) of the root
-        mean square energy, kinetic plus potential, about its mean over the task's states. Raises `InputError` for a
-        body without mass and a task with constant energy, `NonFiniteError` for bounds so far that the energy is too
-        large for numbers."""
+        """The cheapest and the dearest place on every link, in the order of `within`, of 9 along each edge of its box
+        of places, for a point with the body's mass, as `LinkCost`: places (3,), m in the link's frame, and relative
+        changes (unitless) of the root mean square energy, kinetic plus potential, about its mean over the task's
+        states. Raises `InputError` for a body without mass and a task with constant energy, `NonFiniteError` for bounds
+        so far that the energy is too large for numbers."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property
     def added(self) -> tuple[AddedMass, ...]:
-        """Effects, one `AddedMass` for each link, of the body added to that link alone, the body's centre of mass at
-        the link's. Raises `InputError` for a task with constant energy and for a percentage that is no finite number of
-        at least 0, `RankError` where the number of identifiable parameters cannot be certified."""
+        """Effects, one `AddedMass` for each link of `within`, in that order, of the body added to that link alone, the
+        body's centre of mass at the link's. Raises `InputError` for a task with constant energy and for a percentage
+        that is no finite number of at least 0, `RankError` where the number of identifiable parameters cannot be
+        certified."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
@@ -108,13 +109,15 @@ def design_study(
     `links` are the names of the links that may carry counterweights. By default (empty) they are the six that may carry
     the heaviest, without links that turn on the ground about an axis along gravity, if others are left. A counterweight
     has at most a `share` (unitless, 0.2 by default) of its link's mass; its places are a box around the link's joints
-    and centre of mass, widened by `beyond` (unitless, 0.5 by default) of the box's diagonal. `objective` names the cost
-    that counterweights make least: "energy", the default, "torque", "coupling" (the mass matrix's entries off the
-    diagonal) or "components" (the number of essential components that keep the energy to an error of `percent`, 1 % by
-    default). `seed` draws the designs that the search starts from. Raises `InputError` for unknown links or one given
-    twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a `seed` other
-    than a whole number from 0 to 2^32 - 1, a body whose mass is not above zero, and a task with constant energy,
-    `NotFoundError` for an unknown body, `RankError` where the number of identifiable parameters cannot be certified.
+    and centre of mass, widened by `beyond` (unitless, 0.5 by default) of the box's diagonal, and by 0.1 m at least.
+    `objective` names the cost that counterweights make least: "energy", the default (its root mean square about its
+    mean over the states), "torque" (joint torques as shares of their limits), "coupling" (the mass matrix's entries off
+    the diagonal) or "components" (the number of essential components that keep the energy to an error of `percent`, 1 %
+    by default). `seed` draws the designs that the search starts from. Raises `InputError` for unknown links or one
+    given twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a `seed`
+    other than a whole number from 0 to 2^32 - 1, a body whose mass is 0, negative or above 1e20 kg, and a task with
+    constant energy, `NotFoundError` for an unknown body, `RankError` where the number of identifiable parameters cannot
+    be certified.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)

@@ -134,9 +134,10 @@ class DesignTask:
 
     @cached_property
     def parameters(self) -> Array:
-        """The mechanism's own P inertial parameters (P,) that enter energies, all but friction: of each link its mass m
-        (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg
-        m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic joint). Read-only."""
+        """The mechanism's own P inertial parameters (P,) that enter energies, all but friction: of each link, in the
+        mechanism's order, its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx,
+        I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a
+        prismatic joint). Read-only."""
         own = self.mechanism.inertial_parameters[: self.mechanism.energetic]
         return frozen_array(own, own.shape, "parameters")
 
@@ -159,17 +160,18 @@ class DesignTask:
 
     def matrix(self, objective: str) -> Array:
         """The matrix M (n, P), of n <= P rows, of the cost |M D| that `objective` names, for P inertial parameters D
-        (P,) in SI units: M D is in J for "energy" and "components", a share of the torque limits (unitless) for
-        "torque", and kg m^2 for "coupling".
+        (P,) in SI units, in the order of `parameters`: M D is in J for "energy" and "components", a share of the torque
+        limits (unitless) for "torque", and kg m^2 for "coupling".
 
         The cost is a root mean square over the states. For "energy" it is that of the energy about its mean: its square
         is half the mean square of the energy's differences among all pairs of states (Sheu and Walker 1991, equation
         8). For "torque" it is that of the joint torques as shares of their limits, the squares summed over joints; for
-        "coupling" that of the mass matrix's entries off the diagonal, times the characteristic length (m; the largest
-        distance from a joint to the next or to its link's frame) for each prismatic joint of the entry. For
-        "components" it is that of the energy, by M = S V1' (k, P): the k singular values S of the energies that are not
-        zero, times their right singular vectors V1 (P, k). Read-only. Raises `InputError` for another objective, and
-        for "components" `RankError` where the number of identifiable parameters cannot be certified.
+        "coupling" that of the mass matrix's entries off the diagonal, their mean over pairs of joints too, times the
+        characteristic length (m; the largest distance from a joint to the next or to its link's frame) for each
+        prismatic joint of the entry. For "components" it is that of the energy, by M = S V1' (k, P): the k singular
+        values S of the energies that are not zero, times their right singular vectors V1 (P, k). Read-only. Raises
+        `InputError` for another objective, and for "components" `RankError` where the number of identifiable parameters
+        cannot be certified.
         """
         rows: dict[str, Callable[[], Array]] = {
             "energy": lambda: self._energy,
@@ -182,36 +184,39 @@ class DesignTask:
         return frozen(rows[objective]())
 
     def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
-        """The cost of the motion that `objective` names, for P inertial parameters (P,) in SI units, by default (None)
-        the mechanism's own. It is a root mean square over the task's states: "energy" and "components" of the energy
-        about its mean (J), "torque" of the torques as shares of their limits (unitless), "coupling" of the mass
-        matrix's entries off the diagonal (kg m^2). Raises `InputError` for another objective or shape of parameters,
+        """The cost of the motion that `objective` names, for P inertial parameters (P,) in SI units, in the order of
+        the property `parameters`, by default (None) the mechanism's own. It is a root mean square over the task's
+        states: "energy" and "components" of the energy about its mean (J), "torque" of the torques as shares of their
+        limits (unitless; squares summed over joints), "coupling" of the mass matrix's entries off the diagonal (kg m^2;
+        a mean over pairs of joints too). Raises `InputError` for another objective or shape of parameters,
         `NonFiniteError` where one is not finite or the cost is too large for numbers, and for "components" `RankError`
         where the number of identifiable parameters cannot be certified."""
         return float(np.linalg.norm(self._applied(self.matrix(objective), parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
         """Root mean square torques (r,) of the r primary (independently moving) joints over the task's states, N m (N
-        for a prismatic joint), without friction, for P inertial parameters (P,) in SI units, by default (None) the
-        mechanism's own. Raises `InputError` for another shape of parameters, `NonFiniteError` where one is not finite
-        or the torques are too large for numbers."""
+        for a prismatic joint), without friction, for P inertial parameters (P,) in SI units, in the order of the
+        property `parameters`, by default (None) the mechanism's own. Raises `InputError` for another shape of
+        parameters, `NonFiniteError` where one is not finite or the torques are too large for numbers."""
         return np.linalg.norm(self._applied(self._joint_torques, parameters), axis=-1)
 
     def components(self, percent: float, parameters: ArrayLike | None = None) -> int:
         """The least number of essential components that keep the root mean square energy to an error of `percent` (%;
-        Sheu and Walker 1991, equation 23), for P inertial parameters (P,) in SI units, by default (None) the
-        mechanism's own. Essential components are combinations of the inertial parameters, the right singular vectors of
-        the task's energies. Raises `InputError` for a percentage that is no finite number of at least 0 or another
-        shape of parameters, `NonFiniteError` where a parameter is not finite or the energy is too large for numbers,
-        `RankError` where the number of identifiable parameters cannot be certified."""
+        Sheu and Walker 1991, equation 23), for P inertial parameters (P,) in SI units, in the order of the property
+        `parameters`, by default (None) the mechanism's own. Essential components are combinations of the inertial
+        parameters, the right singular vectors of the task's energies. Raises `InputError` for a percentage that is no
+        finite number of at least 0 or another shape of parameters, `NonFiniteError` where a parameter is not finite or
+        the energy is too large for numbers, `RankError` where the number of identifiable parameters cannot be
+        certified."""
         return int(component_counts(self._applied(self._components, parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
         """Names of the fundamental (base) parameters that alone make more than a `share` (unitless, by default 1e-6) of
         the root mean square energy about its mean over the task's states, for P inertial parameters (P,) in SI units,
-        by default (None) the mechanism's own. Raises `InputError` for another shape of parameters and a share that is
-        no number, `NonFiniteError` where a parameter is not finite or the energy is too large for numbers, `RankError`
-        where the number of identifiable parameters cannot be certified."""
+        in the order of the property `parameters`, by default (None) the mechanism's own. Raises `InputError` for
+        another shape of parameters and a share that is no number, `NonFiniteError` where a parameter is not finite or
+        the energy is too large for numbers, `RankError` where the number of identifiable parameters cannot be
+        certified."""
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
@@ -221,9 +226,10 @@ class DesignTask:
     def weights(self, parameters: ArrayLike | None = None) -> Array:
         """Shares (k,), unitless, of the root mean square energy about its mean over the task's states that each of the
         k fundamental (base) parameters makes alone, in the order of `basis`, for P inertial parameters (P,) in SI
-        units, by default (None) the mechanism's own. Where the energy is constant (`require_energy` checks it) they say
-        nothing. Raises `InputError` for another shape of parameters, `NonFiniteError` where one is not finite or the
-        energy is too large for numbers, `RankError` where the number of identifiable parameters cannot be certified."""
+        units, in the order of the property `parameters`, by default (None) the mechanism's own. Where the energy is
+        constant (`require_energy` checks it) they are meaningless. Raises `InputError` for another shape of parameters,
+        `NonFiniteError` where one is not finite or the energy is too large for numbers, `RankError` where the number of
+        identifiable parameters cannot be certified."""
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
@@ -245,10 +251,10 @@ class DesignTask:
         return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
 
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
-        """The same task, a `DesignTask`, for the mechanism with other inertial parameters (P,), SI units: all P that
-        enter energies. Friction and the states stay. Raises `InputError` for another shape of parameters, a link's
-        parameter above 1e20 in size and a rotor inertia below 0 or above 1e20, `NonFiniteError` where one is not
-        finite."""
+        """The same task, a `DesignTask`, for the mechanism with other inertial parameters (P,), SI units, in the order
+        of the property `parameters`: all P that enter energies. Friction and the states stay. Raises `InputError` for
+        another shape of parameters, a link's parameter above 1e20 in size and a rotor inertia below 0 or above 1e20,
+        `NonFiniteError` where one is not finite."""
         own = np.array(self.mechanism.inertial_parameters)
         own[: self.mechanism.energetic] = self._given(parameters)
         return replace(self, mechanism=self.mechanism.with_parameters(own))

@@ -117,7 +117,8 @@ def puma560() -> SampledArm:
 
 def semi_direct_drive(mechanism: Mechanism | None = None) -> SampledArm:
     """Semi-direct-drive arm (five-bar linkage), sampled within the positions and velocities of Table 9 of Sheu and
-    Walker (1991); `mechanism` is another arm of its kind, None, the default, for the built-in one."""
+    Walker (1991); `mechanism` is another arm of its kind with the same three joints, which is not checked; None, the
+    default, for the built-in one."""
     rows = {label: row.split() for label, row in printed().tables["table9"].rows.items()}
     lower, upper = ([float(rows[label][column]) for column in (0, 1, 3)] for label in (FROM, TO))
     mixing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, -1.0]])

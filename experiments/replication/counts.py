@@ -13,7 +13,8 @@ from adaptctl.experiments.replication.verdict import Check, Item, Outturn
 class Counts:
     """Counts of entries of one kind that Sheu and Walker (1991) print: `printed`, all; by verdict, `given` (inputs),
     `reproduced`, `in_shape` (among the values of random draws), `errata` (shown to be wrong) and `not_reproduced`; of
-    those reproduced, `to_the_last_digit` and `one_digit_short`. Nothing is checked at construction."""
+    those reproduced, `to_the_last_digit` (crosses and blanks among them) and `one_digit_short`. Nothing is checked at
+    construction."""
 
     printed: int
     given: int
@@ -26,8 +27,8 @@ class Counts:
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> Counts:
-        """Counts by verdict of some `checks`, each of one entry that Sheu and Walker (1991) print, a number or a
-        cross."""
+        """Counts by verdict of some `checks`, each of one entry that Sheu and Walker (1991) print, a number, a cross or
+        a blank; the last two, if reproduced, count as met to the last digit."""
         by = Counter(check.verdict for check in checks)
         done = [check for check in checks if check.verdict is Outturn.REPRODUCED]
         short = [(check.of_digits or 0) - (check.digits or 0) for check in done]

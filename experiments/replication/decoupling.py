@@ -25,8 +25,8 @@ class Decoupling:
     5.3).
 
     `relations` (m, k) holds a relation a row, coefficients in SI units, each with one parameter that no other row has;
-    `per_term` is how many relations each off-diagonal entry needs by itself, by the entry's name, such as "M12".
-    Nothing is checked at construction.
+    `per_term` is how many relations each off-diagonal entry needs by itself, by the entry's name, such as "M12" for row
+    1 and column 2, counted from 1. Nothing is checked at construction.
     """
 
     basis: FundamentalBasis
@@ -63,9 +63,9 @@ class Decoupling:
 
 
 def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Array]:
-    """Regressors (200, k) of the off-diagonal entries of an arm's mass matrix, by name ("M12", "M13", ...): times the k
-    inertial parameters whose indices from 0 are `columns`, they give the entry, kg m^2, at each of 200 random positions
-    within the arm's range."""
+    """Regressors (200, k) of the off-diagonal entries of an arm's mass matrix, by name ("M12" for row 1 and column 2,
+    counted from 1, "M13", ...): times the k inertial parameters whose indices from 0 are `columns`, they give the
+    entry, kg m^2, at each of 200 random positions within the arm's range."""
     weightless = Mechanism(replace(arm.mechanism.description, gravity=np.zeros(3)))
     p, _ = arm.states(np.random.default_rng(0), STATES, 1.0)
     rest, unit = np.zeros_like(p), np.eye(arm.mechanism.dof)

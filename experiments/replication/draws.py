@@ -15,10 +15,10 @@ from adaptctl.identifiability import Reduction, reduce
 @dataclass(frozen=True, eq=False)
 class Draws:
     """Random draws of an arm's states, one for each seed. H (samples - 1, P) are one draw's energy differences between
-    successive states, J per SI unit of the P inertial parameters: `singular_values` (seeds, P) are those of H, falling;
-    `reductions`, one for each draw, write the `arm`'s parameters as a sum of essential components, their parts along
-    the right singular vectors of H, by falling energy (Sheu and Walker 1991, section 3). Nothing is checked at
-    construction."""
+    successive states, J per SI unit of the P inertial parameters: `singular_values` (seeds, P) are those of H, falling
+    (samples - 1 of them where that is less than P); `reductions`, one for each draw, write the `arm`'s parameters as a
+    sum of essential components, their parts along the right singular vectors of H, by falling energy (Sheu and Walker
+    1991, section 3). Nothing is checked at construction."""
 
     arm: SampledArm
     singular_values: Array
@@ -29,8 +29,9 @@ class Draws:
     @classmethod
     def of(cls, arm: SampledArm, seeds: Sequence[int], samples: int, velocity_scale: float) -> Draws:
         """Random draws of `samples` states of an arm for each of the `seeds`, as section 5.1 of Sheu and Walker (1991)
-        makes one; velocities are uniform up to `velocity_scale` (no unit) times the arm's bound. Raises `RankError`
-        where the rank of the arm's inertial parameters cannot be certified."""
+        makes one; `samples` are to be above the arm's number P of inertial parameters, which is not checked; velocities
+        are uniform up to `velocity_scale` (no unit) times the arm's bound. Raises `RankError` where the rank of the
+        arm's inertial parameters cannot be certified."""
         drawn = [arm.states(np.random.default_rng(seed), samples, velocity_scale) for seed in seeds]
         p, v = (np.stack(parts) for parts in zip(*drawn, strict=True))
         H = np.diff(arm.energies(p, v), axis=1)

@@ -40,8 +40,8 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
                 yield label, column, text
 
     def values(self, *labels: str) -> Array:
-        """Numbers (rows, columns) in the rows with these `labels`, all rows unless any is given. Raises `KeyError` for
-        an unknown label, `ValueError` for a blank or other entry that is no number."""
+        """Numbers (rows, columns) in the rows with these `labels`, in the order given, or without any in all rows, as
+        printed. Raises `KeyError` for an unknown label, `ValueError` for a blank or other entry that is no number."""
         rows = [self.rows[label].split() for label in labels or self.rows]
         return np.array([[float(text) for text in row] for row in rows])
 
@@ -107,8 +107,8 @@ class Number:
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
-        """Text of a `computed` value in the style of the printed number: as many decimals, with an exponent or
-        without."""
+        """Text of a `computed` value in the style of the printed number: as many decimals, and an exponent where that
+        has one; without, what rounds to zero has no minus sign."""
         decimals = len(self.text.upper().partition("E")[0].partition(".")[2])
         if "E" in self.text.upper():
             return f"{computed:.{decimals}E}"

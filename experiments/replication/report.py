@@ -24,7 +24,8 @@ STYLES = {
 
 class Grid(NamedTuple):
     """Grid of checks in the layout of a table of Sheu and Walker (1991): `columns`, their labels, and `rows`, each a
-    label and, for every column, the check of the entry there or None where there is none."""
+    label and, for every column, the check of the entry there or None where there is none. Nothing is checked at
+    construction."""
 
     columns: list[str]
     rows: list[tuple[str, list[Check | None]]]
@@ -69,8 +70,9 @@ MEANINGS = {
 
 
 def grid(name: str, checks: Sequence[Check]) -> Grid:
-    """Grid of the `checks` of an item called `name`, such as "table7", with those columns of that table in Sheu and
-    Walker (1991) that a check is of, or, where the item is no table, the columns in the order in which they come."""
+    """Grid of the `checks` of an item called `name`, such as "table7", as a `Grid` of columns' labels and rows. Columns
+    are those of that table in Sheu and Walker (1991) that a check is of, in its order, or, where the item is no table,
+    in the order in which the checks have them, as rows always are. Of two checks of one entry the last is shown."""
     table = printed().tables.get(name)
     present = dict.fromkeys(check.column for check in checks)
     columns = [column for column in (table.columns if table else present) if column in present]

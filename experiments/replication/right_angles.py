@@ -41,8 +41,9 @@ class RoundedSet:
 
 
 def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
-    """Mechanism of the PUMA 560 with the number `quarter` (rad), such as 1.5708, in place of pi/2 in every twist
-    between joint axes. Raises `ValueError` for a `mechanism` of another number of links than six."""
+    """Changed copy of the `mechanism`, a PUMA 560, in which the twists, the angles about x from each joint axis to the
+    next, are -1, 0 or 1 times `quarter` (rad), such as 1.5708, instead of pi/2. Raises `ValueError` for a `mechanism`
+    of another number of links than six."""
     links = tuple(
         replace(link, far=Pose(rotation_about((1, 0, 0), n * quarter), link.far.translation))
         for link, n in zip(mechanism.links, TURNS, strict=True)
@@ -51,8 +52,8 @@ def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
 
 
 def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
-    """Mechanism of the semi-direct-drive arm on a base that is turned about x by `quarter` (rad), such as 1.5708, in
-    place of pi/2."""
+    """Changed copy of the `mechanism`, a semi-direct-drive arm, whose first joint's frame is turned about the world's x
+    axis by minus `quarter` (rad), such as 1.5708, instead of minus pi/2. Nothing is checked."""
     first = mechanism.links[0]
     base = replace(first, near=Pose(rotation_about((1, 0, 0), -quarter), first.near.translation))
     return Mechanism(replace(mechanism.description, links=(base, *mechanism.links[1:])))
@@ -62,8 +63,9 @@ def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) ->
     """Set of the k of P parameters that the rule of Sheu and Walker (1991, theorem 4.1 and equation 25) keeps.
     Parameters are met in the order of `priority`; one is removed where its row of the null vectors of `space`
     (orthonormal directions of parameters that change no energy) is linearly independent of the rows of those removed
-    before, by more than 1e-8. `parameters` are D (P,), SI units. Raises `NotFoundError` for a priority with unknown
-    names, `InputError` for one with a name given twice and for parameters of a wrong shape."""
+    before: less its projection on them it is longer than 1e-8. `parameters` are D (P,), SI units. Raises
+    `NotFoundError` for a priority with unknown names, `InputError` for one with a name given twice and for parameters
+    of a wrong shape."""
     removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
     kept = tuple(sorted(set(range(len(parameters))) - set(removed)))
     essential, square = space.project(parameters), space.null_basis[removed]
@@ -74,6 +76,7 @@ def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) ->
 def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> RoundedSet:
     """Set of parameters that the rule of Sheu and Walker (1991, theorem 4.1) keeps on the PUMA 560, `mechanism`, with
     `quarter` (rad), such as 1.5708, in place of pi/2; `priority` is the order in which parameters are removed. Raises
-    `NotFoundError` for a priority with unknown names, `RankError` where the number of identifiable parameters cannot be
+    `NotFoundError` for a priority with unknown names, `InputError` for one with a name given twice, `ValueError` for a
+    mechanism of another number of links than six, `RankError` where the number of identifiable parameters cannot be
     certified."""
     return papers_rule(essential_space(with_twists(mechanism, quarter)), mechanism.inertial_parameters, priority)

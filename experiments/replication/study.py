@@ -173,8 +173,8 @@ class Study:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """Texts, two, of the choices behind the random draws of states: their number, and the ranges of positions and
-        velocities."""
+        """Two texts on the choices behind the random draws of states: first the number of draws, of states in each, and
+        the range of positions; then the range of velocities."""
         return (
             f"{self.seeds} draws of {self.samples} states, positions uniform within the table's ranges",
             f"velocities uniform up to {self.velocity_scale:.4g} times the table's bound, so that their root mean "

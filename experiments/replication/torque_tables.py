@@ -23,7 +23,9 @@ def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[
     """Checks of every printed entry of Table 3 or 10 of Sheu and Walker (1991), in its order, against what was computed
     when 0 to k essential components (the parameters' parts along the right singular vectors of energy differences) are
     kept: energy errors `percent` (seeds, k + 1), %, and mean square torque errors `errors` (seeds, k + 1, r), (N m)^2,
-    of r joints, for each of several random draws (seeds)."""
+    of r joints, for each of several random draws (seeds). The verdict is IN_SHAPE for an entry within the draws' least
+    and greatest value, or, with all k components, where only round-off is left, for one that like the draws' median is
+    below 1e-15; else NOT_REPRODUCED."""
     last = percent.shape[1] - 1
     checks = []
     for row, column, text in table.entries():

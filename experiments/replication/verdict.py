@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 class Outturn(Enum):
     """Enumeration of verdicts on what Sheu and Walker (1991) print: GIVEN, an input used as printed; REPRODUCED,
-    computed again; IN_SHAPE, dependent on samples, a motion or an arm that are not printed, and among the values of
-    what was chosen; ERRATUM, shown to be wrong; NOT_REPRODUCED, outside of all that was computed, and not shown to be
-    wrong. The value is the verdict in words."""
+    computed again; IN_SHAPE, which depends on samples, a motion or an arm that the paper does not print, and lies among
+    the values computed for those chosen here; ERRATUM, shown to be wrong; NOT_REPRODUCED, outside of all that was
+    computed, and not shown to be wrong. The value is the verdict in words."""
 
     GIVEN = "given"
     """an input of the paper, used as printed"""
@@ -56,7 +56,7 @@ class Check:
 
     @property
     def is_mark(self) -> bool:
-        """True for an entry of a table of crosses, a cross or a blank, and no number."""
+        """True if the printed entry is a cross or a blank, in a table of crosses, and no number."""
         return self.printed in (MARK, "")
 
     @property
@@ -69,7 +69,7 @@ class Check:
 
     @property
     def exact(self) -> bool:
-        """True if the entry is reproduced with every printed digit."""
+        """True if the entry is reproduced with every printed digit, or is a cross or a blank and reproduced."""
         return self.verdict is Outturn.REPRODUCED and self.digits == self.of_digits
 
 
@@ -214,7 +214,7 @@ def vanishing(row: str, column: str, text: str, computed: float, bound: float) -
 def marked(row: str, column: str, text: str, kept: bool, unlike: Outturn = Outturn.ERRATUM) -> Check:
     """Check of a cross ("x") or a blank in a table of parameters that are kept: REPRODUCED where it agrees with `kept`,
     True if the parameter is kept here, else the verdict `unlike`. `row` and `column` are its labels, `text` is as
-    printed."""
+    printed; any but "x" counts as a blank."""
     printed, computed = (MARK if text == MARK else ""), (MARK if kept else "")
     return Check(row, column, printed, computed, Outturn.REPRODUCED if printed == computed else unlike)
 

@@ -87,15 +87,16 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
     def run(self, progress: Progress) -> Result:
         """Result of the comparison of both arms: outcome in words, facts (questions with answers), verdict, and a
         function that writes the folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C
-        keeps the runs begun. Raises `InputError` for a path that is out of reach, `GainError` for gains too large for
-        the control period, `RankError` where an arm's number of fundamental (base) parameters cannot be certified."""
+        keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises `InputError` for a path that is
+        out of reach, `GainError` for gains too large for the control period, `RankError` where an arm's number of
+        fundamental (base) parameters cannot be certified."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> SideBySide:
         """Data of both arms side by side, run one after the other. `progress(what, share)` gets the step's name and the
-        share done, 0 to 1; Ctrl-C keeps the runs begun. Raises `InputError` for a path that is out of reach,
-        `GainError` for gains too large for the control period, `RankError` where an arm's number of fundamental (base)
-        parameters cannot be certified."""
+        share done, 0 to 1; Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises
+        `InputError` for a path that is out of reach, `GainError` for gains too large for the control period,
+        `RankError` where an arm's number of fundamental (base) parameters cannot be certified."""
         sides: list[Side] = []
         complete = True
         for arm in ARMS:
@@ -119,10 +120,10 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def side(self, arm: ArmWithTip, progress: Progress) -> Side:
-        """Data of one arm: its fundamental (base) parameters, its runs and the motions of its tip. `progress(what,
-        share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a path that is out of reach,
-        `GainError` for gains too large for the control period, `RankError` where the number of fundamental parameters
-        cannot be certified."""
+        """Data, a `Side`, of one `arm` with its tip: its fundamental (base) parameters, its runs and the motions of its
+        tip. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a path
+        that is out of reach, `GainError` for gains too large for the control period, `RankError` where the number of
+        fundamental parameters cannot be certified."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
         tip = arm.on(mechanism)

@@ -75,8 +75,8 @@ def operations(result: SideBySide) -> Figure:
 
 
 def tip_path(result: SideBySide) -> Figure:
-    """Matplotlib figure of the paths of both arms' tips, m, and of the desired one, seen from the front, the side and
-    above."""
+    """Matplotlib figure of the paths of both arms' tips in their adaptive runs, m, and of the desired one, seen from
+    the front (y, z), the side (x, z) and above (x, y)."""
     figure = sheet(3.4)
     for axes, (across, up, view) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for i, side in enumerate(result.sides):
@@ -118,8 +118,9 @@ def tip_error(result: SideBySide) -> Figure:
 
 
 def lyapunov(result: SideBySide) -> Figure:
-    """Matplotlib figure of the Lyapunov function V over its first value V(0) (no unit) over time, s, in both arms'
-    adaptive runs."""
+    """Matplotlib figure of V / V(0) (no unit) over time, s, in both arms' adaptive runs: V is the Lyapunov function
+    s'Ms/2 + e'Gamma^-1 e/2, with the mass matrix M, the sliding variable s, the parameters' error e and the adaptation
+    gain Gamma, V(0) its first value; primes are transposes."""
     figure = sheet(2.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):

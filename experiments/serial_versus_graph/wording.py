@@ -20,8 +20,8 @@ WHY_NOT_16 = (
 
 
 class Row(NamedTuple):
-    """Row of the table that sets arms side by side: `what` it says, the values' texts in `values`, one for each arm,
-    and `section`, True for a heading, whose values are empty."""
+    """Row of the table that sets arms side by side: its label `what`, the values' texts in `values`, one for each arm
+    in order, and `section`, True for a heading, whose values are empty."""
 
     what: str
     values: tuple[str, ...]
