@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from adaptctl.dynamics.equations import Equations
 from adaptctl.scalars import Column
 
 
 class ClosedPositions(Column):
-    """Positions (r,) of a mechanism's r primary (independent) joints, rad (m if prismatic), a `Column`, of which the
-    closed `configuration` (n,) of the tree's n joints, rad (m), is known: `Equations.closed` returns that at once where
-    it would find it in closed form; Newton's steps are made anew. Sums and other results of arithmetic with them are
-    plain `Column`s. Nothing is checked."""
+    """Positions (r,) of a mechanism's r primary (independent) joints, rad (m if prismatic), a `Column` (vector of
+    scalars of any kind), of which the closed `configuration` (n,) of the tree's n joints, rad (m), is known by the
+    mechanism's `equations`.
 
-    __slots__ = ("configuration",)
+    The method `closed` of the same equations, the same object, returns that configuration where it would close the
+    loops anew in closed form; other equations, such as those of a rough model, close their own loops. What arithmetic
+    makes of the positions is a plain `Column`. Nothing is checked.
+    """
 
-    def __init__(self, positions: Column, configuration: Column) -> None:
+    __slots__ = ("configuration", "equations")
+
+    def __init__(self, positions: Column, configuration: Column, equations: Equations) -> None:
         super().__init__(positions)
-        self.configuration = configuration
+        self.configuration, self.equations = configuration, equations

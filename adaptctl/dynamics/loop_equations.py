@@ -110,7 +110,7 @@ class LoopEquations(Equations):
         checked: where the loops stay open, nothing is raised; too short a p or guess raises `ValueError` or
         `IndexError`, locked loops `ZeroDivisionError` in floats.
         """
-        if isinstance(p, ClosedPositions) and self.rules:  # what the closed form would find again
+        if isinstance(p, ClosedPositions) and p.equations is self and self.rules:
             return p.configuration
         entries = dict(zip(self.closing.primary, p, strict=True))
         q = Column(entries.get(i, guess[i]) for i in range(self.joints))

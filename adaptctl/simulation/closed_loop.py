@@ -129,7 +129,8 @@ class ClosedLoop:
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
         memory = like(self._blank, (columns[name] for name in self.state if name.startswith("memory")))
-        observed = measured if self._senses else (ClosedPositions(self.plant.primary(q), q), v)
+        exact = ClosedPositions(self.plant.primary(q), q, self.plant.mechanism.unconstrained.equations), v
+        observed = measured if self._senses else exact
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
         torque, after = law.law(*observed, reference, memory)
         outcome = self.plant.equation({**columns, "torque": torque})
