@@ -19,7 +19,7 @@ from adaptctl.identification.columns import joint_columns
 from adaptctl.identification.comparisons import alternatives
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.entropic import EntropicPrior
-from adaptctl.identification.filtered_dynamics import SmoothMotion, motions_of, rows_of
+from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion, motions_of, rows_of
 from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.identification import Identification
@@ -211,10 +211,7 @@ def gathered(
         _require_between(cutoff, motions)
     cutoffs = cutoffs_for(min(piece.rate for piece in pieces))
     cutoffs = cutoffs if cutoff is None or cutoff in cutoffs else (*cutoffs, cutoff)
-    whole = rows_of(motions, full, cutoffs)
-    settled = not np.isnan(drives.constants).any()
-    own = [without_payloads(rows, motions, full, drives) for rows in whole] if settled else whole
-    rows = dict(zip(cutoffs, own, strict=True))
+    rows = dict(zip(cutoffs, _rows_without_payloads(motions, full, drives, cutoffs), strict=True))
     _require_enough(pieces[0].source, min(len(part) for part in rows.values()), full)
     positive, scales = positive_columns(full, tens)
     basis = fundamental_basis(essential_space(full))
@@ -223,18 +220,29 @@ def gathered(
     return LogEvidence(full, basis, drives, prior, motions, rows, edges), steps, tuple(remarks)
 
 
+def _rows_without_payloads(
+    motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives, cutoffs: Sequence[float]
+) -> list[Rows]:
+    """Rows of filtered equations, with payloads subtracted where all torque constants are known."""
+    rows = rows_of(motions, mechanism, cutoffs)
+    if np.isnan(drives.constants).any():
+        return rows
+    return [without_payloads(own, motions, mechanism, drives) for own in rows]
+
+
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     """The evidence, a `LogEvidence` (filtered equations of logs), with regressors freed of encoder noise by
     instrumental variables: those of the logs' even samples, regressed on those of the odd samples, which have the same
-    motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate. Raises `InputError`
-    where there are none, the logs being too slow, and where they are too short."""
+    motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate, and payloads subtracted where all torque constants are known. Raises `InputError` where there are no such
+    cut-offs, the logs being too slow, and where they are too short."""
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:
         raise InputError("instruments: the log is too slow to be split into even and odd samples")
     motions = [SmoothMotion.of(own, number) for number, (own, _) in enumerate(pairs)]
     others = [SmoothMotion.of(other, number) for number, (_, other) in enumerate(pairs)]
-    own, instruments = (rows_of(each, evidence.mechanism, cutoffs) for each in (motions, others))
+    own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
+    instruments = rows_of(others, evidence.mechanism, cutoffs)
     rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
     return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], BLOCKS))
 
