@@ -75,6 +75,19 @@ def test_instruments_leave_known_payloads_to_themselves() -> None:
         np.testing.assert_allclose(carrying.rows[cutoff].torque, rows.torque, atol=1e-3 * heavy)
 
 
+def test_what_instruments_are_judged_on_begins_where_their_training_ends() -> None:
+    case = known(1, rate=300.0, duration=8.0)
+    logs = [case.log, case.log]
+    freed = freed_of_noise(gathered(case.guess, case.drives, logs)[0])
+    log, begins = freed.edges[round(0.6 * freed.blocks)]
+    assert log == 1
+    found = identified(
+        case.guess, case.drives, logs, friction=FrictionModel(), cutoff=12.5, weight=0.5, instruments=True
+    )
+    period = 1.0 / (4.0 * found.validation.cutoff)
+    assert begins <= found.validation.time[0] < begins + period
+
+
 def test_two_stages_take_the_bias_of_noise_out_of_a_slope() -> None:
     """A column seen twice with independent noise of its size: least squares finds half, instruments the whole."""
     rng = np.random.default_rng(0)

@@ -162,7 +162,10 @@ def identified(
     every = range(training.blocks)
     fit = training.fit(choice.settings, every)
     plain = _plain(training, fit)
-    judged = measured.part(held_out) if held_out else gathered(mechanism, drives, test, skip, cutoff)[0]
+    if held_out:
+        judged = replace(measured, edges=evidence.edges).part(held_out)
+    else:
+        judged = gathered(mechanism, drives, test, skip, cutoff)[0]
     origin = "the last 40 % of the logs, held out" if held_out else ", ".join(log.source for log in test)
     validation = _validated(judged, fit.x, origin)
     others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
@@ -233,7 +236,8 @@ def _rows_without_payloads(
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     """The evidence, a `LogEvidence` (filtered equations of logs), with regressors freed of encoder noise by
     instrumental variables: those of the logs' even samples, regressed on those of the odd samples, which have the same
-    motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate, and payloads subtracted where all torque constants are known. Raises `InputError` where there are no such
+    motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate, blocks of time of its
+    own, and payloads subtracted where all torque constants are known. Raises `InputError` where there are no such
     cut-offs, the logs being too slow, and where they are too short."""
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
