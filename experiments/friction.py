@@ -125,8 +125,8 @@ class FrictionInJoints(OnRealPlant):
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences, never None here, with the RMS tracking errors of all joints in the last two seconds, mrad, with
-        friction among the parameters, without, and by computed torque; `outcome` has the runs; `found`, the findings by
-        name, is not used. Raises `StopIteration` where one of the three runs is missing."""
+        friction among the parameters, without, and by computed torque, a dash for a run that is missing or shorter;
+        `outcome` has the runs; `found`, the findings by name, is not used."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "
@@ -180,8 +180,9 @@ class FrictionInJoints(OnRealPlant):
 
 
 def _final(outcome: Outcome, name: str) -> str:
-    """Text of the RMS error of a run's last two seconds."""
-    return next(wording.error(run.final_rms_error, "mrad") for run in outcome.runs if run.name == name)
+    """Text of the RMS error of a run's last two seconds, a dash where there is none."""
+    errors = {run.name: run.final_rms_error for run in outcome.runs}
+    return wording.error(errors.get(name), "mrad")
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:

@@ -161,7 +161,8 @@ def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], per
     """Matplotlib figure over the number of essential components (parts of the parameters along the directions that make
     most energy) in a controller's model, errors on logarithmic scales: the RMS tracking errors of the last two seconds
     of the `runs`, mrad, and the energy errors `percent_errors` (k + 1,), %, with 0 to k components; `counts` are the
-    numbers of components that were run, and runs are taken by name, "adaptive-10" or "fixed-10" for 10 of them."""
+    numbers of components that were run, and runs are taken by name, "adaptive-10" or "fixed-10" for 10 of them;
+    those that are missing or shorter have no point."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 
@@ -169,8 +170,8 @@ def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], per
     axes = figure.subplots()
     found = {run.name: run.final_rms_error for run in runs}
     for i, (kind, label) in enumerate(((ADAPTIVE, "adapted from zero"), (FIXED, "true values held"))):
-        drawn = [(s, 1e3 * error) for s in sorted(counts) if (error := found.get(f"{kind}-{s}")) is not None]
-        axes.semilogy(*zip(*drawn, strict=True), "o-", color=run_color(i).hex, label=label)
+        drawn = {s: 1e3 * error for s in sorted(counts) if (error := found.get(f"{kind}-{s}")) is not None}
+        axes.semilogy(list(drawn), list(drawn.values()), "o-", color=run_color(i).hex, label=label)
     off = found.get(ADAPTATION_OFF)
     if off is not None:
         axes.axhline(1e3 * off, color=MUTED.hex, linestyle=(0, (4, 3)), label="adaptation off, nothing known")

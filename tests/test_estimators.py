@@ -9,12 +9,16 @@ from pathlib import Path
 import numpy as np
 from synthetic_logs import Known, known, motion
 
+from adaptctl.description.inertia import from_center_of_mass
+from adaptctl.description.readers.entries import Tensor
 from adaptctl.experiments.energy_differences import EnergyDifferences
+from adaptctl.identification.drives_file import PayloadEntry
 from adaptctl.identification.energy_differences import by_energy, energy_rows
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.identify import gathered, identified
+from adaptctl.identification.identify import freed_of_noise, gathered, identified
 from adaptctl.identification.instrumental import first_stage, halves
+from adaptctl.identification.joint_log import JointLog
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.preparation import prepare
 
@@ -44,6 +48,44 @@ def test_instruments_forgive_noisy_encoders() -> None:
     plain, instrumental = np.mean(np.reshape(errors, (-1, 2)), axis=0)
     assert instrumental < 0.85 * plain
     assert instrumental < 0.03
+
+
+def test_instruments_leave_known_payloads_to_themselves() -> None:
+    """The rows of a loaded arm are those of the arm alone, for either way of making them."""
+    case = known(1)
+    entry = PayloadEntry(
+        log="synthetic",
+        link=case.truth.description.body_names[-1],
+        mass=2.0,
+        center_of_mass=(0.1, -0.05, 0.02),
+        inertia_at_center=Tensor(xx=0.01, yy=0.01, zz=0.01),
+    )
+    drives = replace(case.drives, payloads=(entry,))
+    time, p, v, a = motion(3, np.random.default_rng(2), 5.0, 500.0)
+    ten = from_center_of_mass(entry.mass, entry.center_of_mass, entry.inertia_at_center.matrix())
+    values = case.truth.inertial_parameters.copy()
+    values[20:30] += ten
+    loaded = case.truth.with_parameters(values).inverse_dynamics(p, v, a)
+    alone, carrying = (
+        freed_of_noise(gathered(case.guess, turned, [JointLog("synthetic", time, p, torque)])[0])
+        for turned, torque in ((case.drives, case.truth.inverse_dynamics(p, v, a)), (drives, loaded))
+    )
+    for cutoff, rows in alone.rows.items():
+        heavy = np.sqrt(np.mean(rows.torque**2))
+        np.testing.assert_allclose(carrying.rows[cutoff].torque, rows.torque, atol=1e-3 * heavy)
+
+
+def test_what_instruments_are_judged_on_begins_where_their_training_ends() -> None:
+    case = known(1, rate=300.0, duration=8.0)
+    logs = [case.log, case.log]
+    freed = freed_of_noise(gathered(case.guess, case.drives, logs)[0])
+    log, begins = freed.edges[round(0.6 * freed.blocks)]
+    assert log == 1
+    found = identified(
+        case.guess, case.drives, logs, friction=FrictionModel(), cutoff=12.5, weight=0.5, instruments=True
+    )
+    period = 1.0 / (4.0 * found.validation.cutoff)
+    assert begins <= found.validation.time[0] < begins + period
 
 
 def test_two_stages_take_the_bias_of_noise_out_of_a_slope() -> None:

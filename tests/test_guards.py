@@ -19,6 +19,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import ReducedModel
+from adaptctl.recording.trace import MARKS
 from adaptctl.scalars import Column
 from adaptctl.simulation import rollout
 
@@ -141,6 +142,7 @@ def test_a_rollout_has_the_marks(puma: Mechanism, law: SlotineLi) -> None:
     env = TrackingEnv(puma, 1, duration=0.2, initial_error=0.1)
     run = rollout(env, Guarded(law, torque_limits=np.full(6, 40.0), rate_limits=1e4), seed=0)
     assert tuple(run.marks) == ("torque_limited", "rate_limited", "frozen", "bounded", "ringing", "stopped")
+    assert set(run.marks) <= set(MARKS)
     assert 0.0 < run.marks["frozen"].mean() < 1.0
     held = np.isclose(np.abs(run.torque), 40.0).any(axis=1)
     assert np.all(run.marks["torque_limited"][held] == 1.0)

@@ -144,6 +144,14 @@ def test_the_filters_keep_phase_and_know_derivatives() -> None:
     assert low_pass(25.0, rate).sum() == pytest.approx(1.0)
 
 
+def test_a_filter_longer_than_its_signal_is_refused() -> None:
+    kernel = low_pass(50.0, 500.0)
+    for every in (1, 7):
+        assert filtered(np.ones((len(kernel), 2)), kernel, every).shape == (1, 2)
+        with pytest.raises(InputError, match=f"signal: expected at least {len(kernel)} samples, .*, got 4"):
+            filtered(np.ones((4, 2)), kernel, every)
+
+
 def test_filtered_equations_hold_for_exact_motions_without_accelerations() -> None:
     """The filtered torques of a known arm are its filtered regressor times its parameters."""
     tree = random_chain(5, 3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +13,25 @@ import pytest
 from random_trees import random_chain
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
+from synthetic_logs import joint_drives, motion
 
 from adaptctl.cli.main import main
+from adaptctl.description import JointKind, Limits
 from adaptctl.description.drive import Drive
 from adaptctl.description.readers.registry import builtin_names
 from adaptctl.description.writers.mechanism_file import write_mechanism
 from adaptctl.description.writers.urdf_inertials import with_inertials, write_urdf
-from adaptctl.dynamics import load
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
+from adaptctl.identification import Identification
 from adaptctl.identification.examples import example
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.identify import identified
+from adaptctl.identification.joint_log import JointLog
 from adaptctl.identification.reading.registry import read_log
 from adaptctl.recording import Comparison
+from adaptctl.recording.identified.report import facts, report, verdict
 from adaptctl.simulation import Rollout
 
 
@@ -92,6 +100,37 @@ def test_the_report_needs_nothing_else_and_the_recording_is_there(folder: Path) 
     for part in ("link_2.mc_x", "Newton", "block jackknife", "cut-off", "data:image/png"):
         assert (part in page) is (part != "Newton")
     assert (folder / "recording.rrd").stat().st_size > 10_000
+
+
+def slider(*kinds: JointKind) -> Identification:
+    """A chain whose joints are of such kinds, with friction, identified from its own motion."""
+    given = random_chain(3, len(kinds)).with_drives(Drive(0.3, 2.0, 1.5)).description
+    pairs = zip(given.links, kinds, strict=True)
+    links = tuple(replace(link, joint=replace(link.joint, kind=kind, limits=Limits())) for link, kind in pairs)
+    arm = Mechanism(replace(given, links=links))
+    time, p, v, a = motion(len(kinds), np.random.default_rng(1), 8.0, 200.0)
+    torque = arm.inverse_dynamics(p, v, a)
+    log = JointLog("synthetic", time, p, torque + 1e-3 * np.random.default_rng(2).normal(size=p.shape))
+    return identified(arm, joint_drives(arm), [log], [log], friction=FrictionModel(), cutoff=12.5, weight=1.0)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "unit"),
+    [
+        ((JointKind.PRISMATIC, JointKind.PRISMATIC), "N"),
+        ((JointKind.REVOLUTE, JointKind.REVOLUTE), "N·m"),
+        ((JointKind.PRISMATIC, JointKind.REVOLUTE), "N·m or N"),
+    ],
+)
+def test_the_words_on_an_identification_have_its_joints_units(kinds: tuple[JointKind, ...], unit: str) -> None:
+    found = slider(*kinds)
+    size = f"{found.validation.rms_error:.3g} {unit}"
+    assert f"to {size} over all joints, " in verdict(found)
+    assert next(facts(found)).answer == size
+    page = report(found, {})
+    assert not re.search("kg m|N m|N s/m", page)
+    for typeset in ("kg·m²", "N·m·s"):
+        assert (typeset in page) is (JointKind.REVOLUTE in kinds)
 
 
 def test_a_folder_that_is_not_empty_is_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

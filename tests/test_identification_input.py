@@ -297,6 +297,27 @@ def test_columns_of_lists_keep_their_unit(tmp_path: Path) -> None:
     assert (drives.units.position, drives.units.torque) == (np.pi / 180.0, 1e-3)
 
 
+def test_columns_of_lists_are_named_by_numbers_from_0(tmp_path: Path) -> None:
+    pairs = pa.FixedSizeListArray.from_arrays(pa.array(np.arange(12.0)), 2)
+    pq.write_table(pa.table({"time": np.arange(6.0), "p": pairs, "tau": pairs}), tmp_path / "log.parquet")
+    named = {"position": "p[{0}]", "torque": "tau[{0}]"}
+    units = {"time": "s", "position": "rad", "torque": "N m"}
+    drives = joint_columns(random_chain(1, 2), read_log(tmp_path / "log.parquet"), named, units)
+    assert [(motor.position, motor.torque) for motor in drives.motors] == [("p[0]", "tau[0]"), ("p[1]", "tau[1]")]
+
+
+def test_columns_of_lists_of_other_things_than_numbers_are_left_out(tmp_path: Path) -> None:
+    pairs = pa.FixedSizeListArray.from_arrays(pa.array([True, None] * 4), 2)
+    texts = pa.FixedSizeListArray.from_arrays(pa.array(list("abcdefgh")), 2)
+    nested = pa.FixedSizeListArray.from_arrays(pa.FixedSizeListArray.from_arrays(pa.array(np.arange(16.0)), 2), 2)
+    columns = {"time": np.arange(4.0), "note": texts, "pose": nested, "on": pairs}
+    pq.write_table(pa.table(columns), tmp_path / "log.parquet")
+    log = read_log(tmp_path / "log.parquet")
+    assert list(log.columns) == ["time", "on[0]", "on[1]"]
+    np.testing.assert_array_equal(log.columns["on[0]"], np.ones(4))
+    assert np.isnan(log.columns["on[1]"]).all()
+
+
 def test_priors_are_made_consistent_and_said() -> None:
     with example("tx40") as files:
         arm = load(files.robot)

@@ -14,8 +14,9 @@ import pytest
 from comparisons import no_progress, shown
 
 from adaptctl.errors import InputError
+from adaptctl.experiments.contest import Outcome
 from adaptctl.experiments.friction import FrictionInJoints
-from adaptctl.experiments.learning import Learning
+from adaptctl.experiments.learning import Found, Learning
 from adaptctl.experiments.marked_errors import spans
 from adaptctl.experiments.noise_and_delay import NoiseAndDelay
 from adaptctl.experiments.payload_drop import PayloadDrop
@@ -47,6 +48,13 @@ def test_friction_is_learned_where_there_are_columns_for_it() -> None:
     assert found(content, "learned.joint1.coulomb") == pytest.approx(25.98, rel=0.3)
     with_friction, without = (content["runs"][f"computed-torque{end}"]["rms_error"] for end in ("", "-smooth"))
     assert with_friction < 0.2 * without
+
+
+def test_a_run_that_is_missing_has_a_dash_in_the_answer_on_friction() -> None:
+    experiment = FrictionInJoints()
+    words = experiment.answer(Outcome(experiment.mechanism(), (), complete=True), Found([]))
+    assert words is not None
+    assert words.count("–") == 3
 
 
 def test_a_payload_is_learned_and_forgotten() -> None:

@@ -21,6 +21,7 @@ from adaptctl.experiments.replication.arms import near_parallelogram, puma560, s
 from adaptctl.experiments.replication.decoupling import Decoupling
 from adaptctl.experiments.replication.draws import Draws
 from adaptctl.experiments.replication.items import ITEMS, chosen
+from adaptctl.experiments.replication.null_combinations import combination
 from adaptctl.experiments.replication.printed import Number, Table, printed
 from adaptctl.experiments.replication.result import Replication
 from adaptctl.experiments.replication.verdict import Item, Outturn
@@ -54,6 +55,12 @@ def values(item: Item, part: str) -> tuple[float, ...]:
     """The numbers of the only evidence whose sentence has a part."""
     (found,) = (one.values for one in item.evidence if part in one.sentence)
     return found
+
+
+def test_combinations_are_of_links_from_1_on() -> None:
+    np.testing.assert_array_equal(np.flatnonzero(combination("I_x1 - I_x3")), [4, 24])
+    with pytest.raises(InputError, match="link: expected a whole number of at least 1, got 0"):
+        combination("I_x0")
 
 
 def test_verdicts(replication: Replication) -> None:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import Comparison, Failure, judged
+from adaptctl.recording.artifacts import write_artifacts
+from adaptctl.recording.comparison import Leading
 from adaptctl.recording.fact import answers
+from adaptctl.recording.finite_part import finite_part
 from adaptctl.recording.overview import summary_markdown
 from adaptctl.recording.report import report
 from adaptctl.recording.summary import summary
@@ -96,6 +102,37 @@ def test_a_run_that_diverged_out_of_numbers_is_told_in_words(run: int, hole: flo
     assert f" {words} in the last two." in outcome_words(lost) or f"stays at {words}." in outcome_words(lost)
     assert f"| {words} |" in summary_markdown(lost)
     assert words in report(lost, {})
+
+
+@pytest.mark.parametrize("run", [0, 1])
+@pytest.mark.parametrize("hole", [np.nan, np.inf])
+def test_a_run_that_diverged_out_of_numbers_is_written_and_recorded_until_then(
+    run: int, hole: float, tmp_path: Path
+) -> None:
+    lost = changed(SHOWN, run, p=off_by(hole, after=2.0))
+    write_artifacts(tmp_path, lost)
+    said = json.loads((tmp_path / "summary.json").read_text())
+    assert said["verdict"]["passed"] is (run == 1)
+    told = said["runs"][lost.runs[run].name]
+    assert (told["rms_error"], told["final_rms_error"]) == (None, None)
+    assert told["first_rms_error"] == lost.runs[run].first_rms_error
+    assert said["runs"][lost.runs[1 - run].name]["final_rms_error"] > 0.0
+    drawn = finite_part(lost).runs
+    assert [one.duration for one in drawn][run] == pytest.approx(2.0)
+    assert drawn[1 - run].duration == SHOWN.runs[1 - run].duration
+    assert (tmp_path / "recording.rrd").stat().st_size > 10_000
+    assert pq.read_table(tmp_path / "trace.parquet").num_rows == len(SHOWN.subject.rollout.time)
+
+
+def test_what_is_finite_is_drawn_as_a_whole_and_errors_of_one_s_own_as_far_as_runs() -> None:
+    assert finite_part(SHOWN) is SHOWN
+    lost = changed(SHOWN, p=off_by(np.nan, after=2.0))
+    errors = {run.name: np.arange(1500.0) for run in lost.runs}
+    drawn = finite_part(replace(lost, leading=Leading("Distance", "mm", errors)))
+    assert drawn.leading is not None
+    assert [len(drawn.leading.errors[run.name]) for run in drawn.runs] == [1000, 1500]
+    never = finite_part(changed(SHOWN, p=off_by(np.nan)))
+    assert len(never.subject.rollout.time) == 1
 
 
 def test_learning_that_gains_nothing_fails() -> None:

@@ -38,7 +38,10 @@ def identify(
     ] = (),
     columns: Annotated[
         Pairs,
-        Parameter(metavar="WHAT=NAME", help="Columns, such as position=q{} torque=tau_{joint}; {} is a number."),
+        Parameter(
+            metavar="WHAT=NAME",
+            help="Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0.",
+        ),
     ] = (),
     units: Annotated[
         Pairs, Parameter(metavar="WHAT=UNIT", help="Units of time, position, torque, velocity, such as position=deg.")

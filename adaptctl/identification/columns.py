@@ -33,13 +33,13 @@ def joint_columns(
     mechanism the names of its columns in a log, the identity as transmission, offsets of zero, and the columns' units.
 
     `columns` gives names by "position", "torque", "velocity" and "time"; in the first three `{joint}` stands for a
-    joint's name and `{}` for its number from 1. Where names are not given, the first usual pattern that fits is taken,
-    such as "position.{joint}" with "effort.{joint}" or "torque.{joint}", or "{joint}_position" with "{joint}_torque",
-    and "time"; velocities are left out where the log has none. `units` gives symbols, such as "deg" or "N m", by the
-    same four keys; where they are not given, the units that the log itself states are taken. Raises `InputError` for
-    other keys, for columns of time, positions or torques that are not found, for units that are unknown or stated
-    nowhere, and for units of torque that are none (A, mA, %, 1), which need torque constants; `FileError`, a subclass
-    of it, for given names of columns that do not exist.
+    joint's name, `{}` for its number from 1 and `{0}` for that from 0. Where names are not given, the first usual
+    pattern that fits is taken, such as "position.{joint}" with "effort.{joint}" or "torque.{joint}", or
+    "{joint}_position" with "{joint}_torque", and "time"; velocities are left out where the log has none. `units` gives
+    symbols, such as "deg" or "N m", by the same four keys; where they are not given, the units that the log itself
+    states are taken. Raises `InputError` for other keys, for columns of time, positions or torques that are not found,
+    for units that are unknown or stated nowhere, and for units of torque that are none (A, mA, %, 1), which need torque
+    constants; `FileError`, a subclass of it, for given names of columns that do not exist.
     """
     given, stated = _checked("columns", columns), _checked("units", units)
     joints = [joint.name for joint in mechanism.primary_joints]
@@ -70,7 +70,10 @@ def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _named(pattern: str, joints: list[str]) -> list[str]:
-    return [pattern.replace("{joint}", joint).replace("{}", str(j + 1)) for j, joint in enumerate(joints)]
+    return [
+        pattern.replace("{joint}", joint).replace("{}", str(j + 1)).replace("{0}", str(j))
+        for j, joint in enumerate(joints)
+    ]
 
 
 def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[str, str]:
@@ -90,7 +93,7 @@ def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[st
     raise InputError(
         f"{log.source}: which columns are each joint's {missing}? Name them with --columns, such as "
         f"{' '.join(f'{what}={what.capitalize()}{{}}' for what in missing.split(' and '))} ({{}}: the joint's number "
-        f"from 1, {{joint}}: its name), or give a drives file; there are {have}"
+        f"from 1, {{0}}: from 0, {{joint}}: its name), or give a drives file; there are {have}"
     )
 
 

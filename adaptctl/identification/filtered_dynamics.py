@@ -118,7 +118,8 @@ class SmoothMotion:
 
     def acceleration(self) -> Array:
         """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary joints at all of the motion's m
-        samples but the first two and the last two, from differences of the velocities."""
+        samples but the first two and the last two, from differences of the velocities. Raises `InputError` for a motion
+        of fewer than five samples."""
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
@@ -192,7 +193,7 @@ class RowFilter:
 
     def signal(self, values: Array) -> Array:
         """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter, (n, ...) at n rows, in
-        its own unit. The signal must be at least as long as the filter (`taps`), which is not checked."""
+        its own unit. Raises `InputError` for a signal shorter than the filter (`taps`)."""
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:

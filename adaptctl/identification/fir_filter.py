@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import firwin, oaconvolve
 
 from adaptctl.arrays import Array
+from adaptctl.errors import InputError
 
 WIDTH = 2.0
 """Length of a kernel, in periods of its cut-off."""
@@ -41,10 +42,12 @@ def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
     the values at which the kernel lies wholly within the signal, n - t + 1 in all, or only every `every`-th of them (1
     by default), beginning with the first; m = ceil((n - t + 1)/every).
 
-    Nothing is assumed of the signal beyond its ends, so there is no transient. The signal must be at least as long as
-    the kernel, which is not checked.
+    Nothing is assumed of the signal beyond its ends, so there is no transient. Raises `InputError` for a signal that is
+    shorter than the kernel.
     """
     values = np.asarray(signal, dtype=np.float64)
+    if len(values) < len(kernel):
+        raise InputError(f"signal: expected at least {len(kernel)} samples, as the kernel has, got {len(values)}")
     flat = values.reshape(len(values), -1)
     if every == 1:
         out = oaconvolve(flat, kernel[:, None], mode="valid", axes=0)

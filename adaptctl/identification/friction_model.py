@@ -84,8 +84,8 @@ def load_columns(
 
     `mechanism` has all kinds of friction and `x` its P parameters, SI units (more are ignored); n is the number of
     instants at which the arm moves. `drives` is the transmission, which couples drives with joints. Raises `InputError`
-    for parameters that no mechanism may have (not finite, above 1e20, or a rotor's inertia below zero), `ValueError`
-    without a motion or for a cut-off not below half its rate.
+    for parameters that no mechanism may have (not finite, above 1e20, or a rotor's inertia below zero) and motions
+    shorter than the filter, `ValueError` without a motion or for a cut-off not below half its rate.
     """
     rigid = mechanism.with_parameters(np.where(_friction(mechanism), 0.0, x[: len(mechanism.parameter_names)]))
     parts = []

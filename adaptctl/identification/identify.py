@@ -19,7 +19,7 @@ from adaptctl.identification.columns import joint_columns
 from adaptctl.identification.comparisons import alternatives
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.entropic import EntropicPrior
-from adaptctl.identification.filtered_dynamics import SmoothMotion, motions_of, rows_of
+from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion, motions_of, rows_of
 from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.identification import Identification
@@ -62,10 +62,10 @@ def identify(
     `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, its file or a built-in's name,
     with links as a first guess. `drives`, or their file, are how motors turn joints. Where joints are measured
     themselves it is None, and `columns` and `units` give, by "position", "torque", "velocity" and "time", patterns of
-    column names (`{joint}` for a joint's name, `{}` for its number from 1) and units ("deg", "N m", "deg/s", "ms");
-    None where the log itself tells. With a sampling `rate` (Hz) rows are taken as evenly spaced, else (None) by their
-    stamps. Without logs to `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen
-    on the rest; the estimate then takes them all.
+    column names (`{joint}` for a joint's name, `{}` for its number from 1, `{0}` from 0) and units ("deg", "N m",
+    "deg/s", "ms"); None where the log itself tells. With a sampling `rate` (Hz) rows are taken as evenly spaced, else
+    (None) by their stamps. Without logs to `validate` on, the last 40 % of the given ones are held out for it, and
+    everything is chosen on the rest; the estimate then takes them all.
 
     `topic` names that of a ROS bag with several (None: its only one), `skip` steps of the logs' preparation to leave
     out ("resample", "unwrap", "velocities", "limits", "standstill"), none unless given. `friction` names the terms of
@@ -162,7 +162,10 @@ def identified(
     every = range(training.blocks)
     fit = training.fit(choice.settings, every)
     plain = _plain(training, fit)
-    judged = measured.part(held_out) if held_out else gathered(mechanism, drives, test, skip, cutoff)[0]
+    if held_out:
+        judged = replace(measured, edges=evidence.edges).part(held_out)
+    else:
+        judged = gathered(mechanism, drives, test, skip, cutoff)[0]
     origin = "the last 40 % of the logs, held out" if held_out else ", ".join(log.source for log in test)
     validation = _validated(judged, fit.x, origin)
     others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
@@ -211,10 +214,7 @@ def gathered(
         _require_between(cutoff, motions)
     cutoffs = cutoffs_for(min(piece.rate for piece in pieces))
     cutoffs = cutoffs if cutoff is None or cutoff in cutoffs else (*cutoffs, cutoff)
-    whole = rows_of(motions, full, cutoffs)
-    settled = not np.isnan(drives.constants).any()
-    own = [without_payloads(rows, motions, full, drives) for rows in whole] if settled else whole
-    rows = dict(zip(cutoffs, own, strict=True))
+    rows = dict(zip(cutoffs, _rows_without_payloads(motions, full, drives, cutoffs), strict=True))
     _require_enough(pieces[0].source, min(len(part) for part in rows.values()), full)
     positive, scales = positive_columns(full, tens)
     basis = fundamental_basis(essential_space(full))
@@ -223,18 +223,30 @@ def gathered(
     return LogEvidence(full, basis, drives, prior, motions, rows, edges), steps, tuple(remarks)
 
 
+def _rows_without_payloads(
+    motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives, cutoffs: Sequence[float]
+) -> list[Rows]:
+    """Rows of filtered equations, with payloads subtracted where all torque constants are known."""
+    rows = rows_of(motions, mechanism, cutoffs)
+    if np.isnan(drives.constants).any():
+        return rows
+    return [without_payloads(own, motions, mechanism, drives) for own in rows]
+
+
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     """The evidence, a `LogEvidence` (filtered equations of logs), with regressors freed of encoder noise by
     instrumental variables: those of the logs' even samples, regressed on those of the odd samples, which have the same
-    motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate. Raises `InputError`
-    where there are none, the logs being too slow, and where they are too short."""
+    motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate, blocks of time of its
+    own, and payloads subtracted where all torque constants are known. Raises `InputError` where there are no such
+    cut-offs, the logs being too slow, and where they are too short."""
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:
         raise InputError("instruments: the log is too slow to be split into even and odd samples")
     motions = [SmoothMotion.of(own, number) for number, (own, _) in enumerate(pairs)]
     others = [SmoothMotion.of(other, number) for number, (_, other) in enumerate(pairs)]
-    own, instruments = (rows_of(each, evidence.mechanism, cutoffs) for each in (motions, others))
+    own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
+    instruments = rows_of(others, evidence.mechanism, cutoffs)
     rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
     return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], BLOCKS))
 

@@ -47,9 +47,11 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     The files are recording.rrd (for the rerun viewer), summary.json, trace.parquet (all samples of the comparison's
     first run) and report.html; figures are PNG files in the folder `figures`. All are written, each over one that is
     there, or none where one cannot be or `progress` raises. `progress(what, share)` is called with the name of what is
-    being written, and the share of the whole that is done, 0 to 1; unless given, nothing is shown. Raises `FileError`
-    where a file cannot be written or a folder cannot be made, and for NaN or infinity among the summary's numbers, such
-    as errors and findings; `InputError` for the basis of another mechanism.
+    being written, and the share of the whole that is done, 0 to 1; unless given, nothing is shown. A run that
+    diverged out of numbers is told as such: its numbers in the summary are null, and its recording ends before them.
+    Raises `FileError` where a file cannot be written or a folder cannot be made, and for findings that are NaN or
+    infinite; `InputError` for the basis of another mechanism, and `NonFiniteError`, one of these, for a run whose first
+    positions are NaN or infinite.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

@@ -120,15 +120,16 @@ class ControllerRun:
     def moving_rms_error(self, window: float) -> Array:
         """Moving root mean square (T,) of the tracking errors of all joints, rad or m, one for each sample: over the
         `window`, s, that ends with it, over fewer samples at the run's start, and over the sample alone where the
-        window is shorter than the time between samples. Raises `InputError` for a window that is not positive and
-        finite."""
+        window is shorter than the time between samples; NaN or infinite from the first such error on. Raises
+        `InputError` for a window that is not positive and finite."""
         positive_number(window, "window: expected a positive number of s")
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
         stop = np.arange(1, len(squares) + 1)
         width = max(1, round(min(window / self.rollout.spacing, len(squares))))
         start = np.maximum(stop - width, 0)
-        return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
 
     @property
     def lyapunov_max_increase(self) -> float | None:

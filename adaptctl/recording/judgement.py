@@ -23,10 +23,10 @@ def judged(comparison: Comparison) -> Verdict:
 
     Failures are STOPPED, the environment ended the run early; else DIVERGED, a joint's position error was 1 rad (m) or
     more, or NaN, in the run's last two seconds; SATURATED, a torque was at its limit for over 2 s in all; NO_BETTER,
-    the RMS position error of all joints over the last two seconds is not below 0.9 times that with adaptation off. The
-    last is not judged where the comparison was interrupted, where one of the two runs was stopped or is shorter than 2
-    s, or where no other run has adaptation off. Raises `ValueError` for a run of another number of joints than there
-    are torque limits.
+    the RMS position error of all joints over the last two seconds is not below 0.9 times that with adaptation off, in
+    which NaN counts as infinite. The last is not judged where the comparison was interrupted, where one of the two runs
+    was stopped or is shorter than 2 s, or where no other run has adaptation off. Raises `ValueError` for a run of
+    another number of joints than there are torque limits.
     """
     return Verdict.of(_failures(comparison), comparison.expected)
 
@@ -58,4 +58,4 @@ def _beats_adaptation_off(comparison: Comparison) -> bool:
     if baseline is None or baseline is comparison.subject or baseline.rollout.terminated:
         return True
     off = baseline.final_rms_error
-    return final is None or off is None or final < BETTER * off
+    return final is None or off is None or final < BETTER * np.nan_to_num(off, nan=np.inf)

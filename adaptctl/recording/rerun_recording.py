@@ -9,6 +9,7 @@ import rerun as rr
 
 from adaptctl.recording.blueprint import ScreenContents, blueprint
 from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.finite_part import finite_part
 from adaptctl.recording.overview import equations_markdown, summary_markdown
 from adaptctl.recording.palette import DARK, GOAL, joint_color, run_color
 from adaptctl.recording.scene import entity
@@ -38,12 +39,14 @@ AVERAGE = 0.25
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
     """Write the recording of a comparison of runs for the rerun viewer to the file `path` (.rrd), whole or not at all:
-    arms in motion, curves of errors, torques, energies and estimates over time, and tables. Raises `FileError` where
-    the file cannot be written or read back, `InputError` for parameter estimates with the basis of another mechanism,
-    `ValueError` for positions that are NaN or infinite."""
+    arms in motion, curves of errors, torques, energies and estimates over time, and tables. A run ends before its first
+    sample that is not finite, and is judged as a whole. Raises `FileError` where the file cannot be written or read
+    back, `InputError` for parameter estimates with the basis of another mechanism, and `NonFiniteError`, one of these,
+    for a run whose first positions are NaN or infinite."""
+    words, comparison = summary_markdown(comparison), finite_part(comparison)
     positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
     with saved_stream(path, comparison, positions, blueprint(_contents(comparison))) as recording:
-        log_markdown(recording, "summary", summary_markdown(comparison))
+        log_markdown(recording, "summary", words)
         parts = skeleton(comparison.mechanism)
         floor = floor_height(comparison.mechanism, parts, comparison.subject.rollout.p)
         log_scene(recording, comparison, parts, floor, run_color(0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,14 +16,14 @@ SCHEMA = "adaptctl/summary/1"
 
 def write_summary(path: str | Path, comparison: Comparison) -> None:
     """Write the summary of a comparison of runs, `summary`, to the file `path` as JSON, whole or not at all. Raises
-    `FileError` where it cannot be written and for numbers that are NaN or infinite, `InputError` for parameter
+    `FileError` where it cannot be written and for findings that are NaN or infinite, `InputError` for parameter
     estimates with the basis of another mechanism."""
     write_json(path, summary(comparison))
 
 
 def summary(comparison: Comparison) -> dict[str, Any]:
     """Summary of a comparison of runs in JSON's types, SI units and rad; None for a number that is not known or was not
-    measured.
+    measured, and for one of a run that is NaN or infinite, as where it diverged.
 
     `experiment`, `robot`, `robot_sha256`, `seed` and `complete`, False where it was interrupted, say what was run;
     `verdict` has the failures, `findings` and `settings` what the experiment states; `parameters` maps names to the
@@ -49,14 +50,12 @@ def summary(comparison: Comparison) -> dict[str, Any]:
         "duration": comparison.duration,
         "duration_run": subject.duration,
         "control_period": subject.rollout.control_period,
-        "rms_error": subject.rms_error(),
-        "first_rms_error": subject.first_rms_error,
-        "final_rms_error": subject.final_rms_error,
-        "final_rms_error_adaptation_off": baseline.final_rms_error if baseline else None,
-        "lyapunov_initial": lyapunov[0],
-        "lyapunov_final": lyapunov[-1],
+        **_errors(subject),
+        "final_rms_error_adaptation_off": _finite(baseline.final_rms_error) if baseline else None,
+        "lyapunov_initial": _finite(lyapunov[0]),
+        "lyapunov_final": _finite(lyapunov[-1]),
         "lyapunov_max_increase": subject.lyapunov_max_increase,
-        "peak_torque_share": float(comparison.peak_torque_shares.max()),
+        "peak_torque_share": _finite(comparison.peak_torque_shares.max()),
         "clipped_steps": comparison.limited_steps(subject),
         "truth_known": comparison.truth_known,
         "rank": comparison.space.rank,
@@ -81,7 +80,20 @@ def _parameters(comparison: Comparison) -> dict[str, dict[str, float | None]]:
         return {}
     rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
     known = comparison.truth_known
-    return {name: {"true": float(true) if known else None, "estimate": float(found)} for name, true, found in rows}
+    return {name: {"true": float(true) if known else None, "estimate": _finite(found)} for name, true, found in rows}
+
+
+def _errors(run: ControllerRun) -> dict[str, float | None]:
+    errors = {
+        "rms_error": run.rms_error(),
+        "first_rms_error": run.first_rms_error,
+        "final_rms_error": run.final_rms_error,
+    }
+    return {name: _finite(error) for name, error in errors.items()}
+
+
+def _finite(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
@@ -90,9 +102,7 @@ def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
         "complete": run.rollout.complete,
         "terminated": run.rollout.terminated,
         "duration": run.duration,
-        "rms_error": run.rms_error(),
-        "first_rms_error": run.first_rms_error,
-        "final_rms_error": run.final_rms_error,
+        **_errors(run),
         "clipped_steps": comparison.limited_steps(run),
         "lyapunov_max_increase": run.lyapunov_max_increase,
         "tick": asdict(run.cost) if run.cost else None,

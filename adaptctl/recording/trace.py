@@ -23,6 +23,7 @@ MARKS = {
     "rate_limited": ("1", "1 where a torque would have changed too fast"),
     "frozen": ("1", "1 where nothing is learned from the period"),
     "bounded": ("1", "1 where an estimate was brought back to its bounds"),
+    "ringing": ("1", "1 where a sliding variable changes its sign every control period"),
     "stopped": ("1", "1 from where the arm is braked"),
 }
 """Units and meanings of the marks of plants and guards."""

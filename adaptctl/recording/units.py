@@ -23,6 +23,12 @@ def error_unit(mechanism: Mechanism) -> str:
     return " or ".join(f"m{unit}" for unit in sorted(set(position_units(mechanism)), reverse=True))
 
 
+def torque_error_unit(mechanism: Mechanism) -> str:
+    """Unit, as text, of a torque error over all primary (independent) joints of a mechanism: "N·m", "N" where all are
+    prismatic, or "N·m or N" where joints are of both kinds."""
+    return " or ".join(sorted(set(torque_units(mechanism)), reverse=True))
+
+
 def typeset(unit: str) -> str:
     """Text of a unit as pages show it: "kg m^2" becomes "kg·m²". Spaces become middle dots, "^2" and "^1/2" raised
     signs, and "us" is "µs"; all else stays as it is."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, whole_count
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.experiments.replication.printed import BLANK, MARK, Table
 
@@ -17,8 +17,9 @@ PRODUCTS = ("I_xy", "I_xz", "I_yz")
 def index(row: str, link: str) -> int:
     """Index from 0 of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, such as "I_x", and the
     column of a `link`, "1", "2", ..., among all parameters: ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
-    I_yz, I_zz. Raises `ValueError` for a row that is no parameter or a link that is no whole number."""
-    return 10 * (int(link) - 1) + PARAMETERS.index(NAMES.get(row, row))
+    I_yz, I_zz. Raises `ValueError` for a row that is no parameter or a link that is no whole number, `InputError`, one
+    of these, for a link below 1."""
+    return 10 * (whole_count(int(link), "link", 1) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
 def sign(row: str) -> float:

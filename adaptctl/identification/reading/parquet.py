@@ -15,7 +15,7 @@ from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 def read_parquet(path: str | Path) -> LogTable:
     """The table of a log in a Parquet file, a `LogTable`: its columns of numbers, and of booleans as 0 and 1, with
-    missing cells as NaN; a column of fixed-size lists of numbers, `name`, is split into `name[0]`, `name[1]` ...,
+    missing cells as NaN; a column of fixed-size lists of them, `name`, is split into `name[0]`, `name[1]` ...,
     unless a list is missing. Other columns are left out. Units are those in the metadata `unit` of the file's fields,
     by the names of the columns made of them. Raises `FileError` for a file that cannot be read or is no Parquet file,
     without columns of numbers or rows, or with more than 20 million rows."""
@@ -53,8 +53,22 @@ def _columns(read: object) -> Iterator[tuple[str, Array]]:
 
     for field in read.schema:  # type: ignore[attr-defined]
         column = read.column(field.name).combine_chunks()  # type: ignore[attr-defined]
-        if pa.types.is_fixed_size_list(field.type) and not column.null_count:
-            cells = np.asarray(column.flatten().to_numpy(zero_copy_only=False), dtype=np.float64)
-            yield from zip(_names(field), cells.reshape(-1, field.type.list_size).T, strict=True)
-        elif pa.types.is_integer(field.type) or pa.types.is_floating(field.type) or pa.types.is_boolean(field.type):
-            yield field.name, np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+        if _holds_numbers(field.type):
+            yield field.name, _numbers(column)
+            continue
+        lists = pa.types.is_fixed_size_list(field.type) and not column.null_count
+        if lists and _holds_numbers(field.type.value_type):
+            cells = _numbers(column.flatten()).reshape(-1, field.type.list_size)
+            yield from zip(_names(field), cells.T, strict=True)
+
+
+def _holds_numbers(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))
+
+
+def _numbers(column: Any) -> Array:
+    import pyarrow as pa
+
+    return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from adaptctl.identification import Identification
 from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
 from adaptctl.recording.palette import MUTED, run_color
+from adaptctl.recording.units import torque_error_unit, typeset
 
 LAGS = 60
 DRAWN = 3000
@@ -62,7 +63,7 @@ def _rows(found: Identification, columns: int, height: float) -> tuple[Figure, A
     axes: Any = figure.subplots(r, columns, sharex="col", squeeze=False)
     for joint, row in zip(found.mechanism.primary_joints, axes, strict=True):
         row[0].set_title(joint.name)
-        row[0].set_ylabel(joint.kind.effort_unit)
+        row[0].set_ylabel(typeset(joint.kind.effort_unit))
     return figure, axes
 
 
@@ -99,7 +100,8 @@ def _alternatives(found: Identification) -> Figure:
     values = [other.rms_error for other in named.values()]
     colors = [run_color(0).hex] + [MUTED.hex] * (len(named) - 1)
     bars = ax.barh(list(named), values, color=colors, height=0.6)
-    ax.bar_label(bars, [f"{v.rms_error:.3g} N m, {v.relative_error:.1%}" for v in named.values()], padding=3)
+    unit = torque_error_unit(found.mechanism)
+    ax.bar_label(bars, [f"{v.rms_error:.3g} {unit}, {v.relative_error:.1%}" for v in named.values()], padding=3)
     ax.set_xlim(0.0, 1.35 * max(values))
     ax.invert_yaxis()
     return figure

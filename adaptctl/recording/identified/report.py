@@ -11,6 +11,7 @@ from adaptctl.recording.fact import Fact
 from adaptctl.recording.identified.figures import drawings
 from adaptctl.recording.page import embedded, rendered
 from adaptctl.recording.trace import parameter_unit
+from adaptctl.recording.units import torque_error_unit, typeset
 
 HOME = "adaptctl.recording.identified"
 
@@ -36,7 +37,7 @@ def report(found: Identification, figures: Mapping[str, Path]) -> str:
         validation=validation,
         verdict=verdict(found),
         facts=list(facts(found)),
-        joints=[(j.name, f"{rms:.3g} {j.kind.effort_unit}", f"{x:.1%}") for j, rms, x in each],
+        joints=[(j.name, f"{rms:.3g} {typeset(j.kind.effort_unit)}", f"{x:.1%}") for j, rms, x in each],
         consistency=consistency(found),
         parameters=list(_parameters(found)),
         loads=", ".join(f"{j.name} {x:.3f}" for j, x in zip(joints, found.load, strict=True) if x),
@@ -49,13 +50,17 @@ def report(found: Identification, figures: Mapping[str, Path]) -> str:
 
 def verdict(found: Identification) -> str:
     """The outcome of an identification in a sentence: the root mean square error of the torques that it predicts on the
-    rows of its validation, over all joints, told in N m also where some are prismatic, and in percent of the measured
-    torques."""
+    rows of its validation, over all joints, in "N·m", "N" where all are prismatic, or "N·m or N" where some are, and in
+    percent of the measured torques."""
     validation = found.validation
     return (
-        f"Predicts the torques of {validation.origin}, to {validation.rms_error:.3g} N m over all joints, "
+        f"Predicts the torques of {validation.origin}, to {_rms_error(found)} over all joints, "
         f"{validation.relative_error:.1%} of what was measured."
     )
+
+
+def _rms_error(found: Identification) -> str:
+    return f"{found.validation.rms_error:.3g} {torque_error_unit(found.mechanism)}"
 
 
 def consistency(found: Identification) -> str:
@@ -83,12 +88,12 @@ def components(found: Identification) -> str:
 
 def facts(found: Identification) -> Iterator[Fact]:
     """Facts of an identification, each a `Fact`: a question that a reader asks first, and its answer in words, with
-    units: the root mean square torque error over all joints (N m, also where some are prismatic) and in percent of the
-    measured torques, number of fundamental (base) parameters, friction's terms, physical consistency, number of
-    combinations that the logs leave open, the weight (no unit) of the prior, the links' first guess, against the logs,
-    and the filter's cut-off (Hz)."""
+    units: the root mean square torque error over all joints ("N·m", "N" where all are prismatic, "N·m or N" where some
+    are) and in percent of the measured torques, number of fundamental (base) parameters, friction's terms, physical
+    consistency, number of combinations that the logs leave open, the weight (no unit) of the prior, the links' first
+    guess, against the logs, and the filter's cut-off (Hz)."""
     validation, settings = found.validation, found.choice.settings
-    yield Fact("error on data not seen", f"{validation.rms_error:.3g} N m")
+    yield Fact("error on data not seen", _rms_error(found))
     yield Fact("of the measured torque", f"{validation.relative_error:.1%}")
     yield Fact("fundamental parameters", str(len(found.names)))
     yield Fact("friction", settings.friction.words.replace("_", " "))
@@ -100,7 +105,7 @@ def facts(found: Identification) -> Iterator[Fact]:
 
 def _parameters(found: Identification) -> Iterator[tuple[str, str, str, str]]:
     for name, value, deviation in zip(found.names, found.estimate, found.deviations, strict=True):
-        yield name, parameter_unit(name, found.mechanism), f"{value:.4g}", f"{deviation:.2g}"
+        yield name, typeset(parameter_unit(name, found.mechanism)), f"{value:.4g}", f"{deviation:.2g}"
 
 
 def _equations(found: Identification) -> tuple[object, ...]:

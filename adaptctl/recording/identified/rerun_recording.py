@@ -17,6 +17,7 @@ from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_trail
 from adaptctl.recording.series import Style, log_series, thinned
 from adaptctl.recording.skeleton import skeleton
 from adaptctl.recording.stream import log_markdown, saved_stream
+from adaptctl.recording.units import torque_error_unit, typeset
 from adaptctl.recording.viewpoint import Viewpoint, floor_height
 
 SAMPLES = 3000
@@ -81,13 +82,15 @@ def _blueprint(found: Identification) -> rrb.Blueprint:
     torques = [
         views.curves(
             f"torque/{entity(joint.name)}",
-            f"{joint.name}: torque [{joint.kind.effort_unit}]",
+            f"{joint.name}: torque [{typeset(joint.kind.effort_unit)}]",
             end,
             start=start,
         )
         for joint in mechanism.primary_joints
     ]
-    error = views.curves("error", "All joints: predicted minus measured [N m]", end, start=start)
+    error = views.curves(
+        "error", f"All joints: predicted minus measured [{torque_error_unit(mechanism)}]", end, start=start
+    )
     p = np.concatenate([motion.position for motion in found.motions])
     viewpoint = Viewpoint.of(mechanism, skeleton(mechanism), p)
     arm, summary = views.arm(WORLD, "The log's motion", viewpoint), views.text("summary", "Summary")
