@@ -221,7 +221,7 @@ def burden(run: ControllerRun, limits: Array) -> Burden:
         float(np.sqrt(np.mean(rollout.error**2))),
         run.final_rms_error,
         float(np.sqrt(np.mean(np.sum(shares**2, axis=1)))),
-        float(np.sum(power) * rollout.control_period),
+        float(np.sum(power) * rollout.spacing),
         run.duration,
         rollout.terminated,
     )

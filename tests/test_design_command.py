@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -167,4 +168,6 @@ def test_a_burden_is_what_a_run_cost() -> None:
     assert found.rms_torque == pytest.approx(np.hypot(0.5, 0.25))
     assert found.work == pytest.approx(np.sum(2.0 * np.abs(np.cos(time)) + 2.0) * 1e-3)
     assert found.duration == pytest.approx(4.0)
+    thinned = replace(run, every=10)  # each sample stands for ten periods
+    assert burden(ControllerRun("all", "", "", thinned), np.array([4.0, 8.0])).work == pytest.approx(10.0 * found.work)
     assert CounterweightedTracking().components == 10
