@@ -22,15 +22,14 @@ from adaptctl.files import toml_string, write_text
 def write_mechanism(path: str | Path, description: Description) -> None:
     """Write a mechanism's `description` to `path` as a TOML file that `read_mechanism_file` and `load` read, whole or
     not at all. Shapes to draw are not kept. Raises `FileError` where the file cannot be written, `InputError` for what
-    the file cannot say: position limits of a continuous joint, and loops without closures and couplings."""
+    the file cannot say: position limits of a continuous joint."""
     write_text(path, mechanism_toml(description))
 
 
 def mechanism_toml(description: Description) -> str:
     """The text of the TOML file of a mechanism's `description`, in the schema ``adaptctl/mechanism/1`` that
     `read_mechanism_file` reads: m, rad and SI units, numbers with all digits. Shapes to draw are not kept. Raises
-    `InputError` for what the file cannot say: position limits of a continuous joint, and loops without closures and
-    couplings."""
+    `InputError` for what the file cannot say: position limits of a continuous joint."""
     _require_sayable(description)
     parts = [
         'schema = "adaptctl/mechanism/1"',
@@ -46,9 +45,6 @@ def mechanism_toml(description: Description) -> str:
 
 
 def _require_sayable(description: Description) -> None:
-    loops = description.loops
-    if loops is not None and not loops.closures and not loops.couplings:
-        raise InputError(f"{description.name}: loops without closures and couplings cannot be written: leave them out")
     for joint in (link.joint for link in description.links):
         bounds = (joint.limits.lower, joint.limits.upper)
         if joint.kind is JointKind.CONTINUOUS and bounds != (-math.inf, math.inf):
