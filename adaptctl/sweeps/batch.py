@@ -131,16 +131,16 @@ def robot(source: str) -> Mechanism:
     return interned(load(source))
 
 
-_MECHANISMS: dict[str, Mechanism] = {}
+_MECHANISMS: dict[tuple[str, str], Mechanism] = {}
 
 
 def interned(mechanism: Mechanism) -> Mechanism:
-    """The first mechanism given here whose description equals that of `mechanism`; `mechanism` itself where there was
-    none. Runs on equal mechanisms then share native code. At most 65 are remembered; at the next call all are
-    forgotten."""
+    """The first mechanism given here whose description, and linear constraints on parameters, equal those of
+    `mechanism`; `mechanism` itself where there was none. Runs on equal mechanisms then share native code. At most 65
+    are remembered; at the next call all are forgotten."""
     if len(_MECHANISMS) > 64:
         _MECHANISMS.clear()
-    return _MECHANISMS.setdefault(mechanism.description.sha256, mechanism)
+    return _MECHANISMS.setdefault((mechanism.description.sha256, mechanism.geometry_sha256), mechanism)
 
 
 def _group(trial: BatchedRun, contender: Contender) -> Any:
