@@ -96,9 +96,9 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 def positive_number(value: object, what: str) -> float:
     """The float of a positive finite number, `value`, given as a Python or NumPy number or an array of shape (). Raises
-    `InputError` for all else, such as zero, NaN, texts, booleans, longer arrays and whole numbers beyond the largest
-    double. `what` begins its message, as in "gap: expected a positive finite number"."""
-    value = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    `InputError` for all else, such as zero, NaN, texts, booleans, complex numbers, longer arrays and whole numbers
+    beyond the largest double. `what` begins its message, as in "gap: expected a positive finite number"."""
+    value = _alone(value)
     try:
         number = float(value) if _is_number(value) else math.nan
     except OverflowError:
@@ -110,9 +110,10 @@ def positive_number(value: object, what: str) -> float:
 
 def real_number(value: object, what: str) -> float:
     """The float of a number, `value`, given as a Python or NumPy real number or an array of shape (); NaN and infinity
-    are allowed. Raises `InputError` for all else, such as texts, booleans, longer arrays, complex numbers and whole
-    numbers beyond the largest double; `what` is the name of the number in its message."""
-    if _is_number(value) or (isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype != np.bool_):
+    are allowed. Raises `InputError` for all else, such as texts, None, booleans, complex numbers, longer arrays and
+    whole numbers beyond the largest double; `what` is the name of the number in its message."""
+    value = _alone(value)
+    if _is_number(value):
         return float(numbers(value, what))
     raise InputError(f"{what}: expected a number, got {printable(repr(value))}")
 
@@ -135,12 +136,17 @@ def whole_count(value: object, what: str, least: int = 0) -> int:
     raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
 
 
+def _alone(value: object) -> object:
+    """The content of an array of shape (); any other value itself."""
+    return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
 def _is_whole(value: object) -> TypeGuard[int | np.integer[Any]]:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
 
 
-def _is_number(value: object) -> TypeGuard[int | float | np.number[Any]]:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+def _is_number(value: object) -> TypeGuard[int | float | np.integer[Any] | np.floating[Any]]:
+    return _is_whole(value) or isinstance(value, float | np.floating)
 
 
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:

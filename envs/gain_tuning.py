@@ -12,7 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.envs.many.controlled import ControlledVectorEnv, finite_actions, require_controller
-from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
+from adaptctl.envs.many.vector_tracking import VectorTrackingEnv, masked
 from adaptctl.envs.residual import parts_of
 from adaptctl.errors import GainError, InputError, NotFoundError
 
@@ -195,7 +195,7 @@ class TuningVectorEnv(ControlledVectorEnv):
     `span` (4). `gains` names one of `controller.numbers` or several; of the a actions, in the order of the names, a
     gain of one number a joint has one for each joint, another gain has one. Observations (N, n), n numbers an arm, are
     the environment's, in its units. After a step `info` has `gains`: a mapping from these names to the m numbers (N, m)
-    of each, in the gain's own unit.
+    of each, in the gain's own unit, and, as Gymnasium has it, to masks `_name` (N,), all True, as `_gains` is.
 
     Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
     `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and
@@ -210,7 +210,8 @@ class TuningVectorEnv(ControlledVectorEnv):
 
     def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
         torques, self._memory = self.controller.step_tuned(self.range.packed(actions), self._memory, *self._seen)
-        return torques, {"gains": self.range.gains(actions)}
+        every = np.ones(len(actions), dtype=np.bool_)
+        return torques, masked({"gains": masked(self.range.gains(actions), every)}, every)
 
 
 def names_of(gains: object) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.envs.many.controlled import ControlledVectorEnv, finite_actions, require_controller
-from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
+from adaptctl.envs.many.vector_tracking import VectorTrackingEnv, masked
 from adaptctl.errors import InputError
 from adaptctl.simulation.rollout import interface
 
@@ -101,7 +101,8 @@ class ResidualVectorEnv(ControlledVectorEnv):
     """Vector environment of N arms of r joints around a `VectorTrackingEnv`, each driven by a `controller`, a
     `Controller`, to whose torques the actions add others, as in `ResidualEnv`: actions (N, r) in [-1, 1], not clipped,
     are shares of `share` (0.2) times the torque limits. After a step `info` has the controller's torques as
-    `base_torque` (N, r), N m (N). Observations (N, n), n numbers an arm, are the environment's, in its units.
+    `base_torque` (N, r), N m (N), and the mask `_base_torque` (N,), all True. Observations (N, n), n numbers an arm,
+    are the environment's, in its units.
 
     Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
     and a `share` that is not above 0 and at most 1.
@@ -114,7 +115,7 @@ class ResidualVectorEnv(ControlledVectorEnv):
 
     def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
         base, self._memory = self.controller.step(self._memory, *self._seen)
-        return base + self._scale * actions, {"base_torque": base, "_base_torque": np.ones(len(base), dtype=np.bool_)}
+        return base + self._scale * actions, masked({"base_torque": base}, np.ones(len(base), dtype=np.bool_))
 
 
 def parts_of(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> list[slice]:

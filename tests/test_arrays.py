@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,14 @@ TAKERS: dict[str, Callable[[Any], object]] = {
 def test_booleans_are_no_numbers(taker: str, boolean: Any) -> None:
     with pytest.raises(InputError, match=r"^x: expected a .*number.*, got .*(True|False)"):
         TAKERS[taker](boolean)
+
+
+@pytest.mark.parametrize("other", ["3", None, 1.0 + 2.0j, np.timedelta64(3, "s"), Fraction(3)], ids=repr)
+@pytest.mark.parametrize("taker", TAKERS)
+def test_what_is_no_number_is_none_in_an_array_either(taker: str, other: Any) -> None:
+    for given in (other, np.array(other), np.asarray(other, dtype=object)):
+        with pytest.raises(InputError, match=r"^x: expected a .*number.*, got "):
+            TAKERS[taker](given)
 
 
 @pytest.mark.parametrize("one", [1, np.int64(1), np.uint8(1)], ids=repr)

@@ -220,6 +220,11 @@ def test_what_loops_cannot_say() -> None:
             lambda: Loops(("a",), conditions=(Condition("x", {"b": 1.0}),)),
             "condition 'x': joint 'b' is not primary",
         ),
+        (lambda: Loops(("a", "b")), "loops: expected closures or couplings; a mechanism without either is a tree"),
+        (
+            lambda: Loops(("a",), conditions=(Condition("x", {"a": 1.0}),)),
+            "loops: expected closures or couplings; a mechanism without either is a tree",
+        ),
     ):
         with pytest.raises(InputError, match=message):
             make()

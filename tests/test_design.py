@@ -260,11 +260,20 @@ def test_a_task_without_energy_is_refused() -> None:
         from_center_of_mass(2.0, [0.1, 0, 0.2], np.eye(3)),
     )
     T = DesignTask.within_limits(Mechanism(Description("turntable", (link,))), 10, speed=0.0)
-    for call in (lambda: added_mass(T, "pillar", 1.0), lambda: cost_map(T), lambda: design_study(T)):
+    for call in (
+        lambda: added_mass(T, "pillar", 1.0),
+        lambda: cost_map(T),
+        lambda: design_study(T),
+        T.weights,
+        T.carried,
+    ):
         with pytest.raises(InputError, match="its energy is the same in all states of the task"):
             call()
     faster = DesignTask.within_limits(T.mechanism, 10, speed=1.0)
     assert added_mass(faster, "pillar", 1.0, (0.5, 0.0, 0.0)).energy_change > 0.0
+    np.testing.assert_allclose(faster.weights(), [1.0])
+    with pytest.raises(InputError, match="its energy is the same in all states of the task"):
+        faster.weights(np.zeros(10))
 
 
 def test_a_task_along_a_reference() -> None:

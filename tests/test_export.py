@@ -25,7 +25,7 @@ from adaptctl.codegen.exporting import Exported
 from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.recorded import default_reference, record
 from adaptctl.codegen.vouching import vouched
-from adaptctl.control import AdaptationLaw, ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
+from adaptctl.control import AdaptationLaw, ComputedTorque, Controller, Guarded, ReferencePoint, Sinusoids, SlotineLi
 from adaptctl.control.memory import leaves
 from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.errors import FileError, InputError
@@ -355,6 +355,15 @@ def test_a_check_says_what_it_saw(name: str) -> None:
         assert 0.0 < found["rms_error_last_10_s"] < 0.1
     else:
         assert found["rms_error_last_10_s"] is None
+
+
+def test_a_check_can_be_repeated_from_what_it_states() -> None:
+    interface = Interface(slotine_li(GAIN))
+    reference = Sinusoids(np.zeros(3), np.full(3, 0.1), np.full(3, 0.5), start_time=0.25)
+    found = vouched(interface, reference, 0.5)
+    numbers = json.loads(json.dumps(found["reference"]))
+    assert numbers.pop("kind") == "Sinusoids"
+    assert vouched(interface, Sinusoids(**numbers), 0.5) == found
 
 
 # The command

@@ -1,10 +1,17 @@
-"""Runs of a sweep that fail before they begin: each by itself, and no other with it."""
+"""Runs of a sweep that fail, or that cannot be computed together: each by itself, and no other with it."""
 
 from __future__ import annotations
 
+from dataclasses import fields
+from typing import Any, get_args
+
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
+from adaptctl.arrays import Array
+from adaptctl.compilation.lanes import Precision
+from adaptctl.control import ReferencePoint, SlotineLi
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
@@ -25,6 +32,27 @@ class Singular(Puma560Adaptive):
         return super().contenders(mechanism, basis)
 
 
+class Stepping(SlotineLi):
+    """With a step of its own, which is not compiled, and may meet a number that is too large."""
+
+    def step(self, state: Any, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Any]:
+        if self.bandwidth[0] > 5.0:
+            raise OverflowError("too large")
+        return super().step(state, p, v, reference)
+
+
+class Stepped(Puma560Adaptive):
+    """Of whose runs those with a payload have a controller with a step of its own."""
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        usual = super().contenders(mechanism, basis)
+        if not self.payload:
+            return usual
+        law: Any = next(one.controller for one in usual if one.name == "adaptive")
+        own = Stepping(**{entry.name: getattr(law, entry.name) for entry in fields(law) if entry.init})
+        return [Contender.of("adaptive", "own", "nothing", own)]
+
+
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 @pytest.mark.parametrize(("payload", "says"), [(1.0, "Singular matrix"), (2.0, "too large by far")])
 def test_what_fails_before_it_begins_fails_for_itself(payload: float, says: str) -> None:
@@ -32,3 +60,17 @@ def test_what_fails_before_it_begins_fails_for_itself(payload: float, says: str)
     together = batched(runs, ("adaptive",))
     assert [(name, outcome.status) for name, outcome in together[0]] == [("adaptive", "done")]
     assert together[1] == alone(runs[1], ("adaptive",)) == [("", RunOutcome.failed(says))]
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.NotCompiledWarning")
+def test_what_the_simulation_of_many_refuses_is_computed_by_itself_in_double_and_fails_in_single() -> None:
+    settings = ((0.0, 4.0), (1.0, 4.0), (1.0, 6.0))
+    runs = [Stepped(duration=0.05, payload=kg, bandwidth=rate) for kg, rate in settings]
+    double, single = (batched(runs, ("adaptive",), precision) for precision in get_args(Precision))
+    assert double.keys() == {0}
+    assert double[0][0][1].status == alone(runs[1], ("adaptive",))[0][1].status == "done"
+    assert alone(runs[2], ("adaptive",)) == [("", RunOutcome.failed("too large"))]
+    assert single[0][0][1].status == "done"
+    assert single[1] == single[2]
+    assert "Stepping has a step of its own" in single[1][0][1].reason

@@ -133,6 +133,13 @@ def test_many_arms_are_as_each_would_be_alone(arm: adaptctl.Mechanism, law: Slot
     np.testing.assert_allclose(np.array(seen)[again : again + 60, 1], second[:60], atol=1e-6)
 
 
+def flat(info: Any) -> Any:
+    """What `info` holds, to compare."""
+    if isinstance(info, dict):
+        return {name: flat(value) for name, value in sorted(info.items())}
+    return np.round(np.asarray(info, dtype=np.float64), 9).tolist()
+
+
 def test_moved_gains_are_those_of_another_controller(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
     env = TuningEnv(single(arm), law, MOVED, span=2.0)
     assert env.action_space.shape == (5,)
@@ -148,6 +155,22 @@ def test_moved_gains_are_those_of_another_controller(arm: adaptctl.Mechanism, la
     expected = adaptctl.rollout(single(arm), other, seed=0)
     np.testing.assert_allclose(np.array(seen)[:-1, :2], expected.p, atol=1e-10)
     np.testing.assert_allclose(env.step.__self__.range.gains(action)["damping"], other.damping)  # type: ignore[attr-defined]
+
+
+def test_what_many_arms_are_told_has_masks_as_gymnasium_has_them(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
+    """Gymnasium's own vector environment of single ones is the oracle."""
+    one: dict[str, tuple[Any, Any]] = {
+        "gains": (lambda env: TuningEnv(env, law, MOVED), TuningVectorEnv(many(arm), law, MOVED)),
+        "base_torque": (lambda env: ResidualEnv(env, law), ResidualVectorEnv(many(arm), law)),
+    }
+    for name, (wrap, ours) in one.items():
+        theirs = gymnasium.vector.SyncVectorEnv([lambda wrap=wrap: wrap(single(arm))] * 3)
+        for env in (ours, theirs):
+            env.reset(seed=0)
+        action = np.full(ours.action_space.shape, 0.25, np.float32)
+        found, expected = (env.step(action)[-1] for env in (ours, theirs))
+        keys = (name, f"_{name}")
+        assert flat({key: found[key] for key in keys}) == flat({key: expected[key] for key in keys})
 
 
 def test_the_largest_gains_are_those_that_the_period_carries(arm: adaptctl.Mechanism, law: SlotineLi) -> None:

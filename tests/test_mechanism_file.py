@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from adaptctl.description import ClosureKind, Description, JointKind, Limits, Pose, read, read_mechanism_file
-from adaptctl.description.loops import Loops
 from adaptctl.description.named_frame import FrameKind, NamedFrame
 from adaptctl.description.pose import roll_pitch_yaw
 from adaptctl.description.writers.mechanism_file import mechanism_toml
@@ -182,8 +181,6 @@ def test_what_a_file_cannot_say_is_not_written(tmp_path: Path) -> None:
     for limits in (Limits(-1.0, 1.0), Limits(upper=1.0)):
         with pytest.raises(InputError, match=r"m: joint 'one' is continuous, and position limits of .* to 1\.0 cannot"):
             mechanism_toml(with_limits(tree, JointKind.CONTINUOUS, limits))
-    with pytest.raises(InputError, match="m: loops without closures and couplings cannot be written: leave them out"):
-        mechanism_toml(replace(tree, loops=Loops(tree.joint_names)))
 
 
 POINT = "mass = 1, center_of_mass = [0, 0, 0], inertia_at_center = {}"

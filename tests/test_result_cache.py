@@ -20,7 +20,9 @@ from adaptctl.compilation.object_cache import SUFFIX
 from adaptctl.compilation.result_cache import kept, source_state
 from adaptctl.control import hold_number
 from adaptctl.errors import InputError, RankError
+from adaptctl.identifiability import Constraints, constrained
 from adaptctl.identifiability.essential_space import EssentialSpace
+from adaptctl.sweeps.batch import interned
 
 
 class Found(NamedTuple):
@@ -193,6 +195,17 @@ def test_other_settings_are_other_results(folder: Path) -> None:
         essential_space(arm, near="far")  # type: ignore[arg-type]
     with pytest.raises((InputError, RankError)):
         fundamental_basis(space, tolerance=1.0)
+
+
+def test_a_certificate_is_of_its_constraints(folder: Path) -> None:
+    """Two mechanisms of one description: what matters is known of the one, and what does not matter of the other."""
+    arm = load("semi_direct_drive")
+    own = dict(zip(arm.parameter_names, arm.inertial_parameters.tolist(), strict=True))
+    known = [constrained(arm, Constraints({name: own[name]})) for name in ("link1.m", "link5.I_xy")]
+    assert known[0].description == known[1].description
+    assert [essential_space(one, prove=False).rank for one in known] == [26, 25]
+    assert [fundamental_basis(essential_space(one, prove=False)).rank for one in known] == [26, 25]
+    assert interned(known[0]) is known[0] is not interned(known[1])
 
 
 def test_a_kept_hold_number_is_the_one_that_is_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

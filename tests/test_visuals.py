@@ -14,6 +14,7 @@ from rerun.chunk import RrdReader
 from robot_files import urdf
 
 from adaptctl.description import GROUND, Description, Pose, read_urdf
+from adaptctl.description.named_frame import NamedFrame
 from adaptctl.description.readers import urdf_visuals as reader
 from adaptctl.description.transforms.floating_base import with_floating_base
 from adaptctl.description.transforms.joined import joined
@@ -200,11 +201,13 @@ def test_joined_and_floating_mechanisms_keep_their_looks(tmp_path: Path) -> None
         assert [floating.links[visual.link].name for visual in floating.visuals] == ["base", "arm"]
 
 
-def test_a_visual_belongs_to_a_link(tmp_path: Path) -> None:
+def test_a_visual_and_a_frame_belong_to_a_link(tmp_path: Path) -> None:
     arm = reading(tmp_path)
     for link in (-2, 1):
-        with pytest.raises(InputError, match=f"link {link} of 1"):
+        with pytest.raises(InputError, match=f"one: a visual is fixed to link {link} of 1"):
             Description("one", arm.links, visuals=(Visual(link, Pose.identity(), Sphere(1.0)),))
+        with pytest.raises(InputError, match=f"one: frame 'tool' is fixed to link {link} of 1"):
+            Description("one", arm.links, frames=(NamedFrame("tool", link, Pose.identity()),))
 
 
 @pytest.fixture

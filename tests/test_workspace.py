@@ -68,6 +68,13 @@ def test_a_workspace_of_all_limits_has_the_samples_that_any_search_has() -> None
     np.testing.assert_array_equal(found.samples, sampled_configurations(mechanism))
 
 
+def one_joint(lower: float, upper: float, kind: JointKind = JointKind.REVOLUTE) -> Mechanism:
+    """A link behind one joint with these limits."""
+    (link,) = random_chain(1, 1).links
+    joint = replace(link.joint, kind=kind, limits=Limits(lower, upper))
+    return Mechanism(Description("one", (replace(link, joint=joint),)))
+
+
 @pytest.mark.parametrize(
     ("lower", "upper", "expected"),
     [
@@ -83,10 +90,26 @@ def test_limits_of_two_turns_are_kept_and_those_farther_apart_are_none(
     lower: float, upper: float, expected: tuple[float, float]
 ) -> None:
     """Many an arm may turn twice around; some files state limits of thousands of turns where there are none."""
-    (link,) = random_chain(1, 1).links
-    joint = replace(link.joint, kind=JointKind.REVOLUTE, limits=Limits(lower, upper))
-    found = position_range(Mechanism(Description("one", (replace(link, joint=joint),))))
-    np.testing.assert_array_equal(np.concatenate(found), expected)
+    np.testing.assert_array_equal(np.concatenate(position_range(one_joint(lower, upper))), expected)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "kind", "expected"),
+    [
+        (-2.0, 1.0, JointKind.REVOLUTE, (-2.0, 1.0)),
+        (-np.inf, np.inf, JointKind.REVOLUTE, (-2.0 * np.pi, 2.0 * np.pi)),
+        (-9.0 * np.pi, 9.0 * np.pi, JointKind.REVOLUTE, (-2.0 * np.pi, 2.0 * np.pi)),
+        (-1.0, np.inf, JointKind.REVOLUTE, (-1.0, 2.0 * np.pi)),
+        (-np.inf, 1.0, JointKind.REVOLUTE, (-2.0 * np.pi, 1.0)),
+        (-0.5, np.inf, JointKind.PRISMATIC, (-0.5, 1.0)),
+    ],
+)
+def test_a_search_goes_a_half_turn_farther_where_there_is_no_limit_and_never_past_one(
+    lower: float, upper: float, kind: JointKind, expected: tuple[float, float]
+) -> None:
+    workspace = Workspace.within_limits(one_joint(lower, upper, kind), 3)
+    assert workspace.lower.ravel().tolist() == [expected[0]] * 3
+    assert workspace.upper.ravel().tolist() == [expected[1]] * 3
 
 
 @pytest.mark.parametrize("wrong", [0, -1, 1.5, np.nan, "a", None])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,6 +17,7 @@ from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError
+from adaptctl.files import hashed
 
 if TYPE_CHECKING:
     from adaptctl.description.loops import Loops
@@ -132,8 +131,8 @@ class Description:
     silently. `gravity` (3,) is in the ground's frame, m/s^2, by default (0, 0, -9.81); `source` says where the numbers
     come from; `loops` has what closes the tree into loops, None for a plain tree. `visuals` are shapes to draw,
     `frames` named frames besides joints' and links'; hashes leave both out. Raises `InputError` for another order, no
-    links, empty or repeated names, gravity not (3,), not finite or above 1e9, visuals or drives of unknown links or
-    joints, `NotFoundError` for unknown names in `loops`."""
+    links, empty or repeated names, gravity not (3,), not finite or above 1e9, visuals, frames or drives of unknown
+    links or joints, `NotFoundError` for unknown names in `loops`."""
 
     name: str
     links: tuple[Link, ...]
@@ -144,7 +143,8 @@ class Description:
     frames: tuple[NamedFrame, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "links", tuple(self.links))
+        for name in ("links", "visuals", "frames"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,), f"{self.name}: gravity"))
         if np.abs(self.gravity).max() > LARGEST_GRAVITY:
             raise InputError(
@@ -155,11 +155,10 @@ class Description:
         _require_unique([link.name for link in self.links], f"{self.name}: link")
         _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
         _require_depth_first(self.name, self.parents)
-        object.__setattr__(self, "visuals", tuple(self.visuals))
-        object.__setattr__(self, "frames", tuple(self.frames))
-        for visual in self.visuals:
-            if not GROUND <= visual.link < len(self.links):
-                raise InputError(f"{self.name}: a visual is fixed to link {visual.link} of {len(self.links)}")
+        fixed = [("a visual", visual.link) for visual in self.visuals]
+        for what, link in fixed + [(f"frame {frame.name!r}", frame.link) for frame in self.frames]:
+            if not GROUND <= link < len(self.links):
+                raise InputError(f"{self.name}: {what} is fixed to link {link} of {len(self.links)}")
         self._require_shafts()
         if self.loops is not None:
             self.loops.require_known([link.name for link in self.links], self.joint_names)
@@ -308,7 +307,7 @@ class Description:
             content["bodies"] = list(self.bodies)
         if self.loops is not None:
             content["loops"] = self.loops.plain()
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        return hashed(content)
 
     @cached_property
     def geometry_sha256(self) -> str:
@@ -324,7 +323,7 @@ class Description:
             content.append(list(self.bodies))
         if self.loops is not None:
             content.append(self.loops.plain(12))
-        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+        return hashed(content)
 
     @property
     def closed(self) -> bool:

@@ -109,8 +109,9 @@ class Loops:
     `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
     followed, and so the assembly branch, which of several ways to close the loops is meant; in it, joints that are not
     primary need only be near enough for the loops to close. `conditions`, by default none, bound where the mechanism
-    may work. Raises `InputError` for no primary joint, a closure's, coupling's, follower's or primary joint's name
-    given twice, a follower that is primary or leads another, and a condition on a joint that is not primary.
+    may work. Raises `InputError` for no primary joint, neither closures nor couplings, a closure's, coupling's,
+    follower's or primary joint's name given twice, a follower that is primary or leads another, and a condition on a
+    joint that is not primary.
     """
 
     primary: tuple[str, ...]
@@ -134,6 +135,10 @@ class Loops:
             for joint in condition.weights:
                 if joint not in self.primary:
                     raise InputError(f"condition {condition.name!r}: joint {joint!r} is not primary")
+        if not self.closures and not self.couplings:
+            raise InputError(
+                "loops: expected closures or couplings; a mechanism without either is a tree, of loops None"
+            )
 
     def _require_plain_couplings(self) -> None:
         followers = {c.follower for c in self.couplings}

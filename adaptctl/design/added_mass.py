@@ -110,8 +110,8 @@ class AddedMass:
     def becomes_essential(self) -> tuple[str, ...]:
         """Names of the fundamental (base) parameters that matter only with the added body: alone they make more than
         1e-6 (unitless) of the root mean square energy with the body, and no more than that without it. Raises
-        `InputError` for an unknown link, `RankError` where the number of identifiable parameters cannot be
-        certified."""
+        `InputError` for an unknown link and where the energy is constant, with the body or without, `RankError` where
+        the number of identifiable parameters cannot be certified."""
         before = set(self.task.carried())
         return tuple(name for name in self.task.carried(self.parameters) if name not in before)
 

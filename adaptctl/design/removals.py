@@ -138,8 +138,9 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
     mean square energy before. By relocation: a part of the link's own mass, taken from its centre of mass and placed as
     such a ball, does so. The ball's place is that of 13 along each edge of the link's box where it does most, its mass
     the least that is enough there. Each is one change alone; where links have symmetries already, one more takes all of
-    these at once. Raises `InputError` for an unknown link or one given twice and a density that is not positive and
-    finite, `RankError` where the number of identifiable parameters cannot be certified.
+    these at once. Raises `InputError` for an unknown link or one given twice, a density that is not positive and
+    finite and a task in whose states the energy is constant, `RankError` where the number of identifiable parameters
+    cannot be certified.
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
     within = tuple(within)

@@ -148,12 +148,17 @@ class DesignTask:
         states at up to 2 rad/s (m/s) and 10 rad/s^2 (m/s^2), and at least 1 N m (N). Read-only."""
         return frozen(finite_torque_limits(self.mechanism))
 
-    def require_energy(self) -> None:
-        """Check that the mechanism's energy, kinetic plus potential, varies over the task's states; nothing is
-        returned. Raises `InputError` where its root mean square about its mean is at most 1e-12 of its root mean
-        square, so that no share of it can be computed."""
-        whole = float(np.linalg.norm(self.mechanism.energy(self.p, self.v))) / np.sqrt(len(self.p))
-        if self.cost("energy") <= NO_ENERGY * whole:
+    def require_energy(self, parameters: ArrayLike | None = None) -> None:
+        """Check that the mechanism's energy, kinetic plus potential, varies over the task's states, for P inertial
+        parameters (P,) in SI units, by default (None) the mechanism's own; nothing is returned. Raises `InputError`
+        where its root mean square about its mean is at most 1e-12 of its root mean square, so that no share of it can
+        be computed, and for another shape of parameters, `NonFiniteError` where one is not finite or the energy is too
+        large for numbers."""
+        varying, D = self.cost("energy", parameters), self._given(parameters)
+        with np.errstate(over="ignore"):
+            whole = self.mechanism.energy_regressor(self.p, self.v)[:, : len(D)] @ D
+            size = float(np.linalg.norm(whole)) / np.sqrt(len(self.p))
+        if varying <= NO_ENERGY * size:
             raise InputError(
                 f"{self.mechanism.name}: its energy is the same in all states of the task: let it move, or move faster"
             )
@@ -213,10 +218,10 @@ class DesignTask:
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
         """Names of the fundamental (base) parameters that alone make more than a `share` (unitless, by default 1e-6) of
         the root mean square energy about its mean over the task's states, for P inertial parameters (P,) in SI units,
-        in the order of the property `parameters`, by default (None) the mechanism's own. Raises `InputError` for
-        another shape of parameters and a share that is no number, `NonFiniteError` where a parameter is not finite or
-        the energy is too large for numbers, `RankError` where the number of identifiable parameters cannot be
-        certified."""
+        in the order of the property `parameters`, by default (None) the mechanism's own. Raises `InputError` where the
+        energy is constant, for another shape of parameters and a share that is no number, `NonFiniteError` where a
+        parameter is not finite or the energy is too large for numbers, `RankError` where the number of identifiable
+        parameters cannot be certified."""
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
@@ -226,13 +231,14 @@ class DesignTask:
     def weights(self, parameters: ArrayLike | None = None) -> Array:
         """Shares (k,), unitless, of the root mean square energy about its mean over the task's states that each of the
         k fundamental (base) parameters makes alone, in the order of `basis`, for P inertial parameters (P,) in SI
-        units, in the order of the property `parameters`, by default (None) the mechanism's own. Where the energy is
-        constant (`require_energy` checks it) they are meaningless. Raises `InputError` for another shape of parameters,
-        `NonFiniteError` where one is not finite or the energy is too large for numbers, `RankError` where the number of
-        identifiable parameters cannot be certified."""
+        units, in the order of the property `parameters`, by default (None) the mechanism's own. Raises `InputError`
+        where the energy is constant, as `require_energy` does, and for another shape of parameters, `NonFiniteError`
+        where one is not finite or the energy is too large for numbers, `RankError` where the number of identifiable
+        parameters cannot be certified."""
+        self.require_energy(parameters)
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
-        return each * np.abs(self.basis.regrouping @ D) / max(self.cost("energy", D), np.finfo(float).tiny)
+        return each * np.abs(self.basis.regrouping @ D) / self.cost("energy", D)
 
     def link(self, name: str) -> int:
         """Index, from 0, of the link named `name` among the links that own ten inertial parameters each. Raises

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import cached_property, sent_as_made
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics.constrained_equations import ConstrainedEquations
 from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.errors import InputError
@@ -43,6 +45,24 @@ class Parametrisation:
         the `matrix` and D0 (P,) the `known` share. Raises `InputError` for a wrong shape and for numbers that are not
         finite."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
+
+    def among(self, names: Sequence[str], others: Sequence[str]) -> Parametrisation:
+        """The same map for a mechanism with other drives: of the P parameters `names` it was made for, those that are
+        in `others` (P',), its parameters' names, stay as they are, and new ones are free. Raises `InputError`, naming
+        them, where a parameter that the constraints bind is missing."""
+        taken = [i for i in range(len(names)) if i not in self.left]
+        bound = {*taken, *(i for i, column in zip(self.left, self.matrix.T, strict=True) if column[taken].any())}
+        if missing := [names[i] for i in sorted(bound) if names[i] not in others]:
+            raise InputError(f"drives: the constraints bind {', '.join(missing)}: give the drives these terms")
+        rows = {names[i]: others.index(names[i]) for i in taken}
+        left = tuple(i for i, name in enumerate(others) if name not in rows)
+        N, known = np.eye(len(others))[:, left], np.zeros(len(others))
+        shared = [(left.index(others.index(names[i])), k) for k, i in enumerate(self.left) if names[i] in others]
+        for i in taken:
+            known[rows[names[i]]] = self.known[i]
+            for column, k in shared:
+                N[rows[names[i]], column] = self.matrix[i, k]
+        return Parametrisation(left, N, known)
 
 
 class ConstrainedMechanism(Mechanism):
@@ -132,6 +152,16 @@ class ConstrainedMechanism(Mechanism):
         all P parameters is above 1e20 in size or a rotor, viscous or Coulomb friction below 0."""
         whole = self.whole.with_parameters(self.parametrisation.expanded(parameters))
         return ConstrainedMechanism(whole, self.parametrisation)
+
+    def with_drives(self, drives: Drive | Sequence[Drive]) -> ConstrainedMechanism:
+        """A new mechanism under the same constraints with other rotors and friction: one drive for all n joints of the
+        tree or one each, in the order of `links`. Terms that the constraints do not bind are free; values of those that
+        they do follow from them. Raises `InputError` for another number of drives, for one that turns with unknown
+        joints, and where a rotor that the constraints bind is missing."""
+        whole = self.whole.with_drives(drives)
+        return ConstrainedMechanism(
+            whole, self.parametrisation.among(self.whole.parameter_names, whole.parameter_names)
+        )
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad (m

@@ -199,7 +199,7 @@ class Mechanism:
         return self._arrays.on_columns(regressor, tuple(asked))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
-        """A new mechanism, without constraints on parameters, with other rotors and friction: one drive for all n
+        """A new mechanism, its constraints on parameters kept, with other rotors and friction: one drive for all n
         joints of the tree or one each, in the order of `links`. Each term of a drive is a parameter; `Drive()` has
         none. Raises `InputError` for another number of drives and for one that turns with unknown joints."""
         return Mechanism(self.description.with_drives(drives))

@@ -110,7 +110,7 @@ class FundamentalBasis:
 
     def _repr_html_(self) -> str:
         """Notebook's view of the basis: the kept parameters, and those regrouped into them."""
-        text = f"{len(self.names)} parameters are kept; a star marks one into which others are regrouped"
+        text = f"{len(self.names)} parameters are kept; a star marks each with what is regrouped into it"
         rows = [equation.partition(" = ")[::2] for equation in map(str, self.equations())]
         return titled("FundamentalBasis", text) + table(("kept", "is"), rows)
 

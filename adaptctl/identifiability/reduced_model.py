@@ -163,7 +163,7 @@ def _require_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
     """Raise `InputError` for a basis whose regrouping changes energies; tried once, also for later processes."""
     numbers = basis.regrouping.tobytes() + basis.scales.tobytes()
     content = [list(basis.columns), list(basis.parameter_names), hashlib.sha256(numbers).hexdigest()]
-    inputs = [mechanism.description.sha256, *content]
+    inputs = [mechanism.description.sha256, mechanism.geometry_sha256, *content]
     kept("basis keeps energies", inputs, bool, lambda: _keeps_energies(mechanism, basis))
 
 

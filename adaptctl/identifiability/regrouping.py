@@ -92,9 +92,8 @@ class Regrouping:
         i, j = np.nonzero(np.abs(self.coefficients) >= EXACT_ZERO)
         rows, columns = kept[i], removed[j]
         values = self.coefficients[i, j] * scales[rows] / scales[columns]
-        whole = (
-            values.round()
-        )  # as -1 and 1 are by geometry: a product with them is left out, whatever the last bits are
+        # Such as -1 and 1, by geometry: a product with them is left out, whatever the last bits are.
+        whole = values.round()
         K = np.zeros((len(kept), len(scales)))
         K[i, columns] = np.where(np.abs(values - whole) <= ROUND_OFF * np.abs(whole), whole, values)
         K[range(len(kept)), kept] = 1.0

@@ -35,11 +35,12 @@ class Search:
 
     @cached_property
     def inputs(self) -> list[str]:
-        """All that the search's result depends on, as a list of six texts: the mechanism's SHA-256 hash (hexadecimal),
-        then its settings `method`, `near`, `prove`, `samples` and `seed`, as Python's repr writes them. It is the key
-        under which results are cached."""
+        """All that the search's result depends on, as a list of seven texts: the SHA-256 hashes (hexadecimal) of the
+        mechanism's description and of its geometry, which counts linear constraints on parameters, then the search's
+        settings `method`, `near`, `prove`, `samples` and `seed`, as Python's repr writes them. It is the key under
+        which results are cached."""
         settings = self.method, self.near, self.prove, self.samples, self.seed
-        return [self.mechanism.description.sha256, *map(repr, settings)]
+        return [self.mechanism.description.sha256, self.mechanism.geometry_sha256, *map(repr, settings)]
 
     @cached_property
     def found(self) -> CertifiedNullSpace:

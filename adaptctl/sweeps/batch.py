@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.compilation.lanes import Precision
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import InputError, NotFoundError
+from adaptctl.errors import NotFoundError
 from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.learning import Learning
@@ -43,8 +43,8 @@ def batched(
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of the
     numbers. In double the outcomes are those of each experiment by itself, to round-off. An experiment that raises an
     `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` before it runs has the one outcome "failed", with the
-    error's message and no controller's name; so have, in single, runs that cannot be made in that precision. Other
-    errors of an experiment or of the simulation in double go through.
+    error's message and no controller's name. Runs whose simulation together raises one of these are, in double, left
+    out, to be computed each by itself, and "failed" in single. Other errors go through.
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
@@ -67,7 +67,8 @@ def batched(
     for places in groups.values():
         found |= _tried(trials, places, precision)
     for k, trial in trials.items():
-        outcomes[k] = [(one.name, found[k, c]) for c, one in enumerate(trial.contenders)]
+        if all((k, c) in found for c in range(len(trial.contenders))):
+            outcomes[k] = [(one.name, found[k, c]) for c, one in enumerate(trial.contenders)]
     return outcomes
 
 
@@ -130,16 +131,16 @@ def robot(source: str) -> Mechanism:
     return interned(load(source))
 
 
-_MECHANISMS: dict[str, Mechanism] = {}
+_MECHANISMS: dict[tuple[str, str], Mechanism] = {}
 
 
 def interned(mechanism: Mechanism) -> Mechanism:
-    """The first mechanism given here whose description equals that of `mechanism`; `mechanism` itself where there was
-    none. Runs on equal mechanisms then share native code. At most 65 are remembered; at the next call all are
-    forgotten."""
+    """The first mechanism given here whose description, and linear constraints on parameters, equal those of
+    `mechanism`; `mechanism` itself where there was none. Runs on equal mechanisms then share native code. At most 65
+    are remembered; at the next call all are forgotten."""
     if len(_MECHANISMS) > 64:
         _MECHANISMS.clear()
-    return _MECHANISMS.setdefault(mechanism.description.sha256, mechanism)
+    return _MECHANISMS.setdefault((mechanism.description.sha256, mechanism.geometry_sha256), mechanism)
 
 
 def _group(trial: BatchedRun, contender: Contender) -> Any:
@@ -152,13 +153,12 @@ def _group(trial: BatchedRun, contender: Contender) -> Any:
 def _tried(
     trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]], precision: Precision
 ) -> dict[tuple[int, int], RunOutcome]:
-    """Outcomes of trials' contenders that can run together; failed ones where single precision cannot bear them."""
+    """Outcomes of trials' contenders that can run together. Where they fail together, nobody knows which of them does:
+    there are none in double, in which each can run by itself, and failed ones in single, in which none can."""
     try:
         return _together(trials, places, precision)
-    except InputError as error:
-        if precision == "double":
-            raise
-        return dict.fromkeys(places, RunOutcome.failed(error))
+    except FAILURES as error:
+        return {} if precision == "double" else dict.fromkeys(places, RunOutcome.failed(error))
 
 
 def _together(

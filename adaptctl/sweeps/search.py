@@ -78,11 +78,12 @@ def search(
 
 def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
     """Write the settings and the controller that a search `found` as the file (TOML) at `path` of a study of one run,
-    of the experiment of `study`. Raises `FileError` where it cannot be written."""
+    of the experiment of `study` and in its precision. Raises `FileError` where it cannot be written."""
     lines = [
         'schema = "adaptctl/study/1"',
         f"experiment = {toml_string(study.experiment)}",
         f"controllers = [{toml_string(found.controller)}]",
+        f"precision = {toml_string(study.precision)}",
     ]
     lines += ["", "[settings]"]
     for name, value in found.settings.items():

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
 from adaptctl.control.references import SinusoidNumbers, Sinusoids
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NotFoundError
 from adaptctl.simulation.references_of_many import SinusoidForm
 from adaptctl.simulation.sampled_references import Preview
 
@@ -44,8 +44,7 @@ class ArmReferences:
                 raise InputError(f"reference: expected {self._dof} joints, got {len(reference.center)} for arm {arm}")
             self.of[arm] = reference
             self._terms[arm] = len(reference.amplitude) if isinstance(reference, Sinusoids) else 0
-        if not self.terms:
-            self._group()
+        self._groups = [] if self.terms else self._grouped()
 
     @property
     def terms(self) -> int:
@@ -66,9 +65,9 @@ class ArmReferences:
         (k,), counted from the episode's start: positions, velocities and accelerations then, r each, and the positions
         at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic).
 
-        To be called only where the property `terms` is 0: otherwise there are no samples, and the numbers mean nothing.
-        Raises what sampling the references raises: `InputError` for a wrong shape, `NonFiniteError` for NaN and
-        infinity.
+        Raises `NotFoundError`, naming the arm, for arms without samples: those whose reference has not been `put`, and
+        all where the property `terms` is not 0; and what sampling the references raises: `InputError` for a wrong
+        shape, `NonFiniteError` for NaN and infinity.
         """
         rows = np.empty((len(self.of), (3 + len(self._look_ahead)) * self._dof))
         chosen = np.zeros(len(self.of), dtype=np.bool_)
@@ -77,18 +76,21 @@ class ArmReferences:
         for members, samples in self._groups:
             own = members[chosen[members]]
             if own.size:
-                rows[own] = samples.rows(at[own])
+                rows[own], chosen[own] = samples.rows(at[own]), False
+        if chosen.any():
+            raise NotFoundError(f"references: there are no samples of that of arm {int(chosen.argmax())}: give it one")
         return rows[arms]
 
-    def _group(self) -> None:
-        """Arms that share a reference share its samples."""
+    def _grouped(self) -> list[tuple[Steps, Preview]]:
+        """Groups of arms that share a reference, and so its samples."""
         known = {id(samples.reference): samples for _, samples in self._groups}
         members: dict[int, list[int]] = {}
         for arm, reference in enumerate(self.of):
             members.setdefault(id(reference), []).append(arm)
-        self._groups = []
+        groups = []
         for key, arms in members.items():
             reference = self.of[arms[0]]
             if reference is not None:
                 samples = known.get(key) or Preview(reference, self._dof, self._period, self._look_ahead, BLOCK)
-                self._groups.append((np.array(arms), samples))
+                groups.append((np.array(arms), samples))
+        return groups

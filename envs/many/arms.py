@@ -166,7 +166,7 @@ class Arms:
     def rows(self) -> Array:
         """Rows (N, 3r + r L) of the references of all N arms now: positions, velocities and accelerations of r joints,
         then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic). To be read after
-        all arms have begun; before, the numbers mean nothing."""
+        all arms have begun; before, `NotFoundError` is raised, naming one that has not."""
         return self._row(self.all)
 
     @property

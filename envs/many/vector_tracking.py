@@ -242,7 +242,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         observations = np.full(self.num_envs, None, dtype=object)
         for arm in np.flatnonzero(self._over).tolist():
             observations[arm] = result.observation[arm].copy()
-        return _masked({"final_obs": observations}, self._over) | {
+        return masked({"final_obs": observations}, self._over) | {
             "final_info": self._info(result, self._over),
             "_final_info": self._over.copy(),
         }
@@ -261,8 +261,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             marks = dict(zip(plant.marks, result.marks.T, strict=True))
             if plant.loads:
                 marks["payload"] = self._arms.payload.copy()
-            info |= {"p": result.p, "v": result.v, "marks": _masked(marks, mask)}
-        return _masked(info, mask)
+            info |= {"p": result.p, "v": result.v, "marks": masked(marks, mask)}
+        return masked(info, mask)
 
     def _torques(self, actions: ArrayLike, ignored: Flags) -> Array:
         """Finite torques (N, r), zero where actions are ignored."""
@@ -346,8 +346,10 @@ class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     kind = SemiDirectDriveTrackingEnv
 
 
-def _masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
-    """Values of the arms in the mask, and the mask of each, as Gymnasium has them."""
+def masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
+    """The entries of a vector environment's `info` as Gymnasium has them: the `values` by name, arrays with a row for
+    each of N arms, or mappings, and for each name the `mask` (N,), bools, by the name with an underscore before it.
+    Rows of arms that are not in the mask become zero, but in mappings and arrays of objects. Nothing is checked."""
     info: dict[str, Any] = {}
     partial = not mask.all()
     for name, value in values.items():

@@ -44,17 +44,22 @@ def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int =
 
 def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
     """The least and the greatest position of each of the r joints of a `mechanism`, two arrays (r,), rad (m if
-    prismatic): its limits. A missing lower one is the lesser of -pi rad (-1 m) and the upper one less pi rad (1 m), a
-    missing upper one the greater of pi rad (1 m) and the lower one plus pi rad (1 m). Limits that are more than two
-    turns (4 pi rad, or m) apart count as missing. Nothing is checked."""
-    limits = [joint.limits for joint in mechanism.primary_joints]
+    prismatic): its limits. A missing lower one is min(-pi, upper - pi) rad (min(-1, upper - 1) m), a missing upper one
+    max(pi, lower + pi) rad (max(1, lower + 1) m), so that a joint without limits has -pi and pi rad (-1 and 1 m).
+    Limits that are more than two turns (4 pi rad, or m) apart count as missing. Nothing is checked."""
+    lower, upper = _limits(mechanism)
     wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints])
-    ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
-    absurd = np.isfinite(ends).all(axis=0) & (ends[1] - ends[0] > TURNS)
-    lower, upper = np.where(absurd, [[-np.inf], [np.inf]], ends)
     return np.where(np.isinf(lower), np.minimum(-wide, upper - wide), lower), np.where(
         np.isinf(upper), np.maximum(wide, lower + wide), upper
     )
+
+
+def _limits(mechanism: Mechanism) -> Array:
+    """Lower and upper limits (2, r) of the joints, infinite where there is none or they are too far apart to be any."""
+    limits = [joint.limits for joint in mechanism.primary_joints]
+    ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
+    absurd = np.isfinite(ends).all(axis=0) & (ends[1] - ends[0] > TURNS)
+    return np.where(absurd, [[-np.inf], [np.inf]], ends)
 
 
 def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
@@ -91,16 +96,17 @@ class Workspace:
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
         """The workspace of all that the joints' limits of a `mechanism` allow, with a number of random `samples`, drawn
-        by `seed`, equal for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero; a turning
-        joint without an upper limit is searched pi rad beyond both ends of its samples' range. Samples that kinematic
-        loops cannot reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and
-        `seed` one from 0 to 2^32 - 1, and where loops reach none of the samples."""
+        by `seed`, equal for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero; a search
+        goes pi rad farther on each side on which a joint that turns has no limit. Samples that kinematic loops cannot
+        reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one
+        from 0 to 2^32 - 1, and where loops reach none of the samples."""
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
-        free = [np.pi * joint.kind.turns * np.isinf(joint.limits.upper) for joint in mechanism.primary_joints]
+        turns = [joint.kind.turns for joint in mechanism.primary_joints]
+        below, above = np.pi * (np.isinf(_limits(mechanism)) & turns)
         lower, upper = position_range(mechanism)
-        return cls(mechanism, p, np.broadcast_to(lower - free, p.shape), np.broadcast_to(upper + free, p.shape))
+        return cls(mechanism, p, np.broadcast_to(lower - below, p.shape), np.broadcast_to(upper + above, p.shape))
 
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Joint, JointKind, Limits, Link
+from adaptctl.description.description import GROUND, Description, Joint, Limits, Link
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.pose import Pose, rotation_about
 from adaptctl.description.readers.mjcf.frames import from_quaternion
+from adaptctl.description.readers.mjcf.joint import kind_within, position_limits
 from adaptctl.description.readers.robot_checks import MOST_LINKS, require_at_most, unknown_body
 from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
 
@@ -37,10 +38,11 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
 
     Link frames stand at the joints, turned as their bodies; a link is named after its body, and a body with several
     joints becomes as many links, massless but the last. Armature, damping and frictionloss become the joint's drive,
-    where they are not zero; effort limits are those of the actuators. Raises `InputError` for ball and free joints, no
-    joint or several root bodies that move, nonlinear damping, more than 256 links, and active equalities of these
-    bodies, `NotFoundError` for an unknown body. Warns (`SimplificationWarning`) of actuators that are no torques, and
-    of springs and gravity compensation, which are left out.
+    where they are not zero; effort limits are those of the actuators, and position limits of at least 1e9 rad (m) in
+    size are none. Raises `InputError` for ball and free joints, no joint or several root bodies that move, nonlinear
+    damping, more than 256 links, and active equalities of these bodies, `NotFoundError` for an unknown body. Warns
+    (`SimplificationWarning`) of actuators that are no torques, and of springs and gravity compensation, which are left
+    out.
     """
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
@@ -219,17 +221,21 @@ def _moving_root(model: mujoco.MjModel) -> int:
 
 
 def _joint(model: mujoco.MjModel, j: int, name: str) -> Joint:
-    lower, upper = model.jnt_range[j].tolist() if model.jnt_limited[j] else (-math.inf, math.inf)
-    turning = JointKind.REVOLUTE if model.jnt_limited[j] else JointKind.CONTINUOUS
-    kind = turning if model.jnt_type[j] == HINGE else JointKind.PRISMATIC
+    ends = model.jnt_range[j].tolist() if model.jnt_limited[j] else (-math.inf, math.inf)
     dof = int(model.jnt_dofadr[j])
     polynomials = [getattr(model, name) for name in ("dof_dampingpoly",) if hasattr(model, name)]
     if any(np.any(values[dof]) for values in polynomials):
         raise InputError(f"joint {name!r}: damping: only the first coefficient is understood")
     numbers = (model.dof_armature[dof], model.dof_damping[dof], model.dof_frictionloss[dof])
     armature, damping, friction = (float(value) or None for value in numbers)
-    limits = Limits(lower, upper, effort=_effort(model, j) or math.inf)
-    return Joint(name, kind, np.array(model.jnt_axis[j]), limits, Drive(armature, damping, friction))
+    limits = Limits(*position_limits(*ends), effort=_effort(model, j) or math.inf)
+    return Joint(
+        name,
+        kind_within(limits, model.jnt_type[j] == HINGE),
+        np.array(model.jnt_axis[j]),
+        limits,
+        Drive(armature, damping, friction),
+    )
 
 
 def _effort(model: mujoco.MjModel, j: int) -> float:

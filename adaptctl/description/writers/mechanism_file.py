@@ -24,7 +24,7 @@ def write_mechanism(path: str | Path, description: Description) -> None:
     not at all. Numbers come back the same, rotations to round-off, since roll, pitch and yaw stand for them; shapes to
     draw are not kept. What is written of a link with a negative mass, or with inertia but no mass, is refused by the
     reader. Raises `FileError` where the file cannot be written, `InputError` for what the file cannot say: position
-    limits of a continuous joint, and loops without closures and couplings."""
+    limits of a continuous joint."""
     write_text(path, mechanism_toml(description))
 
 
@@ -33,7 +33,7 @@ def mechanism_toml(description: Description) -> str:
     `read_mechanism_file` reads: m, rad and SI units, numbers with all digits. They come back the same, rotations to
     round-off, since roll, pitch and yaw stand for them; shapes to draw are not kept. What is written of a link with a
     negative mass, or with inertia but no mass, is refused by the reader. Raises `InputError` for what the file cannot
-    say: position limits of a continuous joint, and loops without closures and couplings."""
+    say: position limits of a continuous joint."""
     _require_sayable(description)
     parts = [
         'schema = "adaptctl/mechanism/1"',
@@ -49,9 +49,6 @@ def mechanism_toml(description: Description) -> str:
 
 
 def _require_sayable(description: Description) -> None:
-    loops = description.loops
-    if loops is not None and not loops.closures and not loops.couplings:
-        raise InputError(f"{description.name}: loops without closures and couplings cannot be written: leave them out")
     for joint in (link.joint for link in description.links):
         bounds = (joint.limits.lower, joint.limits.upper)
         if joint.kind is JointKind.CONTINUOUS and bounds != (-math.inf, math.inf):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, JointKind, Link
+from adaptctl.description.description import GROUND, Description, Link
 from adaptctl.description.drive import MAY_BE_NEGATIVE
 from adaptctl.description.inertia import inertia_tensor, transformed
 from adaptctl.description.pose import Pose
@@ -20,11 +20,14 @@ if TYPE_CHECKING:
 
 STEP = 1e-3
 """s, of MuJoCo's integration"""
+FAR = 1e10
+"""rad or m, MuJoCo's largest number of a motion (mjMAXVAL): a limit that is never reached"""
 
 
 def to_mujoco(description: Description) -> mujoco.MjModel:
     """The MuJoCo model of a mechanism without loops: a body at each joint, without shapes and so without collisions, a
-    torque motor for each joint, limited to the joint's effort limit, and a time step of 1 ms.
+    torque motor for each joint, limited to the joint's effort limit, and a time step of 1 ms. A joint with a single
+    position limit has the other 1e10 rad (m) away, which `from_mujoco` reads as none.
 
     Rotor inertia, viscous and Coulomb friction become MuJoCo's armature, damping and frictionloss. Raises `InputError`
     for loops, motor shafts that turn with several joints, other friction terms, inertias that no rigid body has, and
@@ -75,8 +78,9 @@ def _body(above: mujoco.MjsBody, link: Link, description: Description) -> mujoco
     made = body.add_joint(name=joint.name, type=kind, axis=joint.axis)
     made.armature, made.frictionloss = drive.rotor_inertia or 0.0, drive.coulomb or 0.0
     made.damping = np.array([drive.viscous or 0.0, *np.zeros(np.size(made.damping) - 1)])
-    if joint.kind is not JointKind.CONTINUOUS and math.isfinite(joint.limits.upper - joint.limits.lower):
-        made.range, made.limited = (joint.limits.lower, joint.limits.upper), 1
+    bounds = (joint.limits.lower, joint.limits.upper)
+    if bounds != (-math.inf, math.inf):
+        made.range, made.limited = np.clip(bounds, -FAR, FAR), 1
     return body
 
 
@@ -94,34 +98,37 @@ def set_parameters(arm: MujocoArm, before: Description, after: Description) -> N
     description `after`. `before` describes the model as it is; a link whose inertia is the same in both stays as it is.
 
     The body at a link's last joint gets the link's inertia less that of the other bodies fixed to it, which stay.
-    Raises `InputError` where that difference has no positive mass, and for loops, motor shafts that turn with several
-    joints and other friction terms in `after`, before anything is changed, `ValueError` for descriptions with different
-    numbers of links.
+    Before anything is changed, raises `InputError` where that difference has no positive mass, and for loops, motor
+    shafts that turn with several joints and other friction terms in `after`, `ValueError` for descriptions with other
+    numbers of links than the model's.
     """
     import mujoco
 
     _require_plain_joints(after)
+    links = list(zip(arm.joints, before.links, after.links, strict=True))
+    bodies = {
+        int(arm.model.jnt_bodyid[j]): _body_of(arm, i, new)
+        for i, (j, old, new) in enumerate(links)
+        if not np.array_equal(old.inertia, new.inertia)
+    }
     model = arm.model
-    for i, (old, new) in enumerate(zip(before.links, after.links, strict=True)):
-        dof = int(model.jnt_dofadr[arm.joints[i]])
-        drive = new.joint.drive
+    for j, _, new in links:
+        dof, drive = int(model.jnt_dofadr[j]), new.joint.drive
         model.dof_armature[dof] = drive.rotor_inertia or 0.0
         model.dof_damping[dof], model.dof_frictionloss[dof] = drive.viscous or 0.0, drive.coulomb or 0.0
-        if not np.array_equal(old.inertia, new.inertia):
-            _set_body(arm, i, new)
+    for k, axes in bodies.items():
+        model.body_mass[k], model.body_ipos[k], model.body_iquat[k], model.body_inertia[k] = axes
     mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
-def _set_body(arm: MujocoArm, i: int, link: Link) -> None:
+def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, Array]:
+    """Mass, centre, axes and moments of the body at a link's joint: the link's less those of bodies fixed to it."""
     model, body = arm.model, int(arm.model.jnt_bodyid[arm.joints[i]])
     fixed = [b for b, carrier in arm.carriers.items() if carrier == i and b != body]
     rest = transformed(link.inertia, link.far) - sum(
         (transformed(body_ten(model, b), arm.places[b]) for b in fixed), np.zeros(10)
     )
-    ten = transformed(rest, arm.places[body].inverse)
-    model.body_mass[body], model.body_ipos[body], model.body_iquat[body], model.body_inertia[body] = principal_axes(
-        ten, link.name
-    )
+    return principal_axes(transformed(rest, arm.places[body].inverse), link.name)
 
 
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:

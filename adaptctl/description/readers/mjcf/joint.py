@@ -23,14 +23,17 @@ _ATTRIBUTES = (
 )
 _FREE_ATTRIBUTES = ("name", "group", "align")
 _KINDS = ("hinge", "slide")
+NO_LIMIT = 1e9
+"""rad or m, of a side of a range that limits nothing"""
 
 
 def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
     """The joint called `name` of an MJCF <joint> element, a hinge or a slide, its axis in the frame the element stands
     in; a hinge without limits is a continuous joint. `settings` say how angles are written; `effort` is the bound of
-    the joint's actuators (N m or N), None without actuators. Raises `InputError` for a ball joint, an unknown type or
-    attribute, for attributes that are no finite numbers, a zero axis, a range that is missing though limited or not
-    rising, armature, damping or friction below 0, and nonlinear damping."""
+    the joint's actuators (N m or N), None without actuators. Limits of at least 1e9 rad (m) in size are none. Raises
+    `InputError` for a ball joint, an unknown type or attribute, for attributes that are no finite numbers, a zero axis,
+    a range that is missing though limited or not rising, armature, damping or friction below 0, and nonlinear
+    damping."""
     where = f"joint {name!r}"
     _require_known(joint, _ATTRIBUTES, where)
     kind = joint.get("type", "hinge")
@@ -40,10 +43,8 @@ def joint_of(joint: Element, name: str, settings: Settings, effort: float | None
         raise InputError(f"{where}: unknown type {kind!r}; expected one of {', '.join(_KINDS)}")
     axis = numbers(joint, "axis", 3, where) if "axis" in joint.attrib else [0.0, 0.0, 1.0]
     limits = _limits(joint, kind == "hinge", settings, effort, where)
-    turning = JointKind.REVOLUTE if math.isfinite(limits.lower) else JointKind.CONTINUOUS
     try:
-        moving = turning if kind == "hinge" else JointKind.PRISMATIC
-        return Joint(name, moving, np.array(axis), limits, _drive(joint, where))
+        return Joint(name, kind_within(limits, kind == "hinge"), np.array(axis), limits, _drive(joint, where))
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
 
@@ -154,13 +155,29 @@ def _largest(element: Element, name: str, where: str) -> float:
     return max(map(abs, numbers(element, name, 2, where, math.inf)))
 
 
+def position_limits(lower: float, upper: float) -> tuple[float, float]:
+    """The position limits of a joint, rad or m, from a range `lower` to `upper` of MuJoCo's, which has two sides: a
+    limit of at least 1e9 rad (m) in size is none, infinite. Nothing is checked."""
+    return (-math.inf if lower <= -NO_LIMIT else lower, math.inf if upper >= NO_LIMIT else upper)
+
+
+def kind_within(limits: Limits, turns: bool) -> JointKind:
+    """The kind of a joint with these `limits`: prismatic unless it `turns`, as a hinge does, continuous without limits
+    of its position, else revolute. Nothing is raised."""
+    if not turns:
+        return JointKind.PRISMATIC
+    free = (limits.lower, limits.upper) == (-math.inf, math.inf)
+    return JointKind.CONTINUOUS if free else JointKind.REVOLUTE
+
+
 def _limits(joint: Element, turns: bool, settings: Settings, effort: float | None, where: str) -> Limits:
     lower, upper = -math.inf, math.inf
     limited = joint.get("limited", "auto" if settings.autolimits else "false")
     if limited == "true" and "range" not in joint.attrib:
         raise InputError(f"{where}: limited, but no range is given")
     if limited != "false" and "range" in joint.attrib:
-        lower, upper = (settings.angle(x) if turns else x for x in numbers(joint, "range", 2, where, math.inf))
+        ends = (settings.angle(x) if turns else x for x in numbers(joint, "range", 2, where, math.inf))
+        lower, upper = position_limits(*ends)
     bound = min(_largest(joint, "actuatorfrcrange", where), math.inf if effort is None else effort)
     try:
         return Limits(lower, upper, effort=bound or math.inf)
