@@ -48,8 +48,8 @@ class FrictionTrial(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Choice of a fit's settings: `settings`, the `FitSettings` that were chosen (friction model, weight of the prior,
-    a first guess of the links, against the logs, cut-off of the low-pass filter in Hz), and `trials`, one
+    """Choice of a fit's settings: `settings`, the `FitSettings` that were chosen (friction model; weight, against the
+    logs, of the prior, which is a first guess of the links; cut-off of the low-pass filter in Hz), and `trials`, one
     `FrictionTrial` for each candidate in the order of trying. `trials` is empty where all settings were given. Made by
     `choose`; nothing is checked at construction."""
 
@@ -68,14 +68,14 @@ def choose(
     prior, one after the other.
 
     `evidence` holds the filtered equations of motion of the logs, in blocks of time. What is given is not chosen:
-    `friction`, a `FrictionModel`; `weight` (unitless) of the prior, a first guess of the links, against the logs;
+    `friction`, a `FrictionModel`; `weight` (unitless), that of the prior (a first guess of the links) against the logs;
     `cutoff` (Hz), one of those that the evidence has. Where they are None, the candidates are: viscous and Coulomb
     friction with or without a square root or Stribeck term and an offset, and, unless loops are closed, with or without
-    load-dependent friction; the evidence's cut-offs, first the highest up to 25 Hz, at which all predictions are
-    compared; weights from 0.5 to 100 whose fit has a root mean square residual of at most 1.03 times that of least
-    squares (`misfit_ratio`), or 0.5 if there are none. A candidate replaces the best one before it only if its error is
-    more than 1 % smaller (0.3 % for weights). Raises `InputError` for a weight that is not positive and finite and a
-    cut-off that the evidence does not have, `AdaptctlError` where a fit is not found.
+    load-dependent friction, which grows with the joint's torque; the evidence's cut-offs, first the highest up to 25
+    Hz, at which all predictions are compared; weights from 0.5 to 100 whose fit has a root mean square residual of at
+    most 1.03 times that of least squares (`misfit_ratio`), or 0.5 if there are none. A candidate replaces the best one
+    before it only if its error is more than 1 % smaller (0.3 % for weights). Raises `InputError` for a weight that is
+    not positive and finite and a cut-off that the evidence does not have, `AdaptctlError` where a fit is not found.
     """
     judged = judged_at(evidence)
     first = FIRST_WEIGHT if weight is None else positive_number(weight, "weight: expected a positive number")

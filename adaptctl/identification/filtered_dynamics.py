@@ -34,7 +34,8 @@ CHUNK = 1500
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Rows of a robot's filtered equations of motion at n instants: torque = regressor D, with the robot's P parameters
-    D (P,) in SI units, torques and regressor through one low-pass filter of `cutoff` Hz.
+    D (P,) in SI units and the order of the mechanism's `parameter_names`, torques and regressor through one low-pass
+    filter of `cutoff` Hz.
 
     `time` (n,) is in s, as in the logs; `regressor` (n, r, P) in N m (N for a prismatic joint) per SI unit of each
     parameter; `torque` (n, r) the torques of r primary joints, N m (N); `velocity` (n, r) their filtered velocities,
@@ -96,8 +97,8 @@ class SmoothMotion:
 
     @property
     def rate(self) -> float:
-        """Sampling rate of the smoothed motion, Hz: the log's rate over `every`, the number of its samples from one of
-        the motion to the next."""
+        """Sampling rate of the smoothed motion, Hz: the log's rate divided by `every`, since the motion has every
+        `every`-th of the log's samples."""
         return self.log.rate / self.every
 
     @classmethod
@@ -122,11 +123,12 @@ class SmoothMotion:
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-        """Rows of filtered equations of motion, one `Rows` for each of the low-pass filters' `cutoffs` (Hz), at the
-        instants at which the arm moves; their regressors are on all P parameters of a mechanism, about four instants in
-        a period of the cut-off. Raises `InputError` where too few samples are left to filter and for a mechanism whose
-        file has linear relations between parameters that fix some at values other than zero, `ValueError` without a
-        cut-off or for one not below half the motion's rate, `SingularityError` near locked loops."""
+        """Rows of filtered equations of motion, a list with one `Rows` for each of the low-pass filters' `cutoffs`
+        (Hz), in their order. Each has about four instants in a period of its cut-off, those at which the arm moves, and
+        regressors on all P parameters of a mechanism. Raises `InputError` where too few samples are left to filter and
+        for a mechanism whose file has linear relations between parameters that fix some at values other than zero,
+        `ValueError` without a cut-off or for one not below half the motion's rate, `SingularityError` near locked
+        loops."""
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
@@ -180,8 +182,8 @@ class RowFilter:
 
         `start` is the index in the motion of the chunk's first sample. A row is made for every `every`-th sample of the
         motion, counted from its first, that is among the first `length` of the chunk; it takes `taps` samples from
-        there on, so the chunk has up to `taps` - 1 more than `length`. n is 0 where the chunk is shorter than the
-        filter.
+        there on, of which the middle one is its instant, so the chunk has up to `taps` - 1 more than `length`. n is 0
+        where the chunk is shorter than the filter.
         """
         skipped = -start % self.every
         end = length + self.taps - 1

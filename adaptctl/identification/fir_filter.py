@@ -37,9 +37,9 @@ def derivative(kernel: Array, rate: float) -> Array:
 
 
 def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
-    """A signal (n, ...) through a filter's kernel (t,), in the signal's unit times the kernel's: an array (m, ...) of
-    the values at which the kernel lies wholly within the signal, n - t + 1 in all, or only every `every`-th of them (1
-    by default), beginning with the first; m = ceil((n - t + 1)/every).
+    """A signal (n, ...), convolved along its first axis with a filter's kernel (t,), in the signal's unit times the
+    kernel's: an array (m, ...) of the values at which the kernel lies wholly within the signal, n - t + 1 in all, or
+    only every `every`-th of them (1 by default), beginning with the first; m = ceil((n - t + 1)/every).
 
     Nothing is assumed of the signal beyond its ends, so there is no transient. The signal must be at least as long as
     the kernel, which is not checked.

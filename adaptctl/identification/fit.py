@@ -26,9 +26,9 @@ ROTOR, LOAD = 0.1, 0.1
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Settings of a fit of a robot's parameters to logs: the `friction` model, the `weight` (unitless) of the prior, a
-    first guess of the links, against the logs, and the `cutoff` (Hz) of the low-pass filter that the equations of
-    motion go through. Nothing is checked at construction."""
+    """Settings of a fit of a robot's parameters to logs: the `friction` model, the `weight` (unitless), against the
+    logs, of the prior, which is a first guess of the links, and the `cutoff` (Hz) of the low-pass filter that the
+    equations of motion go through. Nothing is checked at construction."""
 
     friction: FrictionModel
     weight: float
@@ -39,12 +39,13 @@ class FitSettings:
 class Fit:
     """Fit of a robot's parameters to logs, and the `settings` that it was made with.
 
-    `x` (P + r,), SI units, are the P parameters of the mechanism with all kinds of friction, zero for those that the
-    friction model does not have, then the shares (unitless) of load-dependent friction in the torques of r primary
-    joints. `deviations` (r,) are the standard deviations of the joints' torque residuals, N m (N for a prismatic
-    joint). `curvature` (P + r, P + r), per SI units of two parameters, is the normal matrix Y' W Y of the equations
-    torque = Y x, in which W divides each joint's by the square of its deviation. Made by `LogEvidence.fit`; nothing is
-    checked at construction.
+    `x` (P + r,), SI units, are the P parameters of the mechanism with all kinds of friction, in the order of its
+    `parameter_names`, zero for those that the friction model does not have, then, for each of r primary joints, the
+    share (unitless) of its torque without friction that load-dependent friction makes. `deviations` (r,) are the
+    standard deviations of the joints' torque residuals, N m (N for a prismatic joint). `curvature` (P + r, P + r), per
+    SI units of two parameters, is the normal matrix Y' W Y of the equations torque = Y x, in which W divides each
+    joint's by the square of its deviation; it is zero for parameters that the friction model does not have. Made by
+    `LogEvidence.fit`; nothing is checked at construction.
     """
 
     x: Array
@@ -139,8 +140,8 @@ class LogEvidence:
 
     def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
         """Indices (c,), among the mechanism's P parameters and the r shares of load-dependent friction, of those that
-        least squares is solved for: the fundamental (base) parameters, which the motion can tell apart, and those of a
-        friction model."""
+        least squares is solved for: first the fundamental (base) parameters, which the motion can tell apart, then
+        those of a friction model."""
         energetic = self.mechanism.energetic
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
@@ -231,10 +232,11 @@ def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
 
 
 def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
-    """Indices (c,), among a mechanism's parameters, of the drives' parameters that must be positive (rotor inertias,
-    viscous and Coulomb friction), and their rough sizes (c,), SI units. The size of a rotor inertia is a tenth of the
-    mean moment of inertia, at least 1e-6 kg m^2, of the N links whose ten inertial parameters each, m, mc_x, mc_y,
-    mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in SI units, are `tens` (N, 10); the other sizes are 1."""
+    """Indices (c,), rising, among a mechanism's parameters (in the order of its `parameter_names`), of the drives'
+    parameters that must be positive (rotor inertias, viscous and Coulomb friction), and their rough sizes (c,), SI
+    units. The size of a rotor inertia is a tenth of the mean moment of inertia, at least 1e-6 kg m^2, of the N links,
+    all that are not massless, whose ten inertial parameters each, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
+    I_zz in SI units, are `tens` (N, 10); the other sizes are 1."""
     first = 10 * len(mechanism.description.bodies)
     drives = mechanism.description.drive_parameters
     own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]

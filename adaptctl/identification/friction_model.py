@@ -53,8 +53,9 @@ class FrictionModel:
         return cls(kinds, "load" in names)
 
     def columns(self, mechanism: Mechanism) -> Array:
-        """Mask (P,) of zeros and ones over the P parameters of a mechanism with all kinds of friction: 1 for the links'
-        parameters, rotor inertias and the model's terms of friction, 0 for other terms."""
+        """Mask (P,) of zeros and ones over the P parameters of a mechanism with all kinds of friction, in the order of
+        its `parameter_names`: 1 for the links' parameters, rotor inertias and the model's terms of friction, 0 for
+        other terms."""
         drives = mechanism.description.drive_parameters
         kept = [float(kind in (*self.kinds, DriveParameter.ROTOR_INERTIA)) for _, kind in drives]
         return np.concatenate([np.ones(len(mechanism.parameter_names) - len(drives)), np.array(kept)])

@@ -59,13 +59,14 @@ def identify(
 ) -> Identification:
     """The identification of a robot's inertial and friction parameters from logs of its motion.
 
-    `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, its file or a built-in's name,
-    with links as a first guess. `drives`, or their file, are how motors turn joints. Where joints are measured
-    themselves it is None, and `columns` and `units` give, by "position", "torque", "velocity" and "time", patterns of
-    column names (`{joint}` for a joint's name, `{}` for its number from 1) and units ("deg", "N m", "deg/s", "ms");
-    None where the log itself tells. With a sampling `rate` (Hz) rows are taken as evenly spaced, else (None) by their
-    stamps. Without logs to `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen
-    on the rest; the estimate then takes them all.
+    `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, or its file or a built-in's
+    name, of which angles between joint axes within 1e-3 rad of right ones are made exact; its links are a first guess.
+    `drives`, or their file, are how motors turn joints. Where joints are measured themselves it is None, and `columns`
+    and `units` give, by "position", "torque", "velocity" and "time", patterns of column names (`{joint}` for a joint's
+    name, `{}` for its number from 1) and units ("deg", "N m", "deg/s", "ms"); None where the log itself tells. With a
+    sampling `rate` (Hz) rows are taken as evenly spaced, else (None) by their stamps. Without logs to `validate` on,
+    the last 40 % of the given ones are held out for it, and everything is chosen on the rest; the estimate then takes
+    them all.
 
     `topic` names that of a ROS bag with several (None: its only one), `skip` steps of the logs' preparation to leave
     out ("resample", "unwrap", "velocities", "limits", "standstill"), none unless given. `friction` names the terms of

@@ -90,9 +90,9 @@ def _sums(Y: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
-    """Edges of blocks of time of filtered equations, `rows`: a list of pairs of the number of a log, from 0, and the
-    time (s) at which a block begins in it. There are about `count` blocks of equally many rows, and each is within one
-    log, so that there are more blocks where there are several logs. Raises `IndexError` without a row."""
+    """Edges of blocks of time of filtered equations, `rows`: a list, rising, of pairs of the number of a log, from 0,
+    and the time (s) at which a block begins in it. There are about `count` blocks of equally many rows, and each is
+    within one log, so that there are more blocks where there are several logs. Raises `IndexError` without a row."""
     starts = [int(start) for start in np.linspace(0, len(rows), count, endpoint=False)]
     firsts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
     return [(int(rows.log[i]), float(rows.time[i])) for i in sorted({*starts, *firsts})]

@@ -137,12 +137,12 @@ def exciting_motion(
     exciting periodic reference, entered from rest at a pose `start` (r,) and left to rest at `end` (r,), rad (m for a
     prismatic joint), by default (None) the middle of the joints' ranges.
 
-    The reference has `harmonics` (5 by default) and is the best of a search of at most `iterations` (10) steps, begun
-    from references drawn by `seed`, within a `share` (unitless, 0.8) of the joints' own ranges, speeds and torques.
-    `duration` (s, 14) is that of the whole motion, `fade` (s, 2) of each blend; the motion takes longer where it must
-    be slowed until its speeds, accelerations, jerks and torques, friction included, keep to `limits`. `allowed` is a
-    function that is true if all positions (n, r) are allowed, such as free of collisions: the reference is made smaller
-    until it is true. None allows all.
+    The reference has `harmonics` (5 by default) of the frequency 1/(`duration` - 2 `fade`) Hz and is the best of a
+    search of at most `iterations` (10) steps, begun from references drawn by `seed`, within a `share` (unitless, 0.8)
+    of the joints' own ranges, speeds and torques. `duration` (s, 14) is that of the whole motion, `fade` (s, 2) of each
+    blend; the motion takes longer where it must be slowed until its speeds, accelerations, jerks and torques, friction
+    included, keep to `limits`. `allowed` is a function that is true if all positions (n, r) are allowed, such as free
+    of collisions: the reference is made smaller until it is true. None allows all.
 
     Raises `InputError` for a fade that is not above 0 and below half the duration, harmonics and iterations other than
     whole numbers of at least 1, a seed other than one of at least 0, a share not above 0 and up to 1, poses of a wrong

@@ -14,10 +14,10 @@ from adaptctl.identification.fit import Fit, LogEvidence
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Uncertainty of a fit of P parameters of a mechanism and r shares of load-dependent friction: their `covariance`
-    (P + r, P + r), SI units, and for comparison `nominal` (P + r, P + r), the covariance if residuals were white
-    (uncorrelated) and the model right. Rows of parameters that the fit does not have are zero. Made by `uncertainty`;
-    nothing is checked at construction."""
+    """Uncertainty of a fit of P parameters of a mechanism, in the order of its `parameter_names`, and r shares of
+    load-dependent friction: their `covariance` (P + r, P + r), SI units, and for comparison `nominal` (P + r, P + r),
+    the covariance if residuals were white (uncorrelated) and the model right. Rows of parameters that the fit does not
+    have are zero. Made by `uncertainty`; nothing is checked at construction."""
 
     covariance: Array
     """(P + r, P + r)"""

@@ -51,8 +51,8 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
     """Combinations, among those `found`, that a log hardly excites, a list of `Combination`: those with a `strength`
-    below 3 `inflation`, which it leaves about as uncertain as they were before it. `inflation` (unitless) is the ratio
-    of the true standard deviations to those for white (uncorrelated) residuals."""
+    below 3 times `inflation`, which it leaves about as uncertain as they were before it. `inflation` (unitless) is the
+    ratio of the true standard deviations to those for white (uncorrelated) residuals."""
     return [c for c in found if c.strength < WEAK * inflation]
 
 

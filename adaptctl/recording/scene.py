@@ -63,9 +63,9 @@ def log_arm(
     p: Array,
     look: Look,
 ) -> Array:
-    """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world"; returns the path of its tip
-    (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of its r joints at T times
-    `time` (T,), s.
+    """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world", LINK being a link's name;
+    returns the path of its tip (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of
+    its r joints at T times `time` (T,), s.
 
     Links have the shapes and colours of the robot's file; where it has none they are capsules, with cylinders for
     joints, the shapes in `parts`, coloured by `look`. Raises `InputError` for positions of another number of joints,

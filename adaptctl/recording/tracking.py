@@ -77,8 +77,9 @@ def log_curve(recording: rr.RecordingStream, path: str, run: ControllerRun, valu
 
 def log_decades(recording: rr.RecordingStream, path: str, run: ControllerRun, errors: Array, style: Style) -> None:
     """Draw the errors of a run in a rerun recording, as the entity `path`, on a logarithmic scale: log10(1000 e) for
-    the `errors` e (T,), rad or m, of T samples, the power of ten in mrad or mm. Errors below 1e-9 are drawn as 1e-9.
-    `style` has one name and one colour."""
+    the `errors` e (T,), rad or m, of T samples, the power of ten in mrad or mm. Errors below 1e-9 are drawn as 1e-9;
+    samples are thinned to at most 4000. `style` has one name and one colour. Raises `ValueError` for errors that are
+    not one-dimensional; another number of them is not checked."""
     log_curve(recording, path, run, np.log10(1e3 * np.maximum(errors, SMALLEST_ERROR)), style)
 
 
