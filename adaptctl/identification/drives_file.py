@@ -159,8 +159,8 @@ class Drives:
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """The same drives, a `Drives`, with their joints and motors in the order of a mechanism's primary joints.
-        Raises `InputError` unless the drives are of just these joints, by name."""
+        """The same drives, a `Drives`, with their joints and motors in the order of a mechanism's primary (independent)
+        joints. Raises `InputError` unless the drives are of just these joints, by name."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(

@@ -30,7 +30,7 @@ def by_energy(
     parameters.
 
     `motions` are the smoothed motions of logs, `window` is the windows' length (s), `columns` (c,) are the indices of
-    the parameters that are fitted, in the order of the mechanism's `parameter_names`; the others are zero. A motion
+    the c parameters that are fitted, in the order of the mechanism's `parameter_names`; the others are zero. A motion
     shorter than a window counts for nothing. No accelerations are needed. The scaled matrix of energy differences is
     factored itself (singular values): normal equations would lose all digits. Raises `ValueError` without a motion,
     `InputError` for motions of another number of joints, `SingularityError` near locked loops.

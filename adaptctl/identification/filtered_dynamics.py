@@ -38,9 +38,9 @@ class Rows:
     filter of `cutoff` Hz.
 
     `time` (n,) is in s, as in the logs; `regressor` (n, r, P) in N m (N for a prismatic joint) per SI unit of each
-    parameter; `torque` (n, r) the torques of r primary joints, N m (N); `velocity` (n, r) their filtered velocities,
-    rad/s (m/s); and `log` (n,) the number of the log, from 0, that each instant is of. `len` gives n. Nothing is
-    checked at construction.
+    parameter; `torque` (n, r) the torques of r primary (independent) joints, N m (N); `velocity` (n, r) their filtered
+    velocities, rad/s (m/s); and `log` (n,) the number of the log, from 0, that each instant is of. `len` gives n.
+    Nothing is checked at construction.
     """
 
     cutoff: float
@@ -80,8 +80,8 @@ class SmoothMotion:
 
     `log` is the `PreparedLog` (evenly sampled) and `number` its number from 0. The motion has every `every`-th of the
     log's samples, from the sample of index `first` on, m in all: `position` (m, r), rad (m for a prismatic joint), and
-    `velocity` (m, r), rad/s (m/s), of r primary joints, both through one low-pass filter of at most 50 Hz. Made by
-    `SmoothMotion.of`; nothing is checked at construction.
+    `velocity` (m, r), rad/s (m/s), of r primary (independent) joints, both through one low-pass filter of at most 50
+    Hz. Made by `SmoothMotion.of`; nothing is checked at construction.
     """
 
     log: PreparedLog
@@ -118,8 +118,8 @@ class SmoothMotion:
         return cls(log, number, every, len(rate_kernel) // 2, position, velocity)
 
     def acceleration(self) -> Array:
-        """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary joints at all of the motion's m
-        samples but the first two and the last two, from differences of the velocities."""
+        """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary (independent) joints at all of
+        the motion's m samples but the first two and the last two, from differences of the velocities."""
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
@@ -149,10 +149,10 @@ class SmoothMotion:
 
 @dataclass(frozen=True, eq=False)
 class RowFilter:
-    """Low-pass filter, of `cutoff` Hz, that makes rows of filtered equations from a smoothed motion: `kernel` (t,),
-    symmetric weights that sum to 1, `change` (t,), 1/s, the kernel of the filtered signal's time derivative, and
-    `every`, the number of the motion's samples from one row to the next. Made by `RowFilter.of`; nothing is checked at
-    construction."""
+    """Low-pass filter, of `cutoff` Hz, that makes rows of filtered equations of motion from a smoothed motion: `kernel`
+    (t,), t symmetric weights that sum to 1, `change` (t,), 1/s, the kernel of the filtered signal's time derivative,
+    and `every`, the number of the motion's samples from one row to the next. Made by `RowFilter.of`; nothing is checked
+    at construction."""
 
     cutoff: float
     kernel: Array
@@ -176,9 +176,10 @@ class RowFilter:
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
         """The regressor (n, r, P), N m (N for a prismatic joint) per SI unit of each of P parameters, of n rows of
-        filtered equations from a chunk of l samples of a motion, for r primary joints. It is `momentum` (l, r, P), the
-        regressor of the generalised momenta, N m s (N s) per unit, through the derivative of the filter, minus `forces`
-        (l, r, P), that of all other forces, friction among them, N m (N) per unit, through the filter.
+        low-pass filtered equations of motion from a chunk of l samples of a motion, for r primary (independent) joints.
+        It is `momentum` (l, r, P), the regressor of the generalised momenta, N m s (N s) per unit, through the
+        derivative of the filter, minus `forces` (l, r, P), that of all other forces, friction among them, N m (N) per
+        unit, through the filter.
 
         `start` is the index in the motion of the chunk's first sample. A row is made for every `every`-th sample of the
         motion, counted from its first, that is among the first `length` of the chunk; it takes `taps` samples from
@@ -193,15 +194,16 @@ class RowFilter:
         return filtered(h, self.change, self.every) - filtered(f, self.kernel, self.every)
 
     def signal(self, values: Array) -> Array:
-        """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter, (n, ...) at n rows, in
-        its own unit. The signal must be at least as long as the filter (`taps`), which is not checked."""
+        """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter: (n, ...) in its own unit,
+        at all n rows that the filter makes of the motion, n = ceil((m - `taps` + 1)/`every`). The signal must be at
+        least as long as the filter (`taps`), which is not checked."""
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
-        """Rows of filtered equations, a `Rows`, at those instants of a filtered `regressor` (n, r, P) at which the arm
-        moves: with the torques, filtered alike at the log's own rate, and the motion's filtered velocities. The
-        regressor, N m (N for a prismatic one) of r joints per SI unit of each of P parameters, is that of all of the
-        motion's n rows."""
+        """Rows of low-pass filtered equations of motion, a `Rows`, at those instants of a filtered `regressor` (n, r,
+        P) at which the arm moves: with the torques, filtered alike at the log's own rate, and the motion's filtered
+        velocities. The regressor, N m (N for a prismatic one) of r joints per SI unit of each of P parameters, is that
+        of all of the motion's n rows."""
         log, n = motion.log, len(regressor)
         at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)
@@ -210,8 +212,8 @@ class RowFilter:
         return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number).chosen(self.moving(motion))
 
     def moving(self, motion: SmoothMotion) -> NDArray[np.bool_]:
-        """Mask (n,) of the n rows of filtered equations that the filter makes of a motion: true where the arm moves at
-        the row's instant and at both ends of the filter's kernel around it."""
+        """Mask (n,) of the n rows of low-pass filtered equations of motion that the filter makes of a motion: true
+        where the arm moves at the row's instant and at both ends of the filter's kernel around it."""
         at = self._centers(motion, len(range(0, len(motion.position) - self.taps + 1, self.every)))
         around, moving = motion.every * (self.taps // 2), motion.log.moving
         return np.asarray(moving[at - around] & moving[at] & moving[at + around])

@@ -24,15 +24,15 @@ def low_pass(cutoff: float, rate: float) -> Array:
 
 
 def padded(kernel: Array) -> Array:
-    """A kernel (t + 4,): the weights of a filter's kernel (t,) with two zeros before and after, so that it is as long
+    """A kernel (t + 4,): the t weights of a filter's kernel (t,) with two zeros before and after, so that it is as long
     as that of `derivative`."""
     return np.pad(kernel, AROUND)
 
 
 def derivative(kernel: Array, rate: float) -> Array:
-    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by a kernel (t,), by central
-    differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as those
-    of `padded(kernel)`, which filters the signal itself."""
+    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by a kernel (t,) of t weights, by
+    central differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as
+    those of `padded(kernel)`, which filters the signal itself."""
     return np.convolve(kernel, DIFFERENCE) * rate
 
 

@@ -65,10 +65,10 @@ CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES
 
 
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
-    """The mechanism, a `Mechanism`, with a rotor and every kind of friction in the drive of each primary joint, all
-    zero, and the drives coupled with other joints as `drives` (transmission) has them. Other joints keep their drives.
-    Raises `InputError` for drives that turn with joints unknown to the mechanism, or in ratios too large for
-    numbers."""
+    """The mechanism, a `Mechanism`, with a rotor and every kind of friction in the drive of each primary (independent)
+    joint, all zero, and the drives coupled with other joints as `drives` (transmission) has them. Other joints keep
+    their drives. Raises `InputError` for drives that turn with joints unknown to the mechanism, or in ratios too large
+    for numbers."""
     terms = dict.fromkeys(DriveParameter, 0.0)
     own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.on_joints(), strict=True)}
     each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]

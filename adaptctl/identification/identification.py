@@ -70,8 +70,8 @@ class Identification:
 
     @property
     def estimate(self) -> Array:
-        """The identified fundamental (base) parameters (k,), SI units, in the order of `names`: a first estimate for an
-        adaptive controller."""
+        """The k identified fundamental (base) parameters (k,), SI units, in the order of `names`: a first estimate for
+        an adaptive controller."""
         return self.model.fundamental_parameters
 
     @property

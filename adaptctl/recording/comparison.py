@@ -119,8 +119,8 @@ class ControllerRun:
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
-        """Moving root mean square (T,) of the tracking errors of all joints, rad or m, one for each sample: over the
-        `window`, s, that ends with it, over fewer samples at the run's start, and over the sample alone where the
+        """Moving root mean square (T,) of the tracking errors of all joints, rad or m, one for each of T samples: over
+        the `window`, s, that ends with it, over fewer samples at the run's start, and over the sample alone where the
         window is shorter than the time between samples. Raises `InputError` for a window that is not positive and
         finite."""
         positive_number(window, "window: expected a positive number of s")

@@ -102,7 +102,7 @@ def log_torque_shares(recording: rr.RecordingStream, path: str, comparison: Comp
 
 def log_limits(recording: rr.RecordingStream, path: str, time: Array, limit: float) -> None:
     """Draw a limit on both sides of zero in a rerun recording, as the entity `path`: horizontal grey lines at `limit`
-    and -`limit`, in the unit that their view states, from the first to the last of the times `time` (T,), s. Raises
+    and -`limit`, in the unit that their view states, from the first to the last of T times `time` (T,), s. Raises
     `IndexError` without times."""
     log_levels(recording, path, time, np.array([-limit, limit]), Style(("limit", "limit"), (LIMIT, LIMIT), width=1.0))
 

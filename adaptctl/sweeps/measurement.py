@@ -30,8 +30,9 @@ class SweepMeasurement(CheckedSettings, ABC):
     @classmethod
     @abstractmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The `RunOutcome` of each of the measurements `chosen`, in their order, which an implementation must return.
-        It should raise nothing for what is wrong with one of them, whose outcome is "failed" then, with the reason."""
+        """The outcome of each of the measurements `chosen`, a `RunOutcome` (status, reason, errors) each in their
+        order, which an implementation must return. It should raise nothing for what is wrong with one of them, whose
+        outcome is "failed" then, with the reason."""
 
 
 def kind_of(name: str) -> type[CheckedSettings]:

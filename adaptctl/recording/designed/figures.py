@@ -66,7 +66,7 @@ def links_figure(study: DesignStudy) -> Figure:
 
 def torques_figure(study: DesignStudy) -> Figure:
     """Figure (Matplotlib) of the root mean square torques of every joint over a design study's task, N m (N if
-    prismatic), without the counterweights and with them."""
+    prismatic), friction left out, without the counterweights and with them."""
     figure = sheet(2.8)
     axes = figure.subplots()
     names = [joint.name for joint in study.task.mechanism.primary_joints]

@@ -71,7 +71,7 @@ def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
 
 
 def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
-    """Colours (n, 4), red, green, blue and opacity from 0 to 255, of relative changes of cost (n,), no unit, by a
+    """Colours (n, 4), red, green, blue and opacity from 0 to 255, of n relative changes of cost (n,), no unit, by a
     `scale` of colours such as `norm` makes: blue where the arm is relieved, light grey for 0, orange to red where it
     costs. Changes beyond the scale have the colours of its ends."""
     return np.asarray(SCALE(scale(change), bytes=True), dtype=np.uint8)

@@ -49,8 +49,8 @@ def costs(task: DesignTask, percent: float) -> dict[str, Any]:
     kinetic plus potential, J, its root mean square (RMS) about its mean; `torque`, the RMS of the torques as shares of
     their limits, no unit, squares summed over joints; `coupling`, kg m^2, the RMS of the mass matrix's entries off the
     diagonal, those of prismatic joints times the mechanism's characteristic length; and `torques`, RMS, one a joint, N
-    m (N if prismatic). Raises `InputError` for a percentage that is no finite number of at least 0, `RankError` where
-    the rank cannot be certified."""
+    m (N if prismatic); all torques without friction. Raises `InputError` for a percentage that is no finite number of
+    at least 0, `RankError` where the rank cannot be certified."""
     return {
         "rank": task.basis.rank,
         "carried": len(task.carried()),
