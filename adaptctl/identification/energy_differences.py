@@ -29,11 +29,11 @@ def by_energy(
     work of the joint torques in a window is the rise of the energy plus friction's losses, both linear in the P
     parameters.
 
-    `motions` are the smoothed motions of logs, `window` is the windows' length (s), `columns` (c,) are the indices of
-    the c parameters that are fitted, in the order of the mechanism's `parameter_names`; the others are zero. A motion
-    shorter than a window counts for nothing. No accelerations are needed. The scaled matrix of energy differences is
-    factored itself (singular values): normal equations would lose all digits. Raises `ValueError` without a motion,
-    `InputError` for motions of another number of joints, `SingularityError` near locked loops.
+    `motions` are the smoothed motions of logs, `window` is the windows' length (s), `columns` (c,) are the indices,
+    among the mechanism's `parameter_names`, of the c parameters that are fitted; the others are zero. A motion shorter
+    than a window counts for nothing. No accelerations are needed. The scaled matrix of energy differences is factored
+    itself (singular values): normal equations would lose all digits. Raises `ValueError` without a motion, `InputError`
+    for motions of another number of joints, `SingularityError` near locked loops.
     """
     H, work = energy_rows(motions, mechanism, window)
     own = H[:, columns]

@@ -30,9 +30,9 @@ class SweepMeasurement(CheckedSettings, ABC):
     @classmethod
     @abstractmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The outcome of each of the measurements `chosen`, a `RunOutcome` (status, reason, errors) each in their
-        order, which an implementation must return. It should raise nothing for what is wrong with one of them, whose
-        outcome is "failed" then, with the reason."""
+        """The outcomes of the measurements `chosen`, a `RunOutcome` (status, reason, errors) for each, in their order,
+        which an implementation must return. It should raise nothing for what is wrong with one of them, whose outcome
+        is "failed" then, with the reason."""
 
 
 def kind_of(name: str) -> type[CheckedSettings]:
