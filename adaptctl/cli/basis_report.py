@@ -69,10 +69,10 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
 
 
 def spectrum(space: EssentialSpace) -> Table:
-    """Table, of the package rich, of the singular values, J per SI unit, that an essential `space` has of a mechanism's
-    energy differences between states: each with its number from 1 and a bar of "#", on a logarithmic scale. It has the
-    first two, six on either side of the gap at the rank (the number of independent inertial parameters), and the
-    last."""
+    """Table, of the package rich, of the singular values, J per SI unit, that an essential `space` (directions of
+    inertial parameters that change energies) has of a mechanism's energy differences between states: each with its
+    number from 1 and a bar of "#", on a logarithmic scale. It has the first two, six on either side of the gap at the
+    rank (the number of independent inertial parameters), and the last."""
     values, k = space.singular_values, space.rank
     table = Table(box=None, show_header=False, pad_edge=False)
     shown = sorted({*range(min(2, k)), *range(max(0, k - ABOUT), min(len(values), k + ABOUT)), len(values) - 1})

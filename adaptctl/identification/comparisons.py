@@ -16,9 +16,9 @@ from adaptctl.identification.least_squares import least_squares
 
 class Alternative(NamedTuple):
     """Alternative estimate of a robot's parameters, from a simpler model: its `name`, a description as text, and its
-    parameters `x` (P + r,), SI units, P of the mechanism with all kinds of friction and then the shares (unitless) of
-    load-dependent friction in the torques of the r primary joints. Made by `alternatives`; nothing is checked at
-    construction."""
+    parameters `x` (P + r,), SI units, P of the mechanism with all kinds of friction, in the order of its
+    `parameter_names`, and then, for each of r primary (independent) joints, the share (unitless) of its torque without
+    friction that load-dependent friction makes. Made by `alternatives`; nothing is checked at construction."""
 
     name: str
     x: Array
@@ -28,13 +28,14 @@ PLAIN = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
 
 def alternatives(evidence: LogEvidence, fit: Fit, mechanism_fit: Fit) -> list[Alternative]:
-    """Alternative estimates, a list of `Alternative`, by simpler models on all blocks of the evidence (filtered
-    equations of logs) that a `fit` was made from.
+    """Alternative estimates, a list of `Alternative`, by simpler models on all blocks of time of the evidence (low-pass
+    filtered equations of motion along logs) that a `fit` was made from.
 
-    They are: `mechanism_fit`, the fit without load-dependent friction, unless it is `fit` itself; weighted least
-    squares with the same friction; with viscous and Coulomb friction and an offset alone; the prior's links (the robot
-    file's) with friction and rotors fitted by least squares; and friction and rotors alone, links being zero. Raises
-    `KeyError` for a fit at a cut-off that the evidence does not have.
+    They are: `mechanism_fit`, the fit without load-dependent friction (that grows with the joint's torque), unless it
+    is `fit` itself; weighted least squares with the same friction; weighted least squares with viscous and Coulomb
+    friction and an offset alone; the prior's links (the robot file's) with friction and rotors fitted by least squares;
+    and friction and rotors alone, links being zero. Raises `KeyError` for a fit at a cut-off that the evidence does not
+    have.
     """
     friction, cutoff = mechanism_fit.settings.friction, fit.settings.cutoff
     every = range(evidence.blocks)

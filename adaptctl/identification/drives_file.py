@@ -159,8 +159,8 @@ class Drives:
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """The same drives, a `Drives`, with their joints and motors in the order of a mechanism's primary joints.
-        Raises `InputError` unless the drives are of just these joints, by name."""
+        """The same drives, a `Drives`, with their joints and motors in the order of a mechanism's primary (independent)
+        joints. Raises `InputError` unless the drives are of just these joints, by name."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(
@@ -180,8 +180,9 @@ class Drives:
 
     def on_joints(self) -> tuple[Drive, ...]:
         """Drives (`Drive`) for a mechanism's description, one for each of r joints in the order of `joints`, with no
-        rotor or friction modelled yet. Each turns with the joints that its motor turns with, in ratios (no unit) to its
-        own joint. Raises `InputError` where one of these ratios is too large for a double-precision number."""
+        rotor or friction modelled yet. Each has in `turns_with` the names of the other joints that turn its motor, with
+        ratios (no unit): the motor's speed for a unit of that joint's speed, divided by that for a unit of its own
+        joint's. Raises `InputError` where one of these ratios is too large for a double-precision number."""
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]

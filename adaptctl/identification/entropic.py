@@ -37,14 +37,15 @@ RIDGE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class EntropicPrior:
-    """Entropic prior of a robot's parameters, as it is before any log is read: first guesses of N links, and rough
-    sizes of parameters that must be positive, such as viscous and Coulomb friction (Lee, Wensing and Park 2020).
+    """Entropic prior of a robot's parameters, as it is before any log is read: first guesses of N links, all that are
+    not massless in the mechanism's order, and rough sizes of parameters that must be positive, such as viscous and
+    Coulomb friction (Lee, Wensing and Park 2020).
 
     `tens` (N, 10) are the links' inertial parameters m (kg), mc_x, mc_y, mc_z (kg m), I_xx, I_xy, I_yy, I_xz, I_yz,
     I_zz (kg m^2), about the origins of their frames; in vectors x (P,) of all P parameters they are the first 10 N.
-    `positive` (c,) are the indices of the other positive parameters, `scales` (c,), SI units, their rough sizes. Raises
-    `InputError` for a link whose pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is not
-    positive definite: no rigid body has its ten.
+    `positive` (c,) are the indices of the c other positive parameters, `scales` (c,), SI units, their rough sizes.
+    Raises `InputError` for a link whose pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is
+    not positive definite: no rigid body has its ten.
     """
 
     tens: Array
@@ -64,21 +65,21 @@ class EntropicPrior:
         return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
 
     def start(self, size: int) -> Array:
-        """The prior's own parameters (P,), SI units, for `size` = P parameters: first the ten inertial ones of each
-        link (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), then, at the indices `positive`, the rough sizes
-        `scales` of other positive parameters, and zero elsewhere. Raises `ValueError` for a size too small for the
-        links, `IndexError` for one too small for the others."""
+        """The prior's own parameters (P,), first guesses in SI units, for `size` = P parameters: first the ten inertial
+        ones of each link (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), then, at the indices `positive`,
+        the rough sizes `scales` of other positive parameters, and zero elsewhere. Raises `ValueError` for a size too
+        small for the links, `IndexError` for one too small for the others."""
         x = np.zeros(size)
         x[: self.tens.size] = self.tens.ravel()
         x[self.positive] = self.scales
         return x
 
     def divergence(self, x: Array, weight: float) -> float:
-        """Divergence, without a unit, of the parameters `x` (P,), SI units, from the prior, up to a constant: `weight`
-        (unitless) times the sum over the links of tr(L0^-1 L) - log det L, plus 0.01 times the sum of z - log z over
-        the other positive parameters. L (4, 4) is a link's pseudo-inertia, the matrix of its second and first moments
-        and mass, by x, and L0 by the prior; z is a parameter divided by its rough size in `scales`. Infinite where no
-        rigid bodies have x, or a positive parameter is not positive."""
+        """Divergence, without a unit, of P parameters `x` (P,), SI units (ten of each link first), from the prior
+        (first guesses), up to a constant: `weight` (unitless) times the sum over the links of tr(L0^-1 L) - log det L,
+        plus 0.01 times the sum of z - log z over the other positive parameters. L (4, 4) is a link's pseudo-inertia,
+        the matrix of its second and first moments and mass, by x, and L0 by the prior; z is a parameter divided by its
+        rough size in `scales`. Infinite where no rigid bodies have x, or a positive parameter is not positive."""
         matrices = self._matrices(x)
         sign, determinants = np.linalg.slogdet(matrices)
         ratios = x[self.positive] / self.scales
@@ -88,18 +89,20 @@ class EntropicPrior:
         return float(weight * links + SLIGHT * np.sum(ratios - np.log(ratios)))
 
     def distance(self, x: Array) -> float:
-        """Divergence, without a unit, of the links in `x` (P,), SI units, from the prior's: the sum over the links of
-        tr(L0^-1 L) - log det(L0^-1 L) - 4, with a link's pseudo-inertia L (4, 4), the matrix of its second and first
-        moments and mass, by x and L0 by the prior. It is 0 at the prior itself, and greater elsewhere; `x` must be of
-        links that rigid bodies can have, which is not checked."""
+        """Divergence, without a unit, of the links in P parameters `x` (P,), SI units (ten of each link first), from
+        the prior's first guesses: the sum over the links of tr(L0^-1 L) - log det(L0^-1 L) - 4, with a link's
+        pseudo-inertia L (4, 4), the matrix of its second and first moments and mass, by x and L0 by the prior. It is 0
+        at the prior itself, and greater elsewhere; `x` must be of links that rigid bodies can have, which is not
+        checked."""
         _, logarithms = np.linalg.slogdet(self.inverses @ self._matrices(x))
         return float(np.sum(self.inverses * self._matrices(x)) - np.sum(logarithms) - 4 * len(self.tens))
 
     def gradient(self, x: Array, weight: float) -> Array:
-        """Gradient (P,), per SI unit of each parameter, of `divergence`, that of the parameters `x` (P,), SI units,
-        from the prior, with the same `weight` (unitless) of the links. Entries are zero for parameters that are neither
-        a link's nor among those of index `positive`. Raises NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4),
-        the matrix of its second and first moments and mass, is singular; other impossible links are not refused."""
+        """Gradient (P,), per SI unit of each parameter, of `divergence`, that of P parameters `x` (P,), SI units (ten
+        of each link first), from the prior (first guesses), with the same `weight` (unitless) of the links. Entries are
+        zero for parameters that are neither a link's nor among those of index `positive`. Raises NumPy's `LinAlgError`
+        where a link's pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is singular; other
+        impossible links are not refused."""
         out = np.zeros_like(x)
         slopes = self.inverses - np.linalg.inv(self._matrices(x))
         out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNITS, slopes).ravel()
@@ -107,11 +110,11 @@ class EntropicPrior:
         return out
 
     def curvature(self, x: Array, weight: float) -> Array:
-        """Second derivatives (P, P), per SI units of two parameters, of `divergence`, that of the parameters `x` (P,),
-        SI units, from the prior, with the same `weight` (unitless) of the links: a block (10, 10) for each link,
-        diagonal entries for the other positive parameters, and zero elsewhere. Raises NumPy's `LinAlgError` where a
-        link's pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is singular; other impossible
-        links are not refused."""
+        """Second derivatives (P, P), per SI units of two parameters, of `divergence`, that of P parameters `x` (P,), SI
+        units (ten of each link first), from the prior (first guesses), with the same `weight` (unitless) of the links:
+        a block (10, 10) for each link, diagonal entries for the other positive parameters, and zero elsewhere. Raises
+        NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4), the matrix of its second and first moments and mass,
+        is singular; other impossible links are not refused."""
         inverse = np.linalg.inv(self._matrices(x))[:, None]
         bent = inverse @ UNITS @ inverse
         blocks = weight * np.einsum("naij,bij->nab", bent, UNITS)
@@ -126,10 +129,10 @@ class EntropicPrior:
 
 
 def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
-    """The physically consistent parameters x (P,), SI units, that minimise x' A x/2 - b' x plus the divergence of x
-    from a prior: least squares with links that rigid bodies can have. The normal matrix A (P, P), per SI units of two
-    parameters, and the moment b (P,), per SI unit of each, are of equations divided by their standard deviations,
-    without a unit.
+    """The P physically consistent parameters x (P,), SI units (ten of each link first), that minimise x' A x/2 - b' x
+    plus the divergence of x from a prior (first guesses): least squares with links that rigid bodies can have. The
+    normal matrix A (P, P), per SI units of two parameters, and the moment b (P,), per SI unit of each, are of equations
+    divided by their standard deviations, without a unit.
 
     `weight` (unitless) is that of the prior's links in the divergence, `start` (P,), within what is possible, is where
     the search begins, None for the prior's own parameters. Parameters without data, whose rows and columns of A are

@@ -34,12 +34,13 @@ CHUNK = 1500
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Rows of a robot's filtered equations of motion at n instants: torque = regressor D, with the robot's P parameters
-    D (P,) in SI units, torques and regressor through one low-pass filter of `cutoff` Hz.
+    D (P,) in SI units and the order of the mechanism's `parameter_names`, torques and regressor through one low-pass
+    filter of `cutoff` Hz.
 
     `time` (n,) is in s, as in the logs; `regressor` (n, r, P) in N m (N for a prismatic joint) per SI unit of each
-    parameter; `torque` (n, r) the torques of r primary joints, N m (N); `velocity` (n, r) their filtered velocities,
-    rad/s (m/s); and `log` (n,) the number of the log, from 0, that each instant is of. `len` gives n. Nothing is
-    checked at construction.
+    parameter; `torque` (n, r) the torques of r primary (independent) joints, N m (N); `velocity` (n, r) their filtered
+    velocities, rad/s (m/s); and `log` (n,) the number of the log, from 0, that each instant is of. `len` gives n.
+    Nothing is checked at construction.
     """
 
     cutoff: float
@@ -79,8 +80,8 @@ class SmoothMotion:
 
     `log` is the `PreparedLog` (evenly sampled) and `number` its number from 0. The motion has every `every`-th of the
     log's samples, from the sample of index `first` on, m in all: `position` (m, r), rad (m for a prismatic joint), and
-    `velocity` (m, r), rad/s (m/s), of r primary joints, both through one low-pass filter of at most 50 Hz. Made by
-    `SmoothMotion.of`; nothing is checked at construction.
+    `velocity` (m, r), rad/s (m/s), of r primary (independent) joints, both through one low-pass filter of at most 50
+    Hz. Made by `SmoothMotion.of`; nothing is checked at construction.
     """
 
     log: PreparedLog
@@ -96,8 +97,8 @@ class SmoothMotion:
 
     @property
     def rate(self) -> float:
-        """Sampling rate of the smoothed motion, Hz: the log's rate over `every`, the number of its samples from one of
-        the motion to the next."""
+        """Sampling rate of the smoothed motion, Hz: the log's rate divided by `every`, since the motion has every
+        `every`-th of the log's samples."""
         return self.log.rate / self.every
 
     @classmethod
@@ -117,17 +118,18 @@ class SmoothMotion:
         return cls(log, number, every, len(rate_kernel) // 2, position, velocity)
 
     def acceleration(self) -> Array:
-        """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary joints at all of the motion's m
-        samples but the first two and the last two, from differences of the velocities. Raises `InputError` for a motion
-        of fewer than five samples."""
+        """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary (independent) joints at all of
+        the motion's m samples but the first two and the last two, from differences of the velocities. Raises
+        `InputError` for a motion of fewer than five samples."""
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-        """Rows of filtered equations of motion, one `Rows` for each of the low-pass filters' `cutoffs` (Hz), at the
-        instants at which the arm moves; their regressors are on all P parameters of a mechanism, about four instants in
-        a period of the cut-off. Raises `InputError` where too few samples are left to filter and for a mechanism whose
-        file has linear relations between parameters that fix some at values other than zero, `ValueError` without a
-        cut-off or for one not below half the motion's rate, `SingularityError` near locked loops."""
+        """Rows of filtered equations of motion, a list with one `Rows` for each of the low-pass filters' `cutoffs`
+        (Hz), in their order. Each has about four instants in a period of its cut-off, those at which the arm moves, and
+        regressors on all P parameters of a mechanism. Raises `InputError` where too few samples are left to filter and
+        for a mechanism whose file has linear relations between parameters that fix some at values other than zero,
+        `ValueError` without a cut-off or for one not below half the motion's rate, `SingularityError` near locked
+        loops."""
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
@@ -148,10 +150,10 @@ class SmoothMotion:
 
 @dataclass(frozen=True, eq=False)
 class RowFilter:
-    """Low-pass filter, of `cutoff` Hz, that makes rows of filtered equations from a smoothed motion: `kernel` (t,),
-    symmetric weights that sum to 1, `change` (t,), 1/s, the kernel of the filtered signal's time derivative, and
-    `every`, the number of the motion's samples from one row to the next. Made by `RowFilter.of`; nothing is checked at
-    construction."""
+    """Low-pass filter, of `cutoff` Hz, that makes rows of filtered equations of motion from a smoothed motion: `kernel`
+    (t,), t symmetric weights that sum to 1, `change` (t,), 1/s, the kernel of the filtered signal's time derivative,
+    and `every`, the number of the motion's samples from one row to the next. Made by `RowFilter.of`; nothing is checked
+    at construction."""
 
     cutoff: float
     kernel: Array
@@ -175,14 +177,15 @@ class RowFilter:
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
         """The regressor (n, r, P), N m (N for a prismatic joint) per SI unit of each of P parameters, of n rows of
-        filtered equations from a chunk of l samples of a motion, for r primary joints. It is `momentum` (l, r, P), the
-        regressor of the generalised momenta, N m s (N s) per unit, through the derivative of the filter, minus `forces`
-        (l, r, P), that of all other forces, friction among them, N m (N) per unit, through the filter.
+        low-pass filtered equations of motion from a chunk of l samples of a motion, for r primary (independent) joints.
+        It is `momentum` (l, r, P), the regressor of the generalised momenta, N m s (N s) per unit, through the
+        derivative of the filter, minus `forces` (l, r, P), that of all other forces, friction among them, N m (N) per
+        unit, through the filter.
 
         `start` is the index in the motion of the chunk's first sample. A row is made for every `every`-th sample of the
         motion, counted from its first, that is among the first `length` of the chunk; it takes `taps` samples from
-        there on, so the chunk has up to `taps` - 1 more than `length`. n is 0 where the chunk is shorter than the
-        filter.
+        there on, of which the middle one is its instant, so the chunk has up to `taps` - 1 more than `length`. n is 0
+        where the chunk is shorter than the filter.
         """
         skipped = -start % self.every
         end = length + self.taps - 1
@@ -192,15 +195,16 @@ class RowFilter:
         return filtered(h, self.change, self.every) - filtered(f, self.kernel, self.every)
 
     def signal(self, values: Array) -> Array:
-        """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter, (n, ...) at n rows, in
-        its own unit. Raises `InputError` for a signal shorter than the filter (`taps`)."""
+        """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter: (n, ...) in its own unit,
+        at all n rows that the filter makes of the motion, n = ceil((m - `taps` + 1)/`every`). Raises `InputError` for a
+        signal shorter than the filter (`taps`)."""
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
-        """Rows of filtered equations, a `Rows`, at those instants of a filtered `regressor` (n, r, P) at which the arm
-        moves: with the torques, filtered alike at the log's own rate, and the motion's filtered velocities. The
-        regressor, N m (N for a prismatic one) of r joints per SI unit of each of P parameters, is that of all of the
-        motion's n rows."""
+        """Rows of low-pass filtered equations of motion, a `Rows`, at those instants of a filtered `regressor` (n, r,
+        P) at which the arm moves: with the torques, filtered alike at the log's own rate, and the motion's filtered
+        velocities. The regressor, N m (N for a prismatic one) of r joints per SI unit of each of P parameters, is that
+        of all of the motion's n rows."""
         log, n = motion.log, len(regressor)
         at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)
@@ -209,8 +213,8 @@ class RowFilter:
         return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number).chosen(self.moving(motion))
 
     def moving(self, motion: SmoothMotion) -> NDArray[np.bool_]:
-        """Mask (n,) of the n rows of filtered equations that the filter makes of a motion: true where the arm moves at
-        the row's instant and at both ends of the filter's kernel around it."""
+        """Mask (n,) of the n rows of low-pass filtered equations of motion that the filter makes of a motion: true
+        where the arm moves at the row's instant and at both ends of the filter's kernel around it."""
         at = self._centers(motion, len(range(0, len(motion.position) - self.taps + 1, self.every)))
         around, moving = motion.every * (self.taps // 2), motion.log.moving
         return np.asarray(moving[at - around] & moving[at] & moving[at + around])

@@ -25,22 +25,22 @@ def low_pass(cutoff: float, rate: float) -> Array:
 
 
 def padded(kernel: Array) -> Array:
-    """A kernel (t + 4,): the weights of a filter's kernel (t,) with two zeros before and after, so that it is as long
+    """A kernel (t + 4,): the t weights of a filter's kernel (t,) with two zeros before and after, so that it is as long
     as that of `derivative`."""
     return np.pad(kernel, AROUND)
 
 
 def derivative(kernel: Array, rate: float) -> Array:
-    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by a kernel (t,), by central
-    differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as those
-    of `padded(kernel)`, which filters the signal itself."""
+    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by a kernel (t,) of t weights, by
+    central differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as
+    those of `padded(kernel)`, which filters the signal itself."""
     return np.convolve(kernel, DIFFERENCE) * rate
 
 
 def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
-    """A signal (n, ...) through a filter's kernel (t,), in the signal's unit times the kernel's: an array (m, ...) of
-    the values at which the kernel lies wholly within the signal, n - t + 1 in all, or only every `every`-th of them (1
-    by default), beginning with the first; m = ceil((n - t + 1)/every).
+    """A signal (n, ...), convolved along its first axis with a filter's kernel (t,), in the signal's unit times the
+    kernel's: an array (m, ...) of the values at which the kernel lies wholly within the signal, n - t + 1 in all, or
+    only every `every`-th of them (1 by default), beginning with the first; m = ceil((n - t + 1)/every).
 
     Nothing is assumed of the signal beyond its ends, so there is no transient. Raises `InputError` for a signal that is
     shorter than the kernel.

@@ -53,8 +53,9 @@ class FrictionModel:
         return cls(kinds, "load" in names)
 
     def columns(self, mechanism: Mechanism) -> Array:
-        """Mask (P,) of zeros and ones over the P parameters of a mechanism with all kinds of friction: 1 for the links'
-        parameters, rotor inertias and the model's terms of friction, 0 for other terms."""
+        """Mask (P,) of zeros and ones over the P parameters of a mechanism with all kinds of friction, in the order of
+        its `parameter_names`: 1 for the links' parameters, rotor inertias and the model's terms of friction, 0 for
+        other terms."""
         drives = mechanism.description.drive_parameters
         kept = [float(kind in (*self.kinds, DriveParameter.ROTOR_INERTIA)) for _, kind in drives]
         return np.concatenate([np.ones(len(mechanism.parameter_names) - len(drives)), np.array(kept)])
@@ -65,9 +66,9 @@ CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES
 
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
     """The mechanism, a `Mechanism` without constraints on parameters, with a rotor and every kind of friction in the
-    drive of each primary joint, all zero, and the drives coupled with other joints as `drives` (transmission) has them.
-    Other joints keep their drives. Raises `InputError` for drives that turn with joints unknown to the mechanism, or in
-    ratios too large for numbers."""
+    drive of each primary (independent) joint, all zero, and the drives coupled with other joints as `drives`
+    (transmission) has them. Other joints keep their drives. Raises `InputError` for drives that turn with joints
+    unknown to the mechanism, or in ratios too large for numbers."""
     terms = dict.fromkeys(DriveParameter, 0.0)
     own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.on_joints(), strict=True)}
     each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]

@@ -24,13 +24,13 @@ class Identification:
     deviations and a validation.
 
     `mechanism` has the identified parameters, physically consistent links, and drives coupled as they are; `model` is
-    its reduced model on the fundamental parameters. `deviations` (k,), SI units, are standard deviations by the block
-    jackknife and what the prior (first guess of the links) leaves open, `nominal_deviations` (k,), SI units, as if
-    torque residuals were white (uncorrelated). `load` (r,), without a unit, is load-dependent friction's share of the
-    rigid torque of each of r drives, zero where it was not chosen. `validation` compares torques on rows (filtered
-    equations) that the fit which it judges has not seen, `alternatives` are simpler models' validations on the same
-    rows, by name; `choice` is the choice of the fit's settings (friction, low-pass cut-off, prior's weight), `steps`
-    are those of the logs' preparation and `remarks` texts on logs and prior.
+    its reduced model on the fundamental parameters. `deviations` (k,), SI units, in the order of `names`, are standard
+    deviations by the block jackknife and what the prior (first guess of the links) leaves open, `nominal_deviations`
+    (k,), likewise, as if torque residuals were white (uncorrelated). `load` (r,), without a unit, is load-dependent
+    friction's share of the rigid torque of each of r drives, zero where it was not chosen. `validation` compares
+    torques on rows (filtered equations) that the fit which it judges has not seen, `alternatives` are simpler models'
+    validations on the same rows, by name; `choice` is the choice of the fit's settings (friction, low-pass cut-off,
+    prior's weight), `steps` are those of the logs' preparation and `remarks` texts on logs and prior.
 
     `misfit_ratio`, without a unit, is the ratio of the root mean square of the fitted rows' torque residuals, each
     divided by its joint's standard deviation, to that of plain least squares. `space` is the essential space
@@ -70,8 +70,8 @@ class Identification:
 
     @property
     def estimate(self) -> Array:
-        """The identified fundamental (base) parameters (k,), SI units, in the order of `names`: a first estimate for an
-        adaptive controller."""
+        """The k identified fundamental (base) parameters (k,), SI units, in the order of `names`: a first estimate for
+        an adaptive controller."""
         return self.model.fundamental_parameters
 
     @property
@@ -98,8 +98,8 @@ class Identification:
         """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental (base) parameters, as in
         d(estimate)/dt = -Gamma Y' s with the transpose Y' of the torque regressor Y (r, k) and the velocity error s
         (r,) of r joints, in units of the parameters squared per J: `rate` (1/J, 0.6 by default, larger adapts faster)
-        times the square of each parameter's prior range (`prior_ranges`), taken as at least 1e-9 of the greatest
-        number. Raises `InputError` for a rate that is not positive and finite."""
+        times the square of each parameter's prior range (`prior_ranges`), where one below 1e-9 times the greatest of
+        these numbers is taken as that. Raises `InputError` for a rate that is not positive and finite."""
         rate = positive_number(rate, "adaptation gain: rate: expected a positive number")
         return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 

@@ -59,13 +59,14 @@ def identify(
 ) -> Identification:
     """The identification of a robot's inertial and friction parameters from logs of its motion.
 
-    `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, its file or a built-in's name,
-    with links as a first guess. `drives`, or their file, are how motors turn joints. Where joints are measured
-    themselves it is None, and `columns` and `units` give, by "position", "torque", "velocity" and "time", patterns of
-    column names (`{joint}` for a joint's name, `{}` for its number from 1, `{0}` from 0) and units ("deg", "N m",
-    "deg/s", "ms"); None where the log itself tells. With a sampling `rate` (Hz) rows are taken as evenly spaced, else
-    (None) by their stamps. Without logs to `validate` on, the last 40 % of the given ones are held out for it, and
-    everything is chosen on the rest; the estimate then takes them all.
+    `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, or its file or a built-in's
+    name, of which angles between joint axes within 1e-3 rad of right ones are made exact; its links are a first guess.
+    `drives`, or their file, are how motors turn joints. Where joints are measured themselves it is None, and `columns`
+    and `units` give, by "position", "torque", "velocity" and "time", patterns of column names (`{joint}` for a joint's
+    name, `{}` for its number from 1, `{0}` from 0) and units ("deg", "N m", "deg/s", "ms"); None where the log itself
+    tells. With a sampling `rate` (Hz) rows are taken as evenly spaced, else (None) by their stamps. Without logs to
+    `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen on the rest; the
+    estimate then takes them all.
 
     `topic` names that of a ROS bag with several (None: its only one), `skip` steps of the logs' preparation to leave
     out ("resample", "unwrap", "velocities", "limits", "standstill"), none unless given. `friction` names the terms of
@@ -138,12 +139,13 @@ def identified(
     """The identification, an `Identification`, of a robot's inertial and friction parameters from logs that are read
     already.
 
-    `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary joints,
-    as `Drives.of` makes it. `train` are the logs to fit, at least one, `test` those to validate on; without any the
-    last 40 % of the former are held out for it. `skip` names steps of the logs' preparation to leave out ("resample",
-    "unwrap", "velocities", "limits", "standstill"), none by default. `friction`, the low-pass filter's `cutoff` (Hz)
-    and the `weight` (unitless) of the first guess of the links against the logs are chosen by an inner validation where
-    None. With `instruments` regressors are freed of encoder noise by instrumental variables (False by default).
+    `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary
+    (independent) joints, as `Drives.of` makes it. `train` are the logs to fit, at least one, `test` those to validate
+    on; without any the last 40 % of the former are held out for it. `skip` names steps of the logs' preparation to
+    leave out ("resample", "unwrap", "velocities", "limits", "standstill"), none by default. `friction`, the low-pass
+    filter's `cutoff` (Hz) and the `weight` (unitless) of the first guess of the links against the logs are chosen by an
+    inner validation where None. With `instruments` regressors are freed of encoder noise by instrumental variables
+    (False by default).
 
     Raises `InputError` for a cutoff or weight that is not positive and finite, a cutoff that the logs do not allow,
     unknown steps, a link without mass, payloads of unknown links or that no body can be, logs that are at rest, too
@@ -197,13 +199,13 @@ def gathered(
     preparation, a tuple of `PreparationStep`, and remarks, a tuple of texts on links of the robot's file that were not
     physically consistent.
 
-    `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary joints,
-    `logs` are at least one. `skip` names steps of preparation to leave out, none by default; `cutoff` (Hz) is a cut-off
-    of the low-pass filter that is added to the usual 12.5, 25 and 50 Hz, or to those of them that the logs allow; None
-    adds none. Payloads are subtracted where all torque constants are known. Raises `InputError` for unknown steps, a
-    cutoff that the logs do not allow, a link without mass, payloads of unknown links or that no body can be, and logs
-    that are at rest, too short or slow, or not this robot's; `RankError` where the number of identifiable parameters
-    cannot be certified, `SingularityError` near locked loops.
+    `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary
+    (independent) joints, `logs` are at least one. `skip` names steps of preparation to leave out, none by default;
+    `cutoff` (Hz) is a cut-off of the low-pass filter that is added to the usual 12.5, 25 and 50 Hz, or to those of them
+    that the logs allow; None adds none. Payloads are subtracted where all torque constants are known. Raises
+    `InputError` for unknown steps, a cutoff that the logs do not allow, a link without mass, payloads of unknown links
+    or that no body can be, and logs that are at rest, too short or slow, or not this robot's; `RankError` where the
+    number of identifiable parameters cannot be certified, `SingularityError` near locked loops.
     """
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]
@@ -234,11 +236,11 @@ def _rows_without_payloads(
 
 
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
-    """The evidence, a `LogEvidence` (filtered equations of logs), with regressors freed of encoder noise by
-    instrumental variables: those of the logs' even samples, regressed on those of the odd samples, which have the same
-    motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate, blocks of time of its
-    own, and payloads subtracted where all torque constants are known. Raises `InputError` where there are no such
-    cut-offs, the logs being too slow, and where they are too short."""
+    """The evidence, a `LogEvidence` (low-pass filtered equations of motion along logs), with regressors freed of
+    encoder noise by instrumental variables: those of the logs' even samples, regressed on those of the odd samples,
+    which have the same motion and other noise. It has those cut-offs that are at most a tenth of half the logs' rate,
+    blocks of time of its own, and payloads subtracted where all torque constants are known. Raises `InputError` where
+    there are no such cut-offs, the logs being too slow, and where they are too short."""
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:
@@ -323,9 +325,9 @@ def _result(
 
 def identified_mechanism(evidence: LogEvidence, fit: Fit) -> Mechanism:
     """The mechanism, a `Mechanism`, with a fit's links, and drives with those terms of friction that the fit's friction
-    model has, without load-dependent friction. `evidence` is what the fit was made from. Raises `InputError` for
-    parameters that no mechanism may have (not finite, above 1e20, or a rotor inertia, viscous or Coulomb friction below
-    zero)."""
+    model has, without load-dependent friction (that grows with the joint's torque). `evidence` is what the fit was made
+    from. Raises `InputError` for parameters that no mechanism may have (not finite, above 1e20, or a rotor inertia,
+    viscous or Coulomb friction below zero)."""
     full = evidence.mechanism
     mask = evidence.mask(fit.settings.friction)
     names = [name for name, kept in zip(full.parameter_names, mask, strict=False) if kept]

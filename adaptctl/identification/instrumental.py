@@ -40,11 +40,11 @@ def halves(log: PreparedLog) -> tuple[PreparedLog, PreparedLog]:
 
 
 def first_stage(rows: Rows, instruments: Rows) -> Rows:
-    """Rows of filtered equations, a `Rows`, whose regressor (n, r, P), N m (N for a prismatic joint) per SI unit of
-    each of P parameters, is replaced, for each of r joints, by its regression on the regressor of `instruments`, rows
-    of the same n instants with other noise. What is left is free of the noise of `rows` (two-stage least squares).
-    Raises `ValueError` for instruments of another number of instants, `IndexError` for fewer joints, NumPy's
-    `LinAlgError` where their regressor is infinite; NaN is not refused."""
+    """Rows of low-pass filtered equations of motion, a `Rows`, whose regressor (n, r, P), N m (N for a prismatic joint)
+    per SI unit of each of P parameters, is replaced, for each of r joints, by its regression on the regressor of
+    `instruments`, rows of the same n instants with other noise. What is left is free of the noise of `rows` (two-stage
+    least squares). Raises `ValueError` for instruments of another number of instants, `IndexError` for fewer joints,
+    NumPy's `LinAlgError` where their regressor is infinite; NaN is not refused."""
     parts = [_regressed(rows.regressor[:, j], instruments.regressor[:, j]) for j in range(rows.regressor.shape[1])]
     return replace(rows, regressor=np.stack(parts, axis=1))
 

@@ -30,24 +30,24 @@ class NormalEquations:
 
     @classmethod
     def of(cls, rows: Rows, block: NDArray[np.int64]) -> NormalEquations:
-        """Normal equations, a `NormalEquations`, of rows of filtered equations at n instants, summed by the blocks that
-        they belong to: `block` (n,) are the blocks' numbers from 0. Raises `ValueError` without an instant,
-        `IndexError` for another number of blocks' numbers than instants."""
+        """Normal equations, a `NormalEquations`, of rows of low-pass filtered equations of motion at n instants, summed
+        by the blocks of time that they belong to: `block` (n,) are the blocks' numbers from 0. Raises `ValueError`
+        without an instant, `IndexError` for another number of blocks' numbers than instants."""
         parts = [_sums(rows.regressor[block == b], rows.torque[block == b]) for b in range(int(block.max()) + 1)]
         return cls(*(np.stack(part) for part in zip(*parts, strict=True)))
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
-        """Normal equations, a `NormalEquations` of one block: the sums over some of these blocks, given by their
-        numbers from 0. Raises `IndexError` for a block that there is not."""
+        """Normal equations, a `NormalEquations` of one block: the sums over some of these blocks of time, given by
+        their numbers from 0. Raises `IndexError` for a block that there is not."""
         which = np.asarray(blocks, dtype=np.int64)
         parts = (self.normal, self.moment, self.square, self.count)
         return NormalEquations(*(part[which].sum(axis=0, keepdims=True) for part in parts))
 
     def with_columns(self, rows: Rows, more: Array) -> NormalEquations:
-        """These normal equations, of one block, on c more parameters, a `NormalEquations`, the new ones last: `rows`
-        are the n rows of filtered equations that they are the sums of, and `more` (n, r, c), N m (N for a prismatic
-        joint) per unit of each parameter, is the regressor of the new ones. Raises `ValueError` for arrays that do not
-        fit together."""
+        """These normal equations of r joints, of one block of time, on c more parameters, a `NormalEquations`, the new
+        ones last: `rows` are the n rows of low-pass filtered equations of motion that they are the sums of, and `more`
+        (n, r, c), N m (N for a prismatic joint) per unit of each parameter, is the regressor of the new ones. Raises
+        `ValueError` for arrays that do not fit together."""
         Y, L = rows.regressor.transpose(1, 0, 2), more.transpose(1, 0, 2)
         across, own = Y.mT @ L, L.mT @ L
         moment = np.concatenate([self.moment[0], (L.mT @ rows.torque.T[..., None])[..., 0]], axis=-1)
@@ -62,22 +62,22 @@ class NormalEquations:
         return NormalEquations(normal, np.pad(self.moment, ((0, 0), (0, 0), wider)), self.square, self.count)
 
     def whitened(self, deviations: Array) -> tuple[Array, Array]:
-        """The normal matrix (P, P) and the moment (P,) of P parameters, summed over all blocks and joints, with each
-        joint's equations divided by its standard deviation in `deviations` (r,), N m (N for a prismatic joint), above
-        zero, which is not checked: x' A x/2 - b' x, with these A and b, is least where the weighted residuals of
-        parameters x are."""
+        """The normal matrix (P, P) and the moment (P,) of P parameters, summed over all blocks of time and r joints,
+        with each joint's equations divided by its standard deviation in `deviations` (r,), N m (N for a prismatic
+        joint), above zero, which is not checked: x' A x/2 - b' x, with these A and b, is least where the weighted
+        residuals of parameters x are."""
         weight = 1.0 / deviations**2
         return np.einsum("brij,r->ij", self.normal, weight), np.einsum("bri,r->i", self.moment, weight)
 
     def misfit(self, x: Array) -> Array:
-        """Sums (r,) of the squared torque residuals of the parameters `x` (P,), SI units, over all blocks, for each of
-        r joints, (N m)^2 (N^2 for a prismatic joint); at least 0. Raises `ValueError` for another number of
+        """Sums (r,) of the squared torque residuals of P parameters `x` (P,), SI units, over all blocks of time, for
+        each of r joints, (N m)^2 (N^2 for a prismatic joint); at least 0. Raises `ValueError` for another number of
         parameters."""
         normal, moment = self.normal.sum(axis=0), self.moment.sum(axis=0)
         return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
 
     def rms(self, x: Array) -> float:
-        """Root mean square, N m (N for prismatic joints), of the torque residuals of the parameters `x` (P,), SI units,
+        """Root mean square, N m (N for prismatic joints), of the torque residuals of P parameters `x` (P,), SI units,
         over all joints and instants. Raises `ValueError` for another number of parameters."""
         return float(np.sqrt(self.misfit(x).sum() / (self.count.sum() * self.square.shape[1])))
 
@@ -90,18 +90,19 @@ def _sums(Y: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
-    """Edges of blocks of time of filtered equations, `rows`: a list of pairs of the number of a log, from 0, and the
-    time (s) at which a block begins in it. There are about `count` blocks of equally many rows, and each is within one
-    log, so that there are more blocks where there are several logs. Raises `IndexError` without a row."""
+    """Edges of blocks of time of low-pass filtered equations of motion, `rows`: a list, rising, of pairs of the number
+    of a log, from 0, and the time (s) at which a block begins in it. There are about `count` blocks of equally many
+    rows, and each is within one log, so that there are more blocks where there are several logs. Raises `IndexError`
+    without a row."""
     starts = [int(start) for start in np.linspace(0, len(rows), count, endpoint=False)]
     firsts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
     return [(int(rows.log[i]), float(rows.time[i])) for i in sorted({*starts, *firsts})]
 
 
 def blocks_of(rows: Rows, edges: Sequence[tuple[int, float]]) -> NDArray[np.int64]:
-    """Numbers (n,), from 0, of the blocks of time that n rows of filtered equations belong to. `edges` are pairs of the
-    number of a log, from 0, and the time (s) at which a block begins in it, in rising order; rows before the first are
-    in block 0."""
+    """Numbers (n,), from 0, of the blocks of time that n rows of low-pass filtered equations of motion belong to.
+    `edges` are pairs of the number of a log, from 0, and the time (s) at which a block begins in it, in rising order;
+    rows before the first are in block 0."""
     keys = np.array(edges)
     found = np.zeros(len(rows), dtype=np.int64)
     for b, (log, time) in enumerate(keys.tolist()):

@@ -80,7 +80,7 @@ class RobotMotion:
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Positions (rad, or m for a prismatic joint), velocities (rad/s, m/s), accelerations (rad/s^2, m/s^2) and
-        jerks (rad/s^3, m/s^3), (n, r) each for r joints, at times (n,) in s from the motion's start. Before and after
+        jerks (rad/s^3, m/s^3), (n, r) each for r joints, at n times (n,) in s from the motion's start. Before and after
         the motion the robot rests at its first and last pose. Raises `IndexError` for a single time instead of an
         array."""
         t = np.asarray(time, dtype=np.float64) / self.slower
@@ -133,16 +133,16 @@ def exciting_motion(
     iterations: int = 10,
     allowed: Allowed | None = None,
 ) -> RobotMotion:
-    """A motion, a `RobotMotion`, that excites a mechanism's parameters for an identification, within limits: an
-    exciting periodic reference, entered from rest at a pose `start` (r,) and left to rest at `end` (r,), rad (m for a
-    prismatic joint), by default (None) the middle of the joints' ranges.
+    """A motion, a `RobotMotion`, that excites a mechanism's parameters for an identification, within the `limits` of
+    its r joints: an exciting periodic reference, entered from rest at a pose `start` (r,) and left to rest at `end`
+    (r,), rad (m for a prismatic joint), by default (None) the middle of the joints' ranges.
 
-    The reference has `harmonics` (5 by default) and is the best of a search of at most `iterations` (10) steps, begun
-    from references drawn by `seed`, within a `share` (unitless, 0.8) of the joints' own ranges, speeds and torques.
-    `duration` (s, 14) is that of the whole motion, `fade` (s, 2) of each blend; the motion takes longer where it must
-    be slowed until its speeds, accelerations, jerks and torques, friction included, keep to `limits`. `allowed` is a
-    function that is true if all positions (n, r) are allowed, such as free of collisions: the reference is made smaller
-    until it is true. None allows all.
+    The reference has `harmonics` (5 by default) of the frequency 1/(`duration` - 2 `fade`) Hz and is the best of a
+    search of at most `iterations` (10) steps, begun from references drawn by `seed`, within a `share` (unitless, 0.8)
+    of the joints' own ranges, speeds and torques. `duration` (s, 14) is that of the whole motion, `fade` (s, 2) of each
+    blend; the motion takes longer where it must be slowed until its speeds, accelerations, jerks and torques, friction
+    included, keep to `limits`. `allowed` is a function that is true if all of n positions (n, r) are allowed, such as
+    free of collisions: the reference is made smaller until it is true. None allows all.
 
     Raises `InputError` for a fade that is not above 0 and below half the duration, harmonics and iterations other than
     whole numbers of at least 1, a seed other than one of at least 0, a share not above 0 and up to 1, poses of a wrong

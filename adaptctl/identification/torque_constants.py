@@ -67,9 +67,9 @@ def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
 
 def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
     """The log, a `JointLog`, with joint torques, N m (N for a prismatic joint), by the torque constants that were
-    found: `constants` (r,), N m (N) for a unit of each motor's torque column, are applied to the motors whose constant
-    is unknown in `drives`, for which the log's torques took 1; other motors keep theirs. Raises `ValueError` for
-    another number of joints, `NonFiniteError` for constants that are not finite."""
+    found: `constants` (r,), N m (N) for a unit of the torque column of each of r motors, are applied to the motors
+    whose constant is unknown in `drives`, for which the log's torques took 1; other motors keep theirs. Raises
+    `ValueError` for another number of joints, `NonFiniteError` for constants that are not finite."""
     factors = np.where(np.isnan(drives.constants), constants, 1.0)
     motors = log.torque @ np.linalg.inv(drives.transmission)
     return replace(log, torque=drives.torque(motors * factors))

@@ -14,10 +14,10 @@ from adaptctl.identification.robot_motion import RobotMotion
 
 
 def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """Write a robot's motion as CSV, sampled evenly at about a `rate` (Hz): `time` (s), then `position.J` (rad, or m
-    for a prismatic joint), `velocity.J` (rad/s, m/s) and `acceleration.J` (rad/s^2, m/s^2) of each joint J in `joints`,
-    the names in the motion's order. Raises `FileError` where the file cannot be written; names and rate are not
-    checked."""
+    """Write a robot's motion as CSV, sampled evenly from its start to its end at about a `rate` (Hz), numbers to nine
+    digits: `time` (s), then `position.J` (rad, or m for a prismatic joint), `velocity.J` (rad/s, m/s) and
+    `acceleration.J` (rad/s^2, m/s^2) of each joint J in `joints`, the names in the motion's order. Raises `FileError`
+    where the file cannot be written; names and rate are not checked."""
     time, p, v, a, _ = motion.sampled(rate)
     names = [f"{what}.{joint}" for what in ("position", "velocity", "acceleration") for joint in joints]
     rows = np.column_stack([time, p, v, a])
@@ -27,9 +27,10 @@ def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate
 
 def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) -> dict[str, Any]:
     """The fields of a ROS 2 trajectory_msgs/JointTrajectory message, a dictionary of JSON's types, of a robot's motion
-    sampled evenly at about a `rate` (Hz): `header`, with a stamp of 0 and no frame, `joint_names`, which are `joints`,
-    and `points`, each with `time_from_start` (sec and nanosec) and the joints' `positions` (rad, or m for a prismatic
-    joint), `velocities` (rad/s, m/s) and `accelerations` (rad/s^2, m/s^2). Names and rate are not checked."""
+    sampled evenly from its start to its end at about a `rate` (Hz), numbers to nine digits: `header`, with a stamp of 0
+    and no frame, `joint_names`, which are `joints`, and `points`, each with `time_from_start`, 0 for the first (sec and
+    nanosec), and the joints' `positions` (rad, or m for a prismatic joint), `velocities` (rad/s, m/s) and
+    `accelerations` (rad/s^2, m/s^2). Names and rate are not checked."""
     time, p, v, a, _ = motion.sampled(rate)
     points = [
         {
@@ -45,7 +46,7 @@ def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) ->
 
 
 def write_trajectory(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """Write a robot's motion, sampled evenly at about a `rate` (Hz), as the fields of a ROS 2
+    """Write a robot's motion, sampled evenly from its start to its end at about a `rate` (Hz), as the fields of a ROS 2
     trajectory_msgs/JointTrajectory message: as JSON to a path with the suffix .json, else as YAML, which `ros2 topic
     pub` takes. `joints` are the joints' names in the motion's order. Raises `FileError` where the file cannot be
     written; names and rate are not checked."""

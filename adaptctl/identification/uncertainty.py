@@ -14,10 +14,11 @@ from adaptctl.identification.fit import Fit, LogEvidence
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Uncertainty of a fit of P parameters of a mechanism and r shares of load-dependent friction: their `covariance`
-    (P + r, P + r), SI units, and for comparison `nominal` (P + r, P + r), the covariance if residuals were white
-    (uncorrelated) and the model right. Rows of parameters that the fit does not have are zero. Made by `uncertainty`;
-    nothing is checked at construction."""
+    """Uncertainty of a fit of P parameters of a mechanism, in the order of its `parameter_names`, and r shares of
+    load-dependent friction (of the joints' torques without friction): their `covariance` (P + r, P + r), SI units, and
+    for comparison `nominal` (P + r, P + r), the covariance if residuals were white (uncorrelated) and the model right.
+    Rows of parameters that the fit does not have are zero. Made by `uncertainty`; nothing is checked at
+    construction."""
 
     covariance: Array
     """(P + r, P + r)"""
@@ -27,19 +28,20 @@ class Uncertainty:
     def of(self, combinations: Array) -> Array:
         """Standard deviations (k,) of k combinations of the fit's parameters, in the combinations' units;
         `combinations` (k, P + r) are their coefficients on the mechanism's P parameters and r shares of load-dependent
-        friction. Raises `ValueError` for another shape."""
+        friction (of the joints' torques without friction). Raises `ValueError` for another shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
 
     def nominal_of(self, combinations: Array) -> Array:
         """Standard deviations (k,) that k combinations of the fit's parameters would have if torque residuals were
         white (uncorrelated), in the combinations' units; `combinations` (k, P + r) are their coefficients on the
-        mechanism's P parameters and r shares of load-dependent friction. Raises `ValueError` for another shape."""
+        mechanism's P parameters and r shares of load-dependent friction (of the joints' torques without friction).
+        Raises `ValueError` for another shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
 
 
 def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
-    """The uncertainty, an `Uncertainty`, of a fit to evidence (filtered equations of logs), by the block jackknife
-    (Kuensch 1989) and by what the prior, the first guess of the links, leaves open.
+    """The uncertainty, an `Uncertainty`, of a fit to evidence (low-pass filtered equations of motion along logs), by
+    the block jackknife (Kuensch 1989) and by what the prior, the first guess of the links, leaves open.
 
     The jackknife makes the fit without each block of time in turn, by one Newton step in which nothing has to be
     positive, so that an estimate at the edge of what is possible is not taken for certain. It sees the log's noise, not

@@ -51,18 +51,18 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
     """Combinations, among those `found`, that a log hardly excites, a list of `Combination`: those with a `strength`
-    below 3 `inflation`, which it leaves about as uncertain as they were before it. `inflation` (unitless) is the ratio
-    of the true standard deviations to those for white (uncorrelated) residuals."""
+    below 3 times `inflation`, which it leaves about as uncertain as they were before it. `inflation` (unitless) is the
+    ratio of the true standard deviations to those for white (uncorrelated) residuals."""
     return [c for c in found if c.strength < WEAK * inflation]
 
 
 def essential_components(mechanism: Mechanism, p: Array, v: Array) -> tuple[EssentialSpace, int]:
     """The essential space of a mechanism, an `EssentialSpace` (directions of the inertial parameters that change
-    energies and torques), with a log's motion as its states, and the number of essential components of the mechanism's
-    parameters that give the motion's energy differences to a root mean square error of 1 % (Sheu and Walker 1991,
-    section 3.2). The motion has positions `p`, rad (m for a prismatic joint), and velocities `v`, rad/s (m/s), both (n,
-    r). Raises `InputError` for a motion of other shapes or without energy differences, `RankError` where the number of
-    identifiable parameters cannot be certified."""
+    energies and torques), with a log's motion as its states, and the number of essential components, combinations of
+    the mechanism's parameters, that give the motion's energy differences to a root mean square error of 1 % (Sheu and
+    Walker 1991, section 3.2). The motion has positions `p`, rad (m for a prismatic joint), and velocities `v`, rad/s
+    (m/s), both (n, r), of r joints at n instants. Raises `InputError` for a motion of other shapes or without energy
+    differences, `RankError` where the number of identifiable parameters cannot be certified."""
     space = essential_space(mechanism, states=States(p, v, "the log's motion"))
     return space, reduce(space, mechanism, energy_error=ENERGY_ERROR).kept
 

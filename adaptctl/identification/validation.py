@@ -87,10 +87,10 @@ def _relative(error: ArrayLike, size: ArrayLike) -> Array:
 
 
 def predicted_torques(rows: Rows, x: Array, load: Array | None) -> Array:
-    """Torques (n, r) of r joints, N m (N for a prismatic joint), that parameters predict at the n instants of filtered
-    equations, `rows`. `x` (P + r,), SI units, are the P parameters of the rows' regressor and the r shares (unitless)
-    of load-dependent friction, whose columns are `load` (n, r, r), N m (N); None leaves that friction out. Raises
-    `ValueError` for shapes that do not fit together."""
+    """Torques (n, r) of r joints, N m (N for a prismatic joint), that parameters predict at the n instants of low-pass
+    filtered equations of motion, `rows`. `x` (P + r,), SI units, are the P parameters of the rows' regressor and the r
+    shares (unitless) of load-dependent friction, of the joints' torques without friction, whose columns are `load` (n,
+    r, r), N m (N); None leaves that friction out. Raises `ValueError` for shapes that do not fit together."""
     P = rows.regressor.shape[-1]
     rigid = rows.regressor @ x[:P]
     return rigid if load is None else rigid + load @ x[P:]

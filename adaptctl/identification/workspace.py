@@ -30,9 +30,10 @@ class ReachableSpace:
     """of one configuration (r,); None where no geometry is known"""
 
     def allows(self, p: Array) -> bool:
-        """True if at all of n positions `p` (n, r), rad (m for a prismatic joint), the origins of the links' frames are
-        inside the box and the robot does not collide with itself, as far as its geometry is known. Raises `InputError`
-        on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """True if at all of n positions `p` (n, r), rad (m for a prismatic joint), of r joints, the origins of the
+        links' frames are inside the box and the robot does not collide with itself, as far as its geometry is known.
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked
+        loops."""
         places = link_poses(self.mechanism, p).translations
         if np.any(places < self.lower) or np.any(places > self.upper):
             return False

@@ -28,9 +28,10 @@ STAGED = "artifacts"
 
 def shown(comparison: Comparison) -> Result:
     """The `Result` of an experiment, as the command line shows it, from the comparison of its runs: whether it is
-    complete, headline, facts and verdict in words, and a function that writes its folder (recording, summary, trace,
-    figures, report). Its `failed` stays False: whether the adaptive controller did what was asked is in its
-    `verdict.passed`."""
+    complete, headline, facts and verdict in words, and `write(folder, progress)`, which writes its files (recording,
+    summary, trace, figures, report) as `write_artifacts` does. Its `failed` stays False: whether the adaptive
+    controller did what was asked is in its `verdict.passed`. Raises `ValueError` for a first run of another number of
+    joints than there are torque limits."""
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),

@@ -23,14 +23,14 @@ LONGEST = 12
 class ScreenContents:
     """Contents of a comparison's recording on which its layout on the screen depends: names, units and ranges.
 
-    `viewpoint` is the camera's; `error_unit`, "mrad", "mm" or "mrad or mm", is the unit of the joints' errors and of
-    `error_range`, the ends of their axis. `links` are the names, as parts of entity paths, of the links and joints with
-    parameter estimates, `link_units` the units of each one's as one text, such as "kg·m, kg·m²"; `joints` are the
-    joints' names, `position_units` and `torque_units` their units; `runs` are the names of the runs whose errors are
-    shown, first the one that the comparison is about, and `labels` their titles. `lyapunov` is words on the Lyapunov
-    function, `leading` the title of errors that are shown before the joints', both None where there are none; `end` is
-    the run's end, s; `truth_known`, True unless given, whether true parameters are drawn. Nothing is checked at
-    construction.
+    `viewpoint` is the camera's place and aim; `error_unit`, "mrad", "mm" or "mrad or mm", is the unit of the joints'
+    errors and of `error_range`, the lower and upper end of their axis. `links` are the names, as parts of entity paths,
+    of the links and joints with parameter estimates, `link_units` the units of each one's as one text, such as "kg·m,
+    kg·m²"; `joints` are the joints' names, `position_units` and `torque_units` their units; `runs` are the names of the
+    runs whose errors are shown, first the one that the comparison is about, and `labels` their titles. `lyapunov` is
+    words on the Lyapunov function, `leading` the title of errors that are shown before the joints', both None where
+    there are none; `end`, s, is where the first run ended and time axes end; `truth_known`, True unless given, whether
+    true parameters are drawn. Nothing is checked at construction.
     """
 
     viewpoint: Viewpoint

@@ -39,9 +39,9 @@ ALL = slice(None)
 @dataclass(frozen=True)
 class TickCost:
     """Cost of one control tick, the computation of one torque, in time and in operations. `called`, s, is the median
-    time of a call from Python; `native`, s, the time within a loop over many states in native code; `flops`, the number
-    of additions, subtractions, multiplications, divisions and negations. The last two are None where not known. Nothing
-    is checked at construction."""
+    time of a call from Python; `native`, s, the mean time of one tick within a loop over many states in native code;
+    `flops`, the number of additions, subtractions, multiplications, divisions and negations. The last two are None
+    where not known. Nothing is checked at construction."""
 
     called: float
     """s, called from Python"""
@@ -75,7 +75,8 @@ class ControllerRun:
 
     @property
     def duration(self) -> float:
-        """Duration of the run in closed loop, s, from time zero to its end, rounded up to a whole sample."""
+        """Duration of the run in closed loop, s, from time zero to its end, rounded up to a whole sample
+        (`rollout.every` control periods)."""
         return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
@@ -118,8 +119,8 @@ class ControllerRun:
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
-        """Moving root mean square (T,) of the tracking errors of all joints, rad or m, one for each sample: over the
-        `window`, s, that ends with it, over fewer samples at the run's start, and over the sample alone where the
+        """Moving root mean square (T,) of the tracking errors of all joints, rad or m, one for each of T samples: over
+        the `window`, s, that ends with it, over fewer samples at the run's start, and over the sample alone where the
         window is shorter than the time between samples; NaN or infinite from the first such error on. Raises
         `InputError` for a window that is not positive and finite."""
         positive_number(window, "window: expected a positive number of s")
@@ -230,7 +231,8 @@ class Comparison:
     sentence or two, None for words made from the errors with and without adaptation; `truth_known`, False where the
     mechanism's parameters are not the arm's true ones; `leading`, errors that recording and report show before the
     joints' errors, None for none; `expected`, a mapping from the subject's failures that the experiment expects to the
-    reasons why; `live`, the subject's closed loop for the report to run, or a text that says why there is none.
+    reasons why; `live`, the subject's closed loop compiled to run in the report's page, a `LiveArm`, or a text that
+    says why there is none (empty unless given).
 
     Raises `InputError` without a run, where the first has no samples, where two have one name, for torque limits of
     another shape, not above 0 or no numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without an

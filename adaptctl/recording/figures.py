@@ -74,7 +74,7 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
 
 def tracking_error(comparison: Comparison) -> Figure:
     """Figure (Matplotlib) of the tracking errors of all runs of a comparison over time (s), one line a run, on a
-    logarithmic scale: root mean square over all joints and the last 0.25 s, in mrad or mm."""
+    logarithmic scale: at each time the root mean square over all joints and the 0.25 s before it, in mrad or mm."""
     figure = sheet(4.2)
     axes = figure.subplots()
     for run in reversed(comparison.runs):

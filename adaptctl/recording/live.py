@@ -85,10 +85,10 @@ class Live:
 
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
         """Send a sample to the viewer, without waiting: `time` in s, positions `p` and desired positions `reference_p`
-        (r,) of the r joints, rad (m if prismatic), and `torque` (r,), N m (N). It is left out where it follows the last
-        one sooner than the view's `rate` (samples a second) allows. Values that are no numbers, NaN or infinite, and
-        arrays of another shape end the view with a `LiveViewWarning`; no error is raised, so that the control loop goes
-        on."""
+        (r,) of the r joints, rad (m if prismatic), and `torque` (r,), N m (N). The sample is left out where it follows
+        the last one sooner than the view's `rate` (samples a second) allows; one with an earlier time than the last is
+        sent. Values that are no numbers, NaN or infinite, and arrays of another shape end the view with a
+        `LiveViewWarning`; no error is raised, so that the control loop goes on."""
         try:
             if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
                 return

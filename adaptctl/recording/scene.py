@@ -63,9 +63,9 @@ def log_arm(
     p: Array,
     look: Look,
 ) -> Array:
-    """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world"; returns the path of its tip
-    (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of its r joints at T times
-    `time` (T,), s.
+    """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world", LINK being a link's name;
+    returns the path of its tip (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of
+    its r joints at T times `time` (T,), s.
 
     Links have the shapes and colours of the robot's file; where it has none they are capsules, with cylinders for
     joints, the shapes in `parts`, coloured by `look`. Raises `InputError` for positions of another number of joints,
@@ -87,7 +87,8 @@ def log_arm(
 def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array, color: Color) -> None:
     """Draw the trail of an arm's tip in a rerun recording, as the entity `name` below "world": the positions `path` (T,
     3), m in the world's frame, at T times `time` (T,), s, joined by pieces of line. A piece is logged at the time of
-    its end; the view shows those of the last seconds. Fewer than two samples draw nothing. Raises nothing itself."""
+    its end; the view `views.arm` shows those of the last 4 s. Fewer than two samples draw nothing. Raises nothing
+    itself."""
     if len(path) < 2:
         return
     strips = np.stack([path[:-1], path[1:]], axis=1)
@@ -103,7 +104,7 @@ def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array
 
 def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:
     """Draw the whole path of an arm's tip in a rerun recording, as the entity `name` below "world", the same at all
-    times: a faint line through the positions `path` (T, 3), m in the world's frame."""
+    times: a faint line through T positions `path` (T, 3), m in the world's frame, in their order."""
     line = rr.LineStrips3D([path], radii=[0.002], colors=[(*color, 110)])
     recording.log(f"{WORLD}/{name}", line, static=True)
 
@@ -189,7 +190,7 @@ def _geometry(solid: Solid, shapes: Sequence[Shape], look: Look) -> Solids:
 
 
 def quaternions(rotations: Array) -> Array:
-    """Unit quaternions (T, 4), in the order x, y, z, w, of rotation matrices (T, 3, 3). Raises `ValueError` for a
+    """Unit quaternions (T, 4), in the order x, y, z, w, of T rotation matrices (T, 3, 3). Raises `ValueError` for a
     matrix whose determinant is not positive, and for NaN."""
     from scipy.spatial.transform import Rotation
 

@@ -43,7 +43,7 @@ def log_series(recording: rr.RecordingStream, path: str, time: Array, values: Ar
 
 def log_levels(recording: rr.RecordingStream, path: str, time: Array, levels: Array, style: Style) -> None:
     """Log n horizontal lines, such as limits or true values, under the entity `path` of a rerun recording: at the
-    heights `levels` (n,), in the unit that their view states, from the first to the last of the times `time` (T,), s,
+    heights `levels` (n,), in the unit that their view states, from the first to the last of T times `time` (T,), s,
     with the names and colours of `style`, n each. Raises `IndexError` without times."""
     ends = np.array([time[0], time[-1]])
     log_series(recording, path, ends, np.stack([levels, levels]), style)

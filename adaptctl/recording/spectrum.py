@@ -17,8 +17,8 @@ SMALLEST = 1e-18
 def shares(space: EssentialSpace) -> Array:
     """Singular values (P,) of a mechanism's matrix of energy differences between states (rows), by its P inertial
     parameters (columns), as shares sigma_i/sigma_1 of the largest, no unit, in falling order; those below 1e-18, which
-    are round-off or zero, are set to 1e-18. `space` is the mechanism's essential space, which has the singular
-    values."""
+    are round-off or zero, are set to 1e-18. `space` is the mechanism's essential space (directions of the parameters
+    that change energies), which has the singular values."""
     values = np.asarray(space.singular_values)
     return np.maximum(values / values[0], SMALLEST)
 
@@ -27,7 +27,8 @@ def threshold(space: EssentialSpace) -> float:
     """Threshold, as a share of the largest, no unit, between the singular values of a mechanism's energy differences
     that count and those that are zero but for round-off: sqrt(s_k s_(k+1)) with the shares s_i = sigma_i/sigma_1, in
     falling order and at least 1e-18, and the number k of independent inertial parameters; s_(k+1) is 1e-18 where all
-    count. `space` is the mechanism's essential space, which has the singular values sigma_i."""
+    count. `space` is the mechanism's essential space (directions of the parameters that change energies), which has the
+    singular values sigma_i."""
     values = shares(space)
     beyond = values[space.rank] if space.rank < len(values) else SMALLEST
     return float(np.sqrt(values[space.rank - 1] * beyond))
@@ -38,7 +39,7 @@ def decades(space: EssentialSpace) -> Array:
     between states (rows), by its P inertial parameters (columns), lie above a threshold in their gap: log10(s_i /
     sqrt(s_k s_(k+1))) with the shares s_i = sigma_i/sigma_1, in falling order and at least 1e-18, and the number k of
     independent parameters; s_(k+1) is 1e-18 where k = P. The first k are positive, the others negative. `space` is the
-    mechanism's essential space, which has the singular values."""
+    mechanism's essential space (directions of the parameters that change energies), which has the singular values."""
     return np.log10(shares(space) / threshold(space))
 
 
@@ -47,7 +48,8 @@ def log_spectrum(recording: rr.RecordingStream, path: str, space: EssentialSpace
     A bar's height, no unit, is the power of ten by which its singular value lies above a threshold: that between the
     first k, k being the number of independent inertial parameters, and the others, which are round-off. The first k
     bars, positive, are blue, as the entity `path`/essential; the others, negative, are grey, as `path`/null_space.
-    `space` is the mechanism's essential space, which has the singular values."""
+    `space` is the mechanism's essential space (directions of the parameters that change energies), which has the
+    singular values."""
     height, rank = decades(space), space.rank
     parts = (("essential", slice(0, rank), run_color(0)), ("null space", slice(rank, len(height)), MUTED))
     for name, part, color in parts:

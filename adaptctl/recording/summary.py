@@ -30,12 +30,14 @@ def summary(comparison: Comparison) -> dict[str, Any]:
     `true` value and the last `estimate`, `truth_known` tells whether the former is, and `rank` is the number of
     independent inertial parameters. `runs` has label, end, errors and cost of every run, by name.
 
-    Further numbers are of the first run: `duration`, asked for, `duration_run`, `control_period` and `wall_time`, s,
-    and `realtime_factor`; `rms_error`, the root mean square of the position errors (rad, m) of all joints and samples,
-    `first_rms_error` over the first second, `final_rms_error` over the last two, `final_rms_error_adaptation_off` that
-    of the run with adaptation off; `lyapunov_initial`, `lyapunov_final` and `lyapunov_max_increase`, J;
-    `peak_torque_share`, the largest torque over its limit; `clipped_steps`, samples with a torque that was clipped or
-    at its limit. Raises `InputError` for parameter estimates with the basis of another mechanism.
+    Further numbers are of the first run: `duration`, asked for, `duration_run`, `control_period`, and `wall_time`,
+    which computing took, s, and `realtime_factor`, simulated seconds in one of computing; `rms_error`, the root mean
+    square of the position errors (rad, m) of all joints and samples, `first_rms_error` over the first second,
+    `final_rms_error` over the last two, `final_rms_error_adaptation_off` that of the run with adaptation off;
+    `lyapunov_initial`, `lyapunov_final` and `lyapunov_max_increase`, J; `peak_torque_share`, the largest torque over
+    its limit; `clipped_steps`, samples with a torque that was clipped or at its limit. Raises `InputError` for
+    parameter estimates with the basis of another mechanism, `ValueError` for a first run of another number of joints
+    than there are torque limits.
     """
     subject, baseline = comparison.subject, comparison.baseline
     lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)

@@ -86,10 +86,11 @@ def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, 
     back to its bounds), `ringing` (a sliding variable changes its sign every control period) or `stopped` (the arm is
     braked), 1 where so.
 
-    Columns of a joint end in its name, such as `p.joint1`: position `p`, `reference_p` and `error`, rad (m if
-    prismatic), velocity `v` and `reference_v`, `reference_a`, those per s and s^2, and `torque`, asked for, and
-    `applied`, within the limits, N m (N). `estimate.NAME` are parameter estimates in SI units; `parameters` has their
-    names. Raises `ValueError` for a run of another number of joints than the mechanism's.
+    Columns of a joint end in its name, such as `p.joint1`: position `p`, desired position `reference_p` and `error`,
+    position minus desired position, rad (m if prismatic), velocity `v` and desired velocity `reference_v`, rad/s (m/s),
+    desired acceleration `reference_a`, rad/s^2 (m/s^2), and `torque`, asked for, and `applied`, within the limits, N m
+    (N). `estimate.NAME` are parameter estimates in SI units; `parameters` has their names. Raises `ValueError` for a
+    run of another number of joints than the mechanism's.
     """
     rollout = run.rollout
     yield Quantity("time", "s", "time since the start", rollout.time)

@@ -77,8 +77,9 @@ def log_curve(recording: rr.RecordingStream, path: str, run: ControllerRun, valu
 
 def log_decades(recording: rr.RecordingStream, path: str, run: ControllerRun, errors: Array, style: Style) -> None:
     """Draw the errors of a run in a rerun recording, as the entity `path`, on a logarithmic scale: log10(1000 e) for
-    the `errors` e (T,), rad or m, of T samples, the power of ten in mrad or mm. Errors below 1e-9 are drawn as 1e-9.
-    `style` has one name and one colour."""
+    the `errors` e (T,), rad or m, of T samples, the power of ten in mrad or mm. Errors below 1e-9 are drawn as 1e-9;
+    samples are thinned to at most 4000. `style` has one name and one colour. Raises `ValueError` for errors that are
+    not one-dimensional; another number of them is not checked."""
     log_curve(recording, path, run, np.log10(1e3 * np.maximum(errors, SMALLEST_ERROR)), style)
 
 
@@ -101,7 +102,7 @@ def log_torque_shares(recording: rr.RecordingStream, path: str, comparison: Comp
 
 def log_limits(recording: rr.RecordingStream, path: str, time: Array, limit: float) -> None:
     """Draw a limit on both sides of zero in a rerun recording, as the entity `path`: horizontal grey lines at `limit`
-    and -`limit`, in the unit that their view states, from the first to the last of the times `time` (T,), s. Raises
+    and -`limit`, in the unit that their view states, from the first to the last of T times `time` (T,), s. Raises
     `IndexError` without times."""
     log_levels(recording, path, time, np.array([-limit, limit]), Style(("limit", "limit"), (LIMIT, LIMIT), width=1.0))
 

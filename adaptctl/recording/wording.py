@@ -66,7 +66,8 @@ def _in_each_unit(comparison: Comparison, of: Callable[[Joints], float | None]) 
 def outcome_words(comparison: Comparison) -> str:
     """The outcome of a comparison of runs in a few sentences: first the failures of its first run, if any, after
     "Failed:", then the comparison's own `answer`, or where that is None the tracking errors with and without
-    adaptation, then the failures that were expected."""
+    adaptation, then the failures that were expected. Raises `ValueError` for a first run of another number of joints
+    than there are torque limits."""
     answer = _worth(comparison) if comparison.answer is None else comparison.answer
     return judged(comparison).before(answer)
 
@@ -118,7 +119,8 @@ def outcome(run: ControllerRun) -> str:
 def facts(comparison: Comparison) -> Iterator[Fact]:
     """Facts of a comparison of runs, each a `Fact`: a question that a person asks first, and its answer in words, with
     units. They are of the first run: its tracking errors, Lyapunov function, torques, number of parameters and speed of
-    simulation; the final error with adaptation off stands beside its own, and `whose` marks the two."""
+    simulation; the final error with adaptation off stands beside its own, and `whose` marks the two. Raises
+    `ValueError` for a first run of another number of joints than there are torque limits."""
     subject, leading, baseline = comparison.subject, comparison.leading, comparison.baseline
     if leading is not None:
         yield Fact(leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)")

@@ -25,7 +25,8 @@ RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
 class BatchedRun(NamedTuple):
     """A run of an experiment before it begins, to be computed together with others: `contenders`, the controllers
-    compared, a `Contender` each, and `begun`, the `BegunEpisode` that each of them drives. Nothing is checked."""
+    compared, a `Contender` each (name and controller), and `begun`, the `BegunEpisode` that each of them drives.
+    Nothing is checked."""
 
     contenders: list[Contender]
     begun: BegunEpisode

@@ -23,8 +23,8 @@ class BegunEpisode(NamedTuple):
 
     @property
     def error_bound(self) -> Array:
-        """The position errors (r,), rad (m if prismatic), of the r primary joints beyond which the environment ends the
-        episode."""
+        """The position errors (r,), rad (m if prismatic), of the r primary (independent) joints beyond which the
+        environment ends the episode."""
         bound: Array = self.env.error_bound
         return bound
 

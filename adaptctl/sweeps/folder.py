@@ -59,11 +59,11 @@ class Folder:
 
     @classmethod
     def opened(cls, path: Path, study: SweepStudy, shard: int, command: Sequence[str]) -> Folder:
-        """The `Folder` of the sweep of a `study` at `path`: one that was begun earlier, with its own number of runs a
-        shard (a file), or a new one, with `shard` of them, which is made with its study.json. `command` has the command
-        line's words, to be kept there. Raises `InputError` for a folder with the sweep of another study or of another
-        version of adaptctl, or with other files; `FileError` where study.json cannot be read or written or the folder
-        cannot be made."""
+        """The `Folder` of the sweep of a `study` at `path`: one that was begun earlier, with the number of runs in a
+        shard (a file) that it has, or a new one, with `shard` runs in each, which is made with its study.json.
+        `command` has the command line's words, to be kept there. Raises `InputError` for a folder with the sweep of
+        another study or of another version of adaptctl, or with other files; `FileError` where study.json cannot be
+        read or written or the folder cannot be made."""
         place = path / STUDY
         if place.is_file():
             saved = read_json(place, Saved)
@@ -121,9 +121,9 @@ class Folder:
         return bool(about.get(b"runs") == str(len(shard.runs)).encode())
 
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write the file of a `shard`, a group of the sweep's runs, with their `rows`, mappings by column: whole or not
-        at all. Raises `FileError` where the file cannot be written or its folder cannot be made, `KeyError` for a row
-        without one of the columns."""
+        """Write the file of a `shard`, a group of the sweep's runs, with their `rows`, mappings by column, in the order
+        of the runs: whole or not at all. Raises `FileError` where the file cannot be written or its folder cannot be
+        made, `KeyError` for a row without one of the columns."""
         made_folder(self.path / "shards")
         _write(self.place(shard), table(self.study, rows, len(shard.runs)))
 

@@ -34,8 +34,8 @@ class GainStability(SweepMeasurement):
 
     `robot` is a built-in robot's name or a file; `gain`, no unit, is T_c lambda_max(M^-1 K): T_c is the control period
     `control_period`, s, lambda_max the largest eigenvalue, M the mass matrix at the posture and K the law's velocity
-    gains. Raises `InputError` for settings of another type or out of their bounds, `NonFiniteError` for NaN or
-    infinity.
+    gains, which are in proportion to the joints' typical inertias. Raises `InputError` for settings of another type or
+    out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "gain-stability"

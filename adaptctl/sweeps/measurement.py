@@ -21,15 +21,18 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class SweepMeasurement(CheckedSettings, ABC):
-    """Abstract base class of measurements, which only a sweep runs: a frozen dataclass of settings, as an experiment's,
-    with a function, `outcomes`, from many of them to their outcomes. Raises `InputError` at construction for a setting
-    of another type than its default or out of its bounds, `NonFiniteError` for NaN or infinity."""
+    """Abstract base class of measurements, which only a sweep runs: a frozen dataclass of settings with a function,
+    `outcomes`, from many such objects to their outcomes. A subclass gives `name`, the text by which a sweep finds it,
+    further settings as fields made by `setting` (`seed`, that of all random numbers, is one already) and `outcomes`.
+    Raises `InputError` at construction for a setting of another type than its default or out of its bounds,
+    `NonFiniteError` for NaN or infinity."""
 
     @classmethod
     @abstractmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The `RunOutcome` of each of the measurements `chosen`, in their order, which an implementation must return.
-        It should raise nothing for what is wrong with one of them, whose outcome is "failed" then, with the reason."""
+        """The outcomes of the measurements `chosen`, a `RunOutcome` (status, reason, errors) for each, in their order,
+        which an implementation must return. It should raise nothing for what is wrong with one of them, whose outcome
+        is "failed" then, with the reason."""
 
 
 def kind_of(name: str) -> type[CheckedSettings]:

@@ -17,10 +17,11 @@ FAILURES = (AdaptctlError, ArithmeticError, np.linalg.LinAlgError)
 class RunOutcome(NamedTuple):
     """Outcome of one run of a sweep. `status` is "done", "diverged" or "failed", and `reason` says why it is not done.
     Errors are of joint positions, rad (m if prismatic): `rms_error` is their root mean square over all joints and the
-    time until the run ended or diverged, `rms_error_last` that over the last two seconds, `largest_error` the largest
-    of any joint. `diverged_at` is the time, s, and `diverged_joint` the joint, from 1, of an error out of bounds;
-    `lyapunov_rise`, J, the largest rise of the law's Lyapunov function from one sample to the next. All but the status
-    are None or empty unless given: None where a number is not known. Nothing is checked."""
+    time until the run ended or diverged, `rms_error_last` that over the last two seconds (None for a run that diverged
+    or is shorter), `largest_error` the largest of any joint. `diverged_at` is the time, s, and `diverged_joint` the
+    joint, from 1, of an error out of bounds; `lyapunov_rise`, J, the largest rise of the law's Lyapunov function from
+    one sample to the next. All but the status are None or empty unless given: None where a number is not known. Nothing
+    is checked."""
 
     status: str
     reason: str = ""

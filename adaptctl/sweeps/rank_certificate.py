@@ -26,9 +26,10 @@ class RankCertificate(SweepMeasurement):
     the singular values of its energies certify, against the one that follows from its joints one by one. The run is
     done where they agree, and failed where they do not, or where nothing is certified.
 
-    `prismatic` is the share of joints that slide; `aligned` that of axes and twists at right angles, and of offsets
-    that are zero; the chain is drawn by `seed`. Raises `InputError` for settings of another type or out of their
-    bounds, `NonFiniteError` for NaN or infinity.
+    `prismatic` is the probability that a joint slides; `aligned` the probabilities that its axis is one of the axes of
+    its frame, that the frame is turned against the one before by a multiple of a right angle about such an axis, and,
+    of each coordinate, that the offset between the frames is zero. The chain is drawn by `seed`. Raises `InputError`
+    for settings of another type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "rank-certificate"

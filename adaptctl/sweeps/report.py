@@ -100,8 +100,8 @@ class SweepReport:
 
     def maps(self, name: str) -> Iterator[SettingsMap]:
         """Iterator over the maps of the outcomes of the controller of a `name`, a `SettingsMap` for each two swept
-        settings that are numbers. Settings of more than 16 values are put together in 8 bins; failed runs are left out.
-        Nothing is raised."""
+        settings that are numbers, the one that the study names first across (x). Settings of more than 16 values are
+        put together in 8 bins; failed runs are left out. Nothing is raised."""
         rows = [row for row in self.of_controller(name) if row["status"] != "failed"]
         numeric = [s for s in self.study.swept if rows and not isinstance(rows[0][s], str)]
         for x, y in combinations(numeric, 2):

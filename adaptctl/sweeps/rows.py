@@ -40,7 +40,7 @@ def rows_of(
     """The rows of `runs` of an `experiment` or measurement, by its name, in the runs' order: one for each run and
     controller, a mapping by column. Columns are the settings by name, `controller`, the fields of `RunOutcome` (status,
     reason, position errors, divergence, rise of the Lyapunov function), `version` of adaptctl, `wall_time`, s a run,
-    and `host`, the computer. A run has its settings by name, defaults for the others.
+    and `host`, the computer. Each of `runs` maps names of settings to values; others have their defaults.
 
     `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of
     runs that are computed together in native code. A run that raises an `AdaptctlError`, an `ArithmeticError` or

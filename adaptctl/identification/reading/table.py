@@ -30,9 +30,9 @@ class LogTable:
         return len(next(iter(self.columns.values()), ()))
 
     def column(self, name: str, what: str) -> Array:
-        """The column (n,) of a `name`, finite in every row, in the log's own unit; `what` it is needed for, such as
-        "time", is told in errors. Raises `FileError` for a name that the table does not have, with the nearest ones,
-        and for a column with NaN or infinity, with the first such row."""
+        """The column (n,) of a `name`, of the table's n rows, finite in each, in the log's own unit; `what` it is
+        needed for, such as "time", is told in errors. Raises `FileError` for a name that the table does not have, with
+        the nearest ones, and for a column with NaN or infinity, with the first such row."""
         if name not in self.columns:
             raise FileError(f"{self.source}: there is no column {name!r} for {what}; {self._known(name)}")
         values = self.columns[name]
@@ -52,9 +52,9 @@ class LogTable:
 
 
 def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
-    """The table of a log, a `LogTable`, from pairs of a name and a column (n,); `source` is the log's file, told in
-    errors, and `units` are the symbols of columns that the file states, none by default. Raises `FileError` without a
-    column or a row, for two columns of one name, and for columns of different lengths."""
+    """The table of a log, a `LogTable`, from pairs of a name and a column (n,), n rows in each; `source` is the log's
+    file, told in errors, and `units` are the symbols of columns that the file states, none by default. Raises
+    `FileError` without a column or a row, for two columns of one name, and for columns of different lengths."""
     found: dict[str, Array] = {}
     for name, values in columns:
         if name in found:

@@ -51,8 +51,8 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Named:
-    """Name, title and further contents of a design study (of masses added to an arm, counterweights and parameters that
-    can go), for its files and pages.
+    """Name, title and further contents of a design study (of masses added to an arm, counterweights, and changes that
+    make parameters needless), for its files and pages.
 
     `experiment` is the name of the experiment or command, `title` that of page and recording, `content` the name of the
     JSON file with the numbers, `seed` that of the random numbers, `complete` False where the study was interrupted.
@@ -87,7 +87,9 @@ def write_study(
     as JSON, figures as PNG in the folder `figures`, report.html and recording.rrd. `named` has their names, title and
     further contents; None for those of the command `adaptctl design`, design.json being the JSON file. `progress(what,
     share)` is called with what is being written and the share done, 0 to 1; unless given, nothing is shown. Raises
-    `FileError` where a file cannot be written, and for numbers in `content` that are NaN or infinite."""
+    `FileError` where a file cannot be written, and for numbers in `content` that are NaN or infinite, `RankError` where
+    the mechanism's rank, its number of base parameters, cannot be certified, `ValueError` for runs in `named` with
+    positions that are NaN or infinite."""
     called = named or Named("design", f"{study.task.mechanism.name}: where a mass may be added", "design.json")
     write_json(folder / called.content, content)
     progress("figures", 0.1)
@@ -103,9 +105,10 @@ def write_study(
 
 def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str:
     """HTML, as text, of a design study's page: outcome, changes of the motion's energy by a point mass at places of
-    every link, counterweights, costs of the motion before and after them, parameters that can go. `named` has title and
-    further contents, `figures` maps the drawings' names to the figures that go into the page. Raises `RankError` where
-    the mechanism's rank, its number of base parameters, cannot be certified."""
+    every link, counterweights, costs of the motion before and after them, and changes of the design that make
+    parameters needless. `named` has title and further contents, `figures` maps the drawings' names to the figures that
+    go into the page. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be
+    certified."""
     after = study.counterweights.balanced
     pairs = zip(quantities(study.task, study.percent), quantities(after, study.percent), strict=True)
     return rendered(
@@ -134,7 +137,8 @@ def write_recording(path: Path, study: DesignStudy, named: Named, figures: Mappi
     arm in motion, coloured by the change of its motion's energy by a point mass at each place, its counterweights, the
     errors and torques of the runs in `named`, tables and pictures. `figures` maps names of drawings to their PNG files.
     Raises `FileError` where the file cannot be written or read back, `OSError` where a PNG file cannot be read,
-    `ValueError` for runs with positions that are NaN or infinite."""
+    `RankError` where the mechanism's rank, its number of base parameters, cannot be certified, `ValueError` for runs
+    with positions that are NaN or infinite."""
     mechanism = study.task.mechanism
     parts, (time, p) = skeleton(mechanism), _moved(study, named.runs)
     content = np.ascontiguousarray(np.concatenate([study.counterweights.parameters, p.ravel()])).tobytes()

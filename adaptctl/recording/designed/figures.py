@@ -49,8 +49,8 @@ def drawings(study: DesignStudy) -> Iterator[Drawing]:
 
 def links_figure(study: DesignStudy) -> Figure:
     """Figure (Matplotlib) of the changes, in percent, of the motion's energy, a root mean square about its mean, by a
-    point with the mass of the study's body on every link: at the place where the energy becomes least, at the link's
-    centre of mass, and where it becomes greatest."""
+    point with the mass of the study's body on every link: at the link's centre of mass, and at the two of the places
+    that the study allows there where the energy becomes least and greatest."""
     figure = sheet(0.55 + 0.5 * len(study.links))
     axes = figure.subplots()
     place = np.arange(len(study.links))
@@ -66,7 +66,7 @@ def links_figure(study: DesignStudy) -> Figure:
 
 def torques_figure(study: DesignStudy) -> Figure:
     """Figure (Matplotlib) of the root mean square torques of every joint over a design study's task, N m (N if
-    prismatic), without the counterweights and with them."""
+    prismatic), friction left out, without the counterweights and with them."""
     figure = sheet(2.8)
     axes = figure.subplots()
     names = [joint.name for joint in study.task.mechanism.primary_joints]
@@ -99,8 +99,9 @@ def components_figure(study: DesignStudy) -> Figure:
 def percent_errors(task: DesignTask) -> Array:
     """Energy errors (k + 1,) when 0, 1, ... k of the k essential components are kept, those that make most of the
     energy first, in percent of the energy: its root mean square about its mean over the task's states; NaN where that
-    is 0. Essential components are combinations of inertial parameters, the right singular vectors of the energies (Sheu
-    and Walker 1991, equation 23). Raises `RankError` where the mechanism's rank k cannot be certified."""
+    is 0. Essential components are combinations of inertial parameters, the right singular vectors of the matrix of
+    energies about their mean, with a row for each state and a column for each parameter (Sheu and Walker 1991, equation
+    23). Raises `RankError` where the mechanism's rank k cannot be certified."""
     squares = np.sort(np.square(task.matrix("components") @ task.parameters))
     tails = np.append(np.cumsum(squares)[::-1], 0.0)
     return np.asarray(100.0 * np.sqrt(tails / tails[0]))

@@ -31,9 +31,9 @@ BALL = Color(240, 200, 40)
 
 class Spots(NamedTuple):
     """Places on an arm, n of them, and the changes of the cost of its motion that a point mass makes there: `link`
-    (n,), indices of links from 0, as floats; `place` (n, 3), m in the link's frame; `radius` (n,), m, of the balls that
-    are drawn there; and `change` (n,), relative changes, no unit, 0.1 for 10 % more. Nothing is checked at
-    construction."""
+    (n,), indices of links from 0, the ground not counted, as floats; `place` (n, 3), m in the link's frame; `radius`
+    (n,), m, of the balls that are drawn there; and `change` (n,), relative changes, no unit, 0.1 for 10 % more. Nothing
+    is checked at construction."""
 
     link: Array
     place: Array
@@ -71,9 +71,9 @@ def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
 
 
 def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
-    """Colours (n, 4), red, green, blue and opacity from 0 to 255, of relative changes of cost (n,), no unit, by a
-    `scale` of colours: blue where the arm is relieved, light grey for 0, orange to red where it costs. Changes beyond
-    the scale have the colours of its ends."""
+    """Colours (n, 4), red, green, blue and opacity from 0 to 255, of n relative changes of cost (n,), no unit, by a
+    `scale` of colours such as `norm` makes: blue where the arm is relieved, light grey for 0, orange to red where it
+    costs. Changes beyond the scale have the colours of its ends."""
     return np.asarray(SCALE(scale(change), bytes=True), dtype=np.uint8)
 
 
@@ -108,7 +108,8 @@ def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton
 
 def log_counterweights(recording: rr.RecordingStream, study: DesignStudy, name: str = "arm") -> None:
     """Draw a design study's counterweights in a rerun recording, the same at all times: yellow balls of their true
-    radius, labelled with their mass in kg, as the entities "world"/`name`/LINK/counterweight, fixed to their links."""
+    radius, labelled with their mass in kg, as the entities "world"/`name`/LINK/counterweight, LINK being a link's name:
+    they move with the entity of their link."""
     for weight in study.counterweights.weights:
         radius = (3.0 * weight.mass / (4.0 * np.pi * weight.density)) ** (1.0 / 3.0)
         ball = rr.Points3D([weight.place], radii=[radius], colors=[BALL], labels=[f"{weight.mass:.3g} kg"])

@@ -11,12 +11,12 @@ SCHEMA = "adaptctl/design/1"
 
 def as_builtins(study: DesignStudy, detail: AddedMass | None = None) -> dict[str, Any]:
     """The results of a design study in JSON's types, SI units, changes of energy and torque as shares (0.1 for 10 %
-    more): `robot`, name and hash; the `task`'s states and their number; `before`, the costs of the motion (as `costs`
-    returns them); the `body` to add, its mass and inertia; `links`, for each link its mass, the cheapest and dearest
-    place for the body's mass, with the change of energy, and the body's effect at the link's centre of mass;
-    `counterweights`, with the costs after them; `removals`, changes that remove parameters, with the floating-point
-    operations saved. `detail`, the effect of a body at one place, is `added`; left out where None, the default. Raises
-    `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
+    more): `robot`, name and hash; `task`, its `states` in words and their number, `samples`; `before`, the costs of the
+    motion (as `costs` returns them); the `body` to add, its mass and inertia; `links`, for each link its mass, the
+    cheapest and dearest place for the body's mass, with the change of energy, and the body's effect at the link's
+    centre of mass; `counterweights`, with the costs after them; `removals`, changes that remove parameters, with the
+    floating-point operations saved. `detail`, the effect of a body at one place, is `added`; left out where None, the
+    default. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
     task, mechanism = study.task, study.task.mechanism
     content: dict[str, Any] = {
         "schema": SCHEMA,
@@ -44,13 +44,13 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None) -> dict[str
 
 def costs(task: DesignTask, percent: float) -> dict[str, Any]:
     """Costs of a mechanism's motion over a task, in JSON's types: `rank`, the number of base parameters; `carried`, how
-    many of them alone make more than 1e-6 of the energy; `components`, how many essential components (combinations of
-    inertial parameters) keep the energy to an error of `percent` (%), itself an entry; `energy`, kinetic plus
-    potential, J, its root mean square (RMS) about its mean; `torque`, the RMS of the torques as shares of their limits,
-    no unit, squares summed over joints; `coupling`, kg m^2, the RMS of the mass matrix's entries off the diagonal,
-    those of prismatic joints times the mechanism's characteristic length; and `torques`, RMS, one a joint, N m (N if
-    prismatic). Raises `InputError` for a percentage that is no finite number of at least 0, `RankError` where the rank
-    cannot be certified."""
+    many of them each by itself make more than 1e-6 of the energy; `components`, how many essential components
+    (combinations of inertial parameters) keep the energy to an error of `percent` (%), itself an entry; `energy`,
+    kinetic plus potential, J, its root mean square (RMS) about its mean; `torque`, the RMS of the torques as shares of
+    their limits, no unit, squares summed over joints; `coupling`, kg m^2, the RMS of the mass matrix's entries off the
+    diagonal, those of prismatic joints times the mechanism's characteristic length; and `torques`, RMS, one a joint, N
+    m (N if prismatic); all torques without friction. Raises `InputError` for a percentage that is no finite number of
+    at least 0, `RankError` where the rank cannot be certified."""
     return {
         "rank": task.basis.rank,
         "carried": len(task.carried()),
@@ -69,9 +69,9 @@ def added_as_builtins(added: AddedMass) -> dict[str, Any]:
     that of the body alone; `energy_change` and `torque_change` of the mechanism by the body, as shares (0.1 for 10 %
     more); `torques` with it, one a joint, N m (N if prismatic); `components`, how many essential components
     (combinations of inertial parameters) keep the energy with it to the error `added.percent` (%); `becomes_essential`,
-    names of base parameters that alone make more than 1e-6 of the energy only with the body; and `changed`, changes of
-    base parameters by name, SI units. Raises `RankError` where the mechanism's rank, its number of base parameters,
-    cannot be certified."""
+    names of base parameters that, each by itself, make more than 1e-6 of the energy only with the body; and `changed`,
+    changes of base parameters by name, SI units. Raises `RankError` where the mechanism's rank, its number of base
+    parameters, cannot be certified."""
     return {
         "link": added.link,
         "place": added.body.center.tolist(),
@@ -87,14 +87,16 @@ def added_as_builtins(added: AddedMass) -> dict[str, Any]:
 
 
 def balanced(found: Counterweights) -> dict[str, Any]:
-    """The counterweights that were found, in JSON's types: `objective`, the cost that they make least ("energy",
-    "torque", "coupling" or "components"), with `cost_before` and `cost_after` in its unit (J, none, kg m^2, none) and
-    `saved`, the share of it that they remove, 0 to 1; `bounds`, for each link that may carry one, the box of places
-    from `lower` to `upper`, m in the link's frame, and the greatest `mass`, kg; `weights`, those found, with `link`,
-    `mass`, kg, and `place`, m in the link's frame; `after`, the costs of the motion with them, by the keys of `costs`
-    (rank, carried, components, percent, energy, torque, coupling, torques); and `inconsistent_links`, names of links
-    whose inertial parameters, counterweights included, no rigid body has. Raises `RankError` where the mechanism's
-    rank, its number of base parameters, cannot be certified."""
+    """The counterweights that were found, in JSON's types: `objective`, the cost that they make least, root mean square
+    "energy" about its mean (J), "torque" as a share of the limits, or "coupling", the mass matrix off its diagonal (kg
+    m^2), or "components", the number of essential components, combinations of parameters, that keep the energy to an
+    error of `after`'s `percent` (%); `cost_before` and `cost_after` in that unit and `saved`, the share that they
+    remove, 0 to 1; `bounds`, for each link that may carry one, the box of places from `lower` to `upper`, m in the
+    link's frame, and the greatest `mass`, kg; `weights`, those found, with `link`, `mass`, kg, and `place`, m in the
+    link's frame; `after`, the costs of the motion with them, by the keys of `costs` (rank, carried, components,
+    percent, energy, torque, coupling, torques); and `inconsistent_links`, names of links whose inertial parameters,
+    counterweights included, no rigid body has. Raises `RankError` where the mechanism's rank, its number of base
+    parameters, cannot be certified."""
     return {
         "objective": found.objective,
         "cost_before": found.cost_before,
@@ -114,8 +116,8 @@ def removal_as_builtins(removal: Removal) -> dict[str, Any]:
     image), "balance" (a ball added) or "relocation" (a part of the link's mass moved); `link`, its name, empty for all
     symmetries that links have already, and `what`, the change in words; `gone`, names of the base parameters that are
     not needed after it, and `rank`, the number of parameters that then are enough; `mass`, kg, added or moved, 0 for a
-    symmetry, and `place`, where to, m in the link's frame, None for a symmetry; `before` and `after`, the regrouping
-    equations that it alters, as lists of texts. Nothing is raised."""
+    symmetry, and `place`, where to, m in the link's frame, None for a symmetry; `before` and `after`, the equations of
+    base parameters (sums of inertial ones) that it alters, as lists of texts. Nothing is raised."""
     return {
         "way": removal.way,
         "link": removal.link,

@@ -10,10 +10,10 @@ from adaptctl.recording.fact import Fact
 
 
 def header(study: DesignStudy) -> str:
-    """Text, one line, of a design study's robot and task: its name, its numbers of inertial parameters, of independent
-    (base) parameters and of those of them that alone make more than 1e-6 of the energy ("not zero"), and the states
-    that the task consists of. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be
-    certified."""
+    """Text, one line, of a design study's robot and task: the robot's name, its numbers of inertial parameters, of
+    independent (base) parameters and of base parameters that each by itself make more than 1e-6 of the energy ("not
+    zero"), and the states that the task consists of. Raises `RankError` where the mechanism's rank, its number of base
+    parameters, cannot be certified."""
     task = study.task
     return (
         f"{task.mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} independent, "
@@ -62,7 +62,7 @@ def _fall(before: float, after: float, unit: str) -> str:
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
     """Costs of a mechanism's motion over a task, as pairs of texts, a label and a number with its unit: numbers of base
-    parameters, of those of them that are not zero (alone make more than 1e-6 of the energy), and of essential
+    parameters, of those that are not zero (each by itself makes more than 1e-6 of the energy), and of essential
     components, combinations of parameters, that keep the energy to an error of `percent` (%); and root mean squares of
     energy about its mean (J), torque (% of its limit), coupling, the mass matrix off its diagonal (kg m^2), and each
     joint's torque (N m, N if prismatic). Raises `InputError` for a percentage that is no finite number of at least 0,

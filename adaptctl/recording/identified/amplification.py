@@ -25,11 +25,11 @@ from adaptctl.recording.stream import log_markdown, saved_stream
 
 class TorqueCase(NamedTuple):
     """The relative errors of two estimators of a robot's parameters, no units, for one kind of torques that they learn
-    from, described by `torques`. `off` is the error of these torques against those of a model that stands for the
-    truth; `momentum` and `energy` are the errors, against the model's, of the torques that the two predict for the last
-    part of a log: filtered dynamics (the equations of motion behind a low-pass filter) and energy differences (work and
-    energy over windows of time). All are root mean square errors divided by the root mean square of the model's
-    torques. Nothing is checked at construction."""
+    from, described by `torques`. `off` is the error of these torques, over the whole log, against those of a model that
+    stands for the truth; `momentum` and `energy` are the errors, against the model's, of the torques that the two
+    predict for the last part of a log: filtered dynamics (the equations of motion behind a low-pass filter) and energy
+    differences (work and energy over windows of time). All are root mean square errors over all joints, divided by the
+    root mean square of the model's torques. Nothing is checked at construction."""
 
     torques: str
     off: float

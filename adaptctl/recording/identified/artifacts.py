@@ -26,8 +26,8 @@ def write_identification(
 
     Where `robot`, the file that was identified, is a URDF file and `before` is the mechanism that it describes,
     robot.urdf is a copy of it with the identified inertias; without them, by default, there is none. Raises `FileError`
-    where a file cannot be written or the URDF file not be read, and for an inertia without mass, which URDF cannot
-    hold.
+    where a file cannot be written or the URDF file not be read, for numbers that are NaN or infinite, and for an
+    inertia without mass, which URDF cannot hold; `KeyError` for a link that the URDF file does not have.
     """
     path = Path(folder)
     write_mechanism(path / ROBOT, found.mechanism.description)

@@ -64,9 +64,9 @@ def _rms_error(found: Identification) -> str:
 
 
 def consistency(found: Identification) -> str:
-    """Sentences on whether rigid bodies can have an identification's parameters, with the names of links that no body
-    can be, and on the cost of that: by how many percent the root mean square torque residual of the fitted rows exceeds
-    that of plain least squares."""
+    """Sentences on whether rigid bodies can have an identification's parameters, with the names of links whose
+    parameters no body can have, and on the cost of that: by how many percent the root mean square torque residual of
+    the fitted rows exceeds that of plain least squares."""
     wrong = found.mechanism.description.inconsistent_links
     cost = f"The training rows are fitted {found.misfit_ratio - 1.0:.1%} worse than by least squares without that."
     return (

@@ -37,7 +37,8 @@ def summary(found: Identification) -> dict[str, Any]:
     parameters; `training_misfit_over_least_squares`, the ratio of the fit's residual to that of least squares;
     `deviations_over_nominal`, the ratio of standard deviations to those for white residuals; `essential_components`,
     the `rank` and the number `for_energy_to_1_percent`; `unexcited`, combinations of parameters that the logs hardly
-    excite, in words; `trials`, the settings tried; `steps` of the logs' preparation, and `remarks`. Nothing is raised.
+    excite, in words; `trials`, the settings tried, a mapping of `what`, `candidate`, `rms` (N m) and `taken` each;
+    `steps`, the outcome in words of each step of the logs' preparation, by name; and `remarks`. Nothing is raised.
     """
     settings = found.choice.settings
     return {
