@@ -93,8 +93,9 @@ def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
 
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
     """Positions (..., 3) of a mechanism's tip, m in the world's frame, from the poses of its N links in the world:
-    `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, leading axes being samples. `parts` is the skeleton
-    that has the tip. Raises `IndexError` for fewer links than it needs."""
+    `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, in the order of `Mechanism.links`, the ground not
+    among them, leading axes being samples. `parts` is the skeleton, which has the tip's place in its link. Raises
+    `IndexError` for fewer links than it needs."""
     return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
 
 

@@ -21,9 +21,19 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class SweepMeasurement(CheckedSettings, ABC):
-    """Abstract base class of measurements, which only a sweep runs: a frozen dataclass of settings, as an experiment's,
-    with a function, `outcomes`, from many of them to their outcomes. Raises `InputError` at construction for a setting
-    of another type than its default or out of its bounds, `NonFiniteError` for NaN or infinity."""
+    """Abstract base class of measurements, which only a sweep runs: settings, and a function from many of them to their
+    outcomes.
+
+    A subclass is a frozen dataclass. It gives `name`, a class variable, the name on the command line; its settings,
+    fields made by `setting(default, meaning, low=..., high=...)` of `adaptctl.experiments.experiment`, besides `seed`
+    (0 by default), which it has from here; and the class method `outcomes(chosen)`, which returns a list of one
+    `RunOutcome` for each of the instances `chosen`, in their order: `RunOutcome("done", reason, rms_error, ...)`,
+    "diverged" likewise, or `RunOutcome.failed(error)` in place of an error. A sweep finds it by its entry in
+    `MEASUREMENTS`, a mapping from names to the names of module and class.
+
+    Raises `InputError` at construction for a setting of another type than its default or out of its bounds,
+    `NonFiniteError` for NaN or infinity.
+    """
 
     @classmethod
     @abstractmethod
