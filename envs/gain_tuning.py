@@ -155,26 +155,27 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation, the environment's n numbers (n,) in its units, and `info` of an episode, which begins;
-        the controller's state is made anew for this start, and `info` has its `gains`, unscaled, a mapping from names
-        to the m numbers (m,) of each in its own unit. `seed` is that of the random numbers, None to go on with them;
-        `options` are those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`,
-        `center` and `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters`
-        (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`), None for none. Raises
-        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
-        be followed to the start, Gymnasium's `Error` for a bad seed."""
+        """The first observation, the environment's n numbers (n,), in its units and in the order of its
+        `observation_slices`, and `info` of an episode, which begins; the controller's state is made anew for this
+        start, and `info` has its `gains`, unscaled, a mapping from names to the m numbers (m,) of each in its own unit.
+        `seed` is that of the random numbers, None to go on with them; `options` are those of `TrackingEnv.reset`
+        (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`; `trajectory`, a
+        `Reference`, a seed or "random"; `initial_error`, one number or (r,), rad (m); `parameters` (P,), the P true
+        inertial ones, SI units, in the order of `Mechanism.parameter_names`), None for none. Raises `InputError` for
+        bad options (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed
+        to the start, Gymnasium's `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
         return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation, the environment's n numbers (n,) in its units, reward (no unit), `terminated`, `truncated` and
-        `info` after one control period under the controller, its gains scaled by the action (a,), no unit, one number a
-        joint for a gain of one number a joint, else one a gain, clipped to [-1, 1]; reward and ends are the
-        environment's; `info` has besides its keys these `gains`, a mapping from names to m numbers (m,) each. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's
-        `ResetNeeded` before the first reset and after the episode's end."""
+        """Observation, the environment's n numbers (n,), in its units and in the order of its `observation_slices`,
+        reward (no unit), `terminated`, `truncated` and `info` after one control period under the controller, its gains
+        scaled by the action (a,), no unit, one number a joint for a gain of one number a joint, else one a gain,
+        clipped to [-1, 1]; reward and ends are the environment's; `info` has besides its keys these `gains`, a mapping
+        from names to m numbers (m,) each. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity
+        and where the motion runs away, Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         chosen = finite_actions(action, self.range.space)

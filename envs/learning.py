@@ -128,24 +128,27 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """The first observation (n,), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], no
-        unit, and `info` of an episode, which begins. `seed` is that of the random numbers, None to go on with them;
-        `options` are those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`,
-        `center` and `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters`
-        (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`), None for none. Raises
-        `InputError` for bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot
-        be followed to the start, Gymnasium's `Error` for a bad seed."""
+        """The first observation (n,), n = 5r + r L, float32, scaled to [-1, 1], no unit, and `info` of an episode,
+        which begins. The observation has, for r joints, position and velocity errors, positions, velocities, the
+        reference's accelerations, r each, then its positions at each of the L times ahead minus those now. `seed` is
+        that of the random numbers, None to go on with them; `options` are those of `TrackingEnv.reset` (`payload`, kg,
+        a `Payload` or a mapping of its fields `mass`, `center` and `inertia`; `trajectory`, a `Reference`, a seed or
+        "random"; `initial_error`, one number or (r,), rad (m); `parameters` (P,), the P true inertial ones, SI units,
+        in the order of `Mechanism.parameter_names`), None for none. Raises `InputError` for bad options (its subclass
+        `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start, Gymnasium's
+        `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], reward (no
-        unit), `terminated`, `truncated` and `info` after one control period under an action (r,) in [-1, 1], shares of
-        the torque limits; around a `TuningEnv`, its action (a,). `info` and the ends are those of the environment
-        within: `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity
-        or leave bounds that the robot's file states, `truncated` where the duration is over. Raises `InputError` on a
-        wrong shape, `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's `ResetNeeded`
-        before the first reset and after the episode's end."""
+        """Observation (n,), n = 5r + r L, float32, scaled to [-1, 1], reward (no unit), `terminated`, `truncated` and
+        `info` after one control period under an action (r,) in [-1, 1], shares of the torque limits; around a
+        `TuningEnv`, its action (a,). The observation has, for r joints, position and velocity errors, positions,
+        velocities, the reference's accelerations, r each, then its positions at each of the L times ahead minus those
+        now. `info` and the ends are those of the environment within: `terminated` is True where a joint's error passes
+        its bound or kinematic loops come near a singularity or leave bounds that the robot's file states, `truncated`
+        where the duration is over. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where
+        the motion runs away, Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
         share = finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(share * self._scale)
         return self._view(observation), reward, terminated, truncated, info
@@ -169,30 +172,33 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], no unit,
-        and `info` of all N arms, after an episode of every arm has begun, or, with `autoreset_mode` "Disabled", of
-        those in the option `reset_mask`, bools (N,).
+        """Observations (N, n), n = 5r + r L, float32, scaled to [-1, 1], no unit, and `info` of all N arms, after an
+        episode of every arm has begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools
+        (N,). A row of observations has, for r joints, position and velocity errors, positions, velocities, the
+        reference's accelerations, r each, then its positions at each of the L times ahead minus those now.
 
         `seed` s gives arm i the seed s + i, a list each its own, None lets the random numbers go on. `options` are
         those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and
-        `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters` (P,), the P
-        true inertial ones, SI units, in the order of `Mechanism.parameter_names`), for all arms or one each, None for
-        none. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown ones,
-        `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of the arms
-        before the first reset of all.
+        `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, one number or (r,), for one each
+        (N, r), rad (m); `parameters` (P,), the P true inertial ones, SI units, in the order of
+        `Mechanism.parameter_names`), for all arms or one each, None for none. Raises `InputError` for bad seeds and
+        options (its subclass `NotFoundError` for unknown options), `SingularityError` where loops cannot be followed to
+        the start, Gymnasium's `ResetNeeded` for a part of the arms before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info
 
     def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, float32, scaled to [-1, 1], rewards
-        (no unit), `terminated` and `truncated`, (N,) each, and `info` after one control period of all N arms under
-        actions (N, r) in [-1, 1], shares of the torque limits; around a `TuningVectorEnv`, its actions (N, a). `info`
-        and the ends are those of the environment within: `terminated` is True where a joint's error passes its bound or
-        kinematic loops come near a singularity or leave bounds that the robot's file states, `truncated` where the
-        duration is over. `final_obs` in `info` is scaled likewise. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN and infinity and where a motion runs away, Gymnasium's `ResetNeeded` before the first
-        reset, and with `autoreset_mode` "Disabled" where an arm's episode is over."""
+        """Observations (N, n), n = 5r + r L, float32, scaled to [-1, 1], rewards (no unit), `terminated` and
+        `truncated`, (N,) each, and `info` after one control period of all N arms under actions (N, r) in [-1, 1],
+        shares of the torque limits; around a `TuningVectorEnv`, its actions (N, a). A row of observations has, for r
+        joints, position and velocity errors, positions, velocities, the reference's accelerations, r each, then its
+        positions at each of the L times ahead minus those now. `info` and the ends are those of the environment within:
+        `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity or leave
+        bounds that the robot's file states, `truncated` where the duration is over. `final_obs` in `info` is scaled
+        likewise. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where a motion runs
+        away, Gymnasium's `ResetNeeded` before the first reset, and with `autoreset_mode` "Disabled" where an arm's
+        episode is over."""
         shares = finite_actions(actions, self.action_space)
         observations, rewards, terminated, truncated, info = self.env.step(shares * self._scale)
         if "final_obs" in info:

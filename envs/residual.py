@@ -57,14 +57,15 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         self._base = np.zeros(limits.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation, the environment's n numbers (n,) in its units, and `info` of an episode, which begins;
-        the controller's state is made anew for this start, and `info` has its first torque as `base_torque` (r,), N m
-        (N), r joints. `seed` is that of the random numbers, None to go on with them; `options` are those of
-        `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`;
-        `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters` (P,), the P true
-        inertial ones, SI units, in the order of `Mechanism.parameter_names`), None for none. Raises `InputError` for
-        bad options, of these `NotFoundError` for unknown ones, `SingularityError` where loops cannot be followed to the
-        start, Gymnasium's `Error` for a bad seed."""
+        """The first observation, the environment's n numbers (n,), in its units and in the order of its
+        `observation_slices`, and `info` of an episode, which begins; the controller's state is made anew for this
+        start, and `info` has its first torque as `base_torque` (r,), N m (N), r joints. `seed` is that of the random
+        numbers, None to go on with them; `options` are those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a
+        mapping of its fields `mass`, `center` and `inertia`; `trajectory`, a `Reference`, a seed or "random";
+        `initial_error`, one number or (r,), rad (m); `parameters` (P,), the P true inertial ones, SI units, in the
+        order of `Mechanism.parameter_names`), None for none. Raises `InputError` for bad options (its subclass
+        `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start, Gymnasium's
+        `Error` for a bad seed."""
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)
@@ -72,12 +73,12 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         return observation, info | {"base_torque": self._base.copy()}
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation, the environment's n numbers (n,) in its units, reward (no unit), `terminated`, `truncated` and
-        `info` after one control period under the controller's torque plus `share` times the torque limits, N m (N),
-        times the action (r,), in [-1, 1] but not clipped, r joints; reward and ends are the environment's; `info` has
-        besides its keys the controller's torque as `base_torque` (r,), N m (N). Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN and infinity and where the motion runs away, Gymnasium's `ResetNeeded` before the first
-        reset and after the episode's end."""
+        """Observation, the environment's n numbers (n,), in its units and in the order of its `observation_slices`,
+        reward (no unit), `terminated`, `truncated` and `info` after one control period under the controller's torque
+        plus `share` times the torque limits, N m (N), times the action (r,), in [-1, 1] but not clipped, r joints;
+        reward and ends are the environment's; `info` has besides its keys the controller's torque as `base_torque`
+        (r,), N m (N). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion
+        runs away, Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         torque = self._base + self._scale * finite_actions(action, self.action_space)

@@ -38,10 +38,10 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         super().__init__(env.num_envs, self.view.observation_space, self.view.action_space)
 
     def reset(self) -> Array:
-        """The first observations (N, n), n numbers an arm in the environment's units, of a new episode of each of the N
-        arms, with the seeds and options that `seed` and `set_options` of stable-baselines3 have set, which are then
-        forgotten. Raises `InputError` for bad seeds and options, of these `NotFoundError` for unknown options;
-        `SingularityError` where loops cannot be followed to the start."""
+        """The first observations (N, n), n numbers an arm, in the order and the units of the environment's own, of a
+        new episode of each of the N arms, with the seeds and options that `seed` and `set_options` of stable-baselines3
+        have set, which are then forgotten. Raises `InputError` for bad seeds and options (its subclass `NotFoundError`
+        for unknown options); `SingularityError` where loops cannot be followed to the start."""
         observations = self.view.reset(self._seeds, self._options)
         self._reset_seeds()
         self._reset_options()
@@ -53,9 +53,9 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         self.actions = actions
 
     def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations (N, n), n numbers an arm in the environment's units, rewards (N,), no unit, bools (N,), True
-        where an episode has ended, and a list of N infos, one dictionary an arm, after one control period under the
-        actions that `step_async` stored.
+        """Observations (N, n), n numbers an arm, in the order and the units of the environment's own, rewards (N,), no
+        unit, bools (N,), True where an episode has ended, and a list of N infos, one dictionary an arm, after one
+        control period under the actions that `step_async` stored.
 
         An arm whose episode has ended has begun the next, whose first observation this is; its info has
         `terminal_observation` (n,), the last one of the old episode, and `TimeLimit.truncated`, True if it ended by its

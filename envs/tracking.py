@@ -222,10 +222,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2 (m, m/s, m/s^2). `seed` is that of the
         random numbers, None to go on with them; `options`, None for none, are `payload` (kg, a `Payload` or a mapping
         of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or "random"),
-        `initial_error`, rad (m), and `parameters` (P,), the P true inertial ones, SI units, in the order of
-        `Mechanism.parameter_names`. Raises `InputError` for a bad option, of these `NotFoundError` for an unknown one
-        and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, `SingularityError` where loops
-        cannot be followed to the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
+        `initial_error`, one number or (r,), rad (m), and `parameters` (P,), the P true inertial ones, SI units, in the
+        order of `Mechanism.parameter_names`. Raises `InputError` for a bad option (its subclasses `NotFoundError` for
+        an unknown one, `NonFiniteError` for one that is not finite), `SingularityError` where loops cannot be followed
+        to the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -244,15 +244,18 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """The observation (5r + r L,) of r joints with L look-ahead times, rad, rad/s, rad/s^2 (m, m/s, m/s^2), reward
-        (no unit), `terminated`, `truncated` and `info` after one control period under the torque `action` (r,), N m
-        (N), held and clipped to its limits. `terminated` is True where a joint's error passes its bound or kinematic
-        loops come near a singularity or leave bounds that the robot's file states, `truncated` where the duration is
-        over. `info` has `time` (s), `parameters` (P,), the P true inertial ones (SI units, in the order of
-        `Mechanism.parameter_names`), `applied_torque` (r,), N m (N), `energy` (J) and `clipped`, the number of actions
-        clipped so far; with effects also the true `p` and `v` (r,) and `marks`, a dict of events. Raises `InputError`
-        on a wrong shape, `NonFiniteError` on NaN, infinity and a motion that runs away, Gymnasium's `ResetNeeded`
-        without a running episode."""
+        """The observation (5r + r L,), the reward, `terminated`, `truncated` and `info` after one control period under
+        the torque `action` (r,), N m (N), of r joints, held and clipped to its limits. The observation has the measured
+        positions and velocities, the reference's positions, velocities and accelerations, (r,) each, then its positions
+        at each of L times ahead in turn; rad, rad/s, rad/s^2 (m, m/s, m/s^2). The reward, no unit, is minus the sums
+        over the joints of squared position errors, squared velocity errors and (torque/limit)^2, each times its weight
+        (`RewardWeights`), less the weight `termination` where terminated. `terminated` is True where a joint's error
+        passes its bound or kinematic loops come near a singularity or leave bounds that the robot's file states,
+        `truncated` where the duration is over. `info` has `time` (s), `parameters` (P,), the P true inertial ones (SI
+        units, in the order of `Mechanism.parameter_names`), `applied_torque` (r,), N m (N), `energy` (J) and `clipped`,
+        the number of actions clipped so far; with effects also the true `p` and `v` (r,) and `marks`, a dict of events.
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and a motion that runs away, Gymnasium's
+        `ResetNeeded` without a running episode."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
@@ -298,10 +301,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
         """The `info`, as `step` returns it (`time`, true `parameters`, `applied_torque`, `energy`, `clipped`, with
-        effects `p`, `v` and `marks`), of an episode that `hand_over` gave away and that goes on here from `state`, the
-        plant's. `steps` is the number of control periods it took since, `clipped` that of those with a clipped torque;
-        `terminated` is True if it ended. Nothing is checked. Raises Gymnasium's `ResetNeeded` before the first
-        reset."""
+        effects `p`, `v` and `marks`), of an episode that `hand_over` gave away and that is taken back here: it goes on
+        from `state`, the plant's, for `step` to continue. `steps` is the number of control periods it took since,
+        `clipped` that of those with a clipped torque; `terminated` is True if it ended. Nothing is checked. Raises
+        Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps

@@ -44,20 +44,22 @@ class EnergyDifferences(Experiment):
     window: float = setting(0.1, "length of an energy difference, s", low=0.01, high=2.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison of both estimators: outcome in words, facts (questions with answers), and a function
-        that writes its folder. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises
-        `NotFoundError` for a `robot` that is not the name of an example with a log."""
+        """Result of the comparison of the two estimators, energy differences and filtered dynamics: outcome in words,
+        facts (questions with answers), and a function that writes its folder. `progress(what, share)` gets the step's
+        name and the share done, 0 to 1. Raises `NotFoundError` for a `robot` that is not the name of an example with a
+        log."""
         found = self.compare(progress)
         return Result(found.complete, found.headline(), tuple(found.facts()), Verdict(), found.write)
 
     def compare(self, progress: Progress) -> Amplification:
-        """Errors of both estimators, as an `Amplification`. A model fitted to the whole log stands for the truth; each
-        estimator is fitted to the first 60 % of the log and predicts the torques tau of the rest, with the error
-        |predicted tau - true tau| / |true tau| (no unit), tau being those of all joints and samples in one vector,
-        low-pass filtered at 25 Hz. This is done with five kinds of torques in the log: the true ones; these with white
-        noise of 1 % and of 5 % of each joint's RMS torque; these with a tenth of the residual, measured less true
-        torques; and the measured ones. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises
-        `NotFoundError` for a `robot` that is not the name of an example with a log."""
+        """Errors of the two estimators, energy differences and filtered dynamics, as an `Amplification`. A model fitted
+        to the whole log stands for the truth; each estimator is fitted to the first 60 % of the log and predicts the
+        torques tau of the rest, with the error |predicted tau - true tau| / |true tau| (no unit), tau being those of
+        all joints and samples in one vector, low-pass filtered at 25 Hz. This is done with five kinds of torques in the
+        log: the true ones; these with white noise of 1 % and of 5 % of each joint's RMS torque; these with a tenth of
+        the residual, measured less true torques; and the measured ones. `progress(what, share)` gets the step's name
+        and the share done, 0 to 1. Raises `NotFoundError` for a `robot` that is not the name of an example with a
+        log."""
         progress(STAGE, 0.0)
         evidence, log = _evidence(self.robot)
         model = _model(evidence)

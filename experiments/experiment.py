@@ -31,10 +31,10 @@ def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.
 
 @dataclass(frozen=True)
 class CheckedSettings:
-    """Base class of an experiment's settings: a frozen dataclass whose fields are made by `setting`. `name` is the
-    experiment's name on the command line, `seed` (0 to 2^31 - 1) that of all random numbers. Raises `InputError` at
-    construction for a value of another type than its default or out of its bounds, `NonFiniteError` for NaN or
-    infinity."""
+    """Base class of an experiment's settings: a frozen dataclass whose fields are made by `setting(default, meaning,
+    low=..., high=...)`. `name` is the experiment's name on the command line, `seed` (0 to 2^31 - 1) that of all random
+    numbers. Raises `InputError` at construction for a value of another type than its default or out of its bounds,
+    `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str]
 

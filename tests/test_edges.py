@@ -9,14 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from every_law import ARM, GAIN, TRUE, K, slotine_li
+from every_law import ARM, GAIN, MODEL, TRUE, K, slotine_li
 from test_loops_in_closed_form import four_bar
 
-from adaptctl.control import BoundedGainForgetting, GainDesign, Guarded, MinimumJerk
+from adaptctl.control import BoundedGainForgetting, GainDesign, Guarded, MinimumJerk, ReleasedGradient
 from adaptctl.control.adaptation.gain import _is_positive_definite
 from adaptctl.control.gains.error_feedback import ErrorFeedback
 from adaptctl.control.gains.margins import _lag
-from adaptctl.errors import InputError, SingularityError
+from adaptctl.control.reference_check import warn_of_derivatives
+from adaptctl.errors import GainError, InputError, SingularityError
 from adaptctl.identifiability import FundamentalBasis, Relation, essential_space, fundamental_basis
 from adaptctl.identifiability.certificate import LISTED, _listing
 
@@ -102,3 +103,29 @@ def test_small_gains_are_as_symmetric_as_large_ones() -> None:
     skewed = np.array([[1.0, 1e-7], [0.0, 1.0]])
     assert [_is_positive_definite(size * skewed) for size in (1.0, 1e-6)] == [False, False]
     assert [_is_positive_definite(size * np.eye(2)) for size in (1.0, 1e-6)] == [True, True]
+
+
+def test_a_theorem_is_not_given_where_the_hold_is_too_long() -> None:
+    with pytest.raises(GainError, match=r"the hold number is .*, and there is a theorem below 2 only"):
+        ReleasedGradient.certified(MODEL, GAIN, 500.0, 1.0)
+    assert ReleasedGradient.certified(MODEL, GAIN, 0.1, 1e-4).share < 1.1
+
+
+def test_a_feedback_just_beyond_what_its_hold_carries_is_refused() -> None:
+    """The sampled double integrator is stable while stiffness is below 2 rate / T and rate below 2 / T."""
+    ErrorFeedback(1.0, 1999.0, 1e-3)
+    with pytest.raises(GainError, match=r"cannot be carried by a hold of 0\.001 s"):
+        ErrorFeedback(1.0, 2001.0, 1e-3)
+
+
+def test_what_is_no_reference_is_not_looked_at_for_derivatives() -> None:
+    with pytest.raises(InputError, match="ReferencePoint"):
+        warn_of_derivatives(lambda t: (0.0, 0.0, 0.0), ("a",), 1.0)  # type: ignore[arg-type, return-value]
+
+
+def test_the_gain_of_least_squares_is_a_copy() -> None:
+    gain = np.ones(3)
+    law = BoundedGainForgetting(gain)
+    gain[0] = 7.0
+    assert law.gain[0] == 1.0
+    assert not law.gain.flags.writeable

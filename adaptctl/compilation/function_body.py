@@ -32,8 +32,8 @@ class FunctionBody:
     index of expression, the places of values that earlier functions of the same routine left in memory at the pointer
     `%passed`; and `same`, the `Invariants`, expressions that are the same in all steps of a loop, which are in memory
     at `%same`, none unless given. `uniform` has the indices of its arguments that have one number in memory for all
-    lanes, none unless given. A place is an index in values of all lanes; the expression of index i is in the register
-    `%xi`. Nothing is checked.
+    lanes, none unless given. A place is an index of a value, one number for each SIMD lane; the expression of index i
+    is in the register `%xi`. Nothing is checked.
     """
 
     def __init__(
@@ -77,8 +77,8 @@ class FunctionBody:
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
         """Append the instructions that write `value`, an expression that has been computed or a constant, into memory:
-        into the place of index `k`, counted in values of all lanes, after the LLVM pointer of the name `pointer`, such
-        as "%out0". Nothing is checked."""
+        `k` places, a place being one number for each SIMD lane (arms computed at once), after the LLVM pointer of the
+        name `pointer`, such as "%out0". Nothing is checked."""
         self._text.store(pointer, k, self._operand(value))
         if isinstance(value, Expression):
             self._stored.setdefault(value.index, (pointer, k))

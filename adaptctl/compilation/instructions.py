@@ -20,21 +20,24 @@ class Instructions:
         self.lines.append(line)
 
     def reserve(self, name: str, size: int) -> str:
-        """Append to `memory` the instruction that sets aside memory for `size` numbers of all lanes, with the LLVM
-        pointer of the given `name`, such as "%spare", to it. Returns that name."""
+        """Append to `memory` the instruction that sets aside memory for `size` values, each of one number for each SIMD
+        lane (arms computed at once), with the LLVM pointer of the given `name`, such as "%spare", to it. Returns that
+        name."""
         self.memory.append(f"{name} = alloca [{size} x {self.lanes.value}], align {max(self.lanes.alignment, 64)}")
         return name
 
     def load(self, name: str, pointer: str, k: int) -> str:
-        """Append the instructions that load the number in the place of index `k`, counted in values of all lanes, after
-        a `pointer`, a register's name, into the LLVM register of the given `name`, such as "%x3". Returns that name."""
+        """Append the instructions that load the numbers `k` places after a `pointer`, a register's name, a place being
+        one number for each SIMD lane (arms computed at once), into the LLVM register of the given `name`, such as
+        "%x3". Returns that name."""
         self.add(f"{name}.at = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name
 
     def broadcast(self, name: str, pointer: str, k: int) -> str:
-        """Append the instructions that load the one number in the place of index `k`, counted in single numbers, after
-        a `pointer`, a register's name, into every lane of the LLVM register of the given `name`. Returns that name."""
+        """Append the instructions that load the one number that is `k` single numbers after a `pointer`, a register's
+        name, into every SIMD lane (arms computed at once) of the LLVM register of the given `name`. Returns that
+        name."""
         value, scalar, n = self.lanes.value, self.lanes.scalar, self.lanes.count
         self.add(f"{name}.at = getelementptr {scalar}, ptr {pointer}, i64 {k}")
         self.add(f"{name}.one = load {scalar}, ptr {name}.at, align {self.lanes.size}")
@@ -43,7 +46,8 @@ class Instructions:
         return name
 
     def store(self, pointer: str, k: int, value: str) -> None:
-        """Append the instructions that write a `value`, a register's name or a constant's text, into the place of index
-        `k`, counted in values of all lanes, after a `pointer`, another register's name."""
+        """Append the instructions that write a `value`, a register's name or a constant's text, one number for each
+        SIMD lane (arms computed at once), into memory, `k` places after a `pointer`, another register's name, a place
+        having room for one such value. Nothing is checked."""
         self.add(f"{pointer}.{k} = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"store {self.lanes.value} {value}, ptr {pointer}.{k}, align {self.lanes.size}")

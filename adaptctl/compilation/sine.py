@@ -32,8 +32,10 @@ class Sine(NamedTuple):
 
     def reduced(self, x: Any) -> tuple[Any, Any, Any]:
         """Sine and cosine of r, and k + `shift`, for an angle `x` = k pi/2 + r, rad, with k whole and r from -pi/4 to
-        pi/4: three scalars. `x`, a scalar of any kind, is at most `farthest` in size, which is not checked. The last
-        bits of k + `shift` are those of k: they tell sign and exchange of sine and cosine of `x` itself.
+        pi/4: three scalars. `shift` is the constant of that name (1.5 * 2^52 in double precision, 1.5 * 2^23 in
+        single), so large that a sum with it is rounded to a whole number: the last bits of k + `shift` are those of k,
+        and tell sign and exchange of sine and cosine of `x` itself. `x`, a scalar of any kind (float, array or symbol),
+        is at most the constant `farthest` in size (2^20 rad in double, 2^13 rad in single), which is not checked.
 
         r is found by subtracting k pi/2 in three parts (Cody and Waite 1980).
         """
@@ -46,7 +48,8 @@ class Sine(NamedTuple):
 
     def turned(self, sine: Any, cosine: Any, step: Any) -> tuple[Any, Any]:
         """Sine and cosine of an angle that is `step` larger than the one whose `sine` and `cosine` are given: two
-        scalars, of any kind. `step`, rad, is at most 1/16 (STEP) in size, which is not checked."""
+        scalars of any kind (floats, arrays or symbols). `step`, rad, is at most 1/16 (STEP) in size, which is not
+        checked."""
         z = step * step
         of_step = step + step * z * polynomial(self.sine[:TERMS], z)
         less = z * (0.5 - z * polynomial(self.cosine[:TERMS], z))  # 1 less the step's cosine

@@ -34,7 +34,8 @@ class SinesAtOnce:
 
     def place(self, x: Expression) -> tuple[str, int] | None:
         """The place in memory of an expression `x`, a sine or cosine that was computed: the name of a pointer and an
-        index after it, counted in values of all lanes. None for other expressions. Nothing is raised."""
+        index after it, counted in values of one number for each SIMD lane (arms computed at once). None for other
+        expressions. Nothing is raised."""
         found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 

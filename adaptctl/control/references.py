@@ -189,7 +189,8 @@ class Sinusoids:
 
     def at(self, t: float) -> ReferencePoint:
         """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
-        accelerations in rad/s^2 (m/s^2); computed in a microsecond, for loops that ask each period."""
+        accelerations in rad/s^2 (m/s^2). With a fade-in it is at rest in the centre at time 0 and before, else the
+        sinusoids run at all times. Computed in a microsecond, for loops that ask each period."""
         return self._kernel(np.array((t,)), *self._flat)
 
     @cached_property
@@ -246,8 +247,9 @@ class Spline:
 
     def at(self, t: float) -> ReferencePoint:
         """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
-        accelerations in rad/s^2 (m/s^2); at rest in the nearest end outside the spline's times; computed in
-        microseconds, for loops that ask each period. Raises `MissingExtraError` without SciPy."""
+        accelerations in rad/s^2 (m/s^2); before the first of `times` at rest in the first position, after the last of
+        them at rest in the last; computed in microseconds, for loops that ask each period. Raises `MissingExtraError`
+        without SciPy."""
         inside = min(max(t, self._starts[0]), float(self.times[-1]))
         k = max(bisect_right(self._starts, inside) - 1, 0)
         return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])

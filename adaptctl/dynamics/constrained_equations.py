@@ -51,8 +51,12 @@ class ConstrainedMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units that hold this motion, a `Column` of length `ConstrainedEquations.motion_size`: those
-        of the motion without constraints on parameters."""
+        """The scalars in SI units that hold this motion, a `Column` of length `ConstrainedEquations.motion_size`: the
+        numbers of the same motion without constraints on parameters, in their order. These are, with loops, first the
+        derivatives of the dependent joints by each primary one in turn; then of every link the cosine and sine of its
+        joint's angle (or its displacement), of every link its twelve `LinkMotion.numbers`, and of every rotor or
+        friction term of a drive its torque per unit of the parameter. `ConstrainedEquations.remembered` makes the
+        motion from them again."""
         return self.whole.numbers
 
 

@@ -51,9 +51,10 @@ class Motion(ABC):
     def numbers(self) -> Column:
         """The column (`Equations.motion_size`,) of scalars in SI units that hold this motion: with loops first the
         derivatives of the dependent joints by each primary one in turn; then of every link in turn the cosine and sine
-        of its joint's angle (or its displacement); then of every link its twelve `LinkMotion.numbers`, which determine
-        its accelerations; and of every rotor or friction term of a drive its torque per unit. From them
-        `Equations.remembered` makes the same motion again."""
+        of its joint's angle (or its displacement); then of every link its twelve `LinkMotion.numbers`, in the link's
+        axes: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x, y, z of the angular acceleration and
+        of its origin's acceleration less gravity's; then of every rotor or friction term of a drive its torque per unit
+        of the parameter. From them `Equations.remembered` makes the same motion again."""
 
 
 class Equations(ABC):

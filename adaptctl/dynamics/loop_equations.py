@@ -63,7 +63,9 @@ class LoopMotion(Motion):
     def numbers(self) -> Column:
         """The scalars in SI units that hold this motion, a `Column` of length `LoopEquations.motion_size`: for each of
         the r primary joints in turn the derivatives of the n - r dependent joints by it, then the tree's
-        `TreeMotion.numbers`."""
+        `TreeMotion.numbers` (of every link the cosine and sine of its joint's angle or its displacement, of every link
+        its twelve `LinkMotion.numbers`, of every rotor or friction term its torque per unit).
+        `LoopEquations.remembered` makes the motion from them again."""
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
 
 

@@ -83,9 +83,11 @@ class TreeMotion(Motion):
     @property
     def numbers(self) -> Column:
         """The scalars in SI units that hold this motion, a `Column` of length `TreeEquations.motion_size`: of every
-        link in turn the cosine and sine of its joint's angle (or its displacement), then of every link its twelve
-        `LinkMotion.numbers`, which determine its accelerations, then the torque per unit of each rotor or friction term
-        of the drives."""
+        link in turn the cosine and sine of its joint's angle (or its displacement); then of every link its twelve
+        `LinkMotion.numbers`, in the link's axes: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x,
+        y, z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or
+        friction term of the drives its torque per unit of the parameter. `TreeEquations.remembered` makes the motion
+        from them again."""
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 

@@ -66,7 +66,7 @@ def certified(
     parameters or more, if their rank can be certified so, and else "svd". With `prove` the rank is also computed on
     exact geometry; None does so unless loops are closed and nothing is nearly special (below), False never. `near` is
     for angles or lengths that are nearly, but not exactly, special, and would make another rank if they were: "refuse"
-    raises, "as_is" takes them as they stand.
+    raises `RankError`, "as_is" takes them as they stand; with `prove` False it is not looked at.
 
     Raises `RankError` where the rank cannot be certified or is refused, `InputError` for a `method` or `near` that is
     unknown, and for transfers of a mechanism that is no tree, has constrained parameters, or drives that turn with

@@ -164,8 +164,9 @@ class ScaledRegressor:
     @property
     def rank(self) -> int:
         """The rank k of the regressor (energies or torques at sampled states): the number of independent columns among
-        its P, one for each inertial parameter, scaled to be comparable, judged by the largest gap between successive
-        singular values. Raises `numpy.linalg.LinAlgError` for NaN."""
+        its P, one for each inertial parameter, scaled to be comparable, at the largest ratio sigma_k/sigma_k+1 of
+        successive singular values, those below 1e-15 of the largest counting as that; 0 where none is above 1e-12.
+        Raises `numpy.linalg.LinAlgError` for NaN."""
         return self.decision.rank
 
     @property
@@ -176,10 +177,13 @@ class ScaledRegressor:
         return self.vectors[:, self.rank :]
 
     def rank_of(self, columns: Sequence[int]) -> int:
-        """The rank of those of the scaled regressor's P columns, one for each inertial parameter, whose indices, from
-        0, are `columns`. Raises `IndexError` for an index of P or more, `numpy.linalg.LinAlgError` for NaN.
+        """The numerical rank of those of the scaled regressor's P columns, one for each inertial parameter, whose
+        indices, from 0, are `columns`, by the largest gap: the k at which sigma_k/sigma_k+1 is largest among their
+        singular values sigma, those below 1e-15 of the largest counting as that; 0 where none is above 1e-12. Raises
+        `IndexError` for an index of P or more, `numpy.linalg.LinAlgError` for NaN.
 
-        It is found from singular values and right vectors alone: the left factor U of U S V' changes no rank.
+        It is found from the whole regressor's singular values and right vectors alone: the left factor U of U S V'
+        changes no rank.
         """
         shares = (self.vectors * self.singular_values)[list(columns)]
         return NumericalRank.of(np.linalg.svd(shares, compute_uv=False)).rank

@@ -15,15 +15,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The settings of a search for the null space of a mechanism's energies, and its result, found when first asked
-    for.
+    """The settings of a search for the null space of a mechanism's energies, the directions of its inertial parameters
+    that change no energy, and its result, `found`, computed when that attribute is first read.
 
-    `method` is "automatic", "svd" (singular values of energies at random states) or "transfers" (a tree's geometry);
-    `near` is for angles and lengths that are nearly, but not exactly, special, such as right angles: "refuse" raises
-    where the rank would be another if they were exact, "as_is" takes them as they stand; `prove` says whether the rank
-    is also computed on exact geometry, None that it is unless loops are closed and nothing is nearly special. `samples`
-    is the number of random states, `seed` draws them. Nothing is checked at construction, but when `found` is asked
-    for.
+    `method` is "svd" (singular values of energies at random states), "transfers" (a tree's geometry, joint by joint) or
+    "automatic": transfers for a tree of 100 parameters or more if they can certify the rank, else "svd". `samples` is
+    the number of random states, `seed` draws them. `prove` True also computes the rank on exact geometry, False does
+    not; None does so for trees, and for closed loops only where angles or lengths are nearly, but not exactly, special
+    (right, zero, equal to others). `near` is for such geometry, unless `prove` is False: "refuse" makes `found` raise
+    `RankError` if the rank would be another with angles and lengths exactly special, "as_is" takes them as they stand.
+
+    Nothing is checked at construction: reading `found` raises `RankError` where the rank cannot be certified or is
+    refused, `InputError` for another `method` or `near`, for fewer than 2 `samples`, and for "transfers" of a mechanism
+    with loops, constrained parameters, or drives that turn with several joints.
     """
 
     mechanism: Mechanism

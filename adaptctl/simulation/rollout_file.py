@@ -70,8 +70,9 @@ class RolloutFile:
         """Append T samples of r joints to the file: `columns` maps the names of a `Rollout`'s arrays to their values in
         SI units: "time", "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a",
         "torque", "applied", "measured_p" and "measured_v" (T, r), None for one that the file is to leave out;
-        "estimate" (T, k) and "learning" (T, l), of k and l numbers. `marks` maps names of events to arrays (T,). Both
-        have the same names at every call; later calls without samples write nothing.
+        "estimate" (T, k), the controller's k parameter estimates, and "learning" (T, l), the l numbers that the
+        adaptation law records of its memory. `marks` maps names of events to arrays (T,). Both have the same names at
+        every call; later calls without samples write nothing.
 
         Raises `KeyError` where an array is missing, `ValueError` for other columns than at the first call, and
         `OSError` where writing fails.
@@ -125,9 +126,10 @@ def rollout_table(
 
     `columns` maps the names of a `Rollout`'s arrays to their values in SI units: "time", "clipped", "energy" and
     "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and
-    "measured_v" (T, r), None for one that is left out; "estimate" (T, k) and "learning" (T, l), of k and l numbers.
-    `marks` maps names of events to arrays (T,); `joints` (r,) names the r joints. Raises `KeyError` where an array is
-    missing and `ModuleNotFoundError` without pyarrow.
+    "measured_v" (T, r), None for one that is left out; "estimate" (T, k), the controller's k parameter estimates, and
+    "learning" (T, l), the l numbers that the adaptation law records of its memory. `marks` maps names of events to
+    arrays (T,); `joints` (r,) names the r joints. Raises `KeyError` where an array is missing and `ModuleNotFoundError`
+    without pyarrow.
     """
     import pyarrow as pa
 
@@ -138,11 +140,14 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """The contents of a run's Parquet file at `path`, three mappings by name: the arrays of a `Rollout` of T samples in
-    SI units, read-only: "time", "clipped", "energy" and "reward" (T,), those of r joints, such as "p" (T, r), and
-    "estimate" (T, k) and "learning" (T, l), of k and l numbers; the marks of events, (T,) each; and of the whole run
-    "control_period" and "wall_time", s, "complete", "terminated" and "every", as far as the file has them. Arrays that
-    were left out of the file are missing.
+    """The contents of a run's Parquet file at `path`, three mappings by name. The first has the arrays of a `Rollout`
+    of T samples of r joints in SI units, read-only: "time", "clipped", "energy" and "reward" (T,); "p", "v",
+    "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and "measured_v" (T, r), in the
+    file's order of joints; and "estimate" (T, k), the controller's k parameter estimates, and "learning" (T, l), the l
+    numbers that the adaptation law records of its memory. The second has the marks of events, (T,) each. The third has,
+    of the whole run, "control_period" and "wall_time", s, "complete" and "terminated", bools, and "every", the number
+    of control periods from one sample to the next. Arrays of joints, marks and entries that the file lacks are missing;
+    "estimate" and "learning" are then (T, 0).
 
     Raises `FileError` for a file that cannot be read, is no run of this package or is damaged, and
     `ModuleNotFoundError` without pyarrow.

@@ -51,21 +51,23 @@ class Springs(NamedTuple):
 
     @property
     def firm(self) -> Column:
-        """The damping (r,), a `Column` (vector of scalars), of the springs' torque on r joints over the step, N m s/rad
-        (N s/m): its decrease for every rad/s (m/s) that the velocity of a link's joint gains by the step's end."""
+        """The damping (r,), a `Column` (vector of scalars), of the springs' torque on r joints over the integration
+        step of `dt` (s), N m s/rad (N s/m): its decrease for every rad/s (m/s) that the velocity of a link's joint
+        gains by the step's end."""
         return self._share * self.motors.inertia
 
     @property
     def torque(self) -> Column:
-        """The springs' torque (r,), a `Column` (vector of scalars), on the links at r joints, N m (N), for joint
-        velocities that are the same at the step's end as at its beginning."""
+        """The springs' torque (r,), a `Column` (vector of scalars), on the links at r joints, N m (N), for links' joint
+        velocities that are the same, `v`, at the end of the integration step of `dt` (s) as at its beginning."""
         driven = self.motors.inertia * (self.motors.w - self.v) + self.dt * (self.given - self.held)
         return self.held + self._share * driven
 
     def spin(self, after: Column) -> Column:
-        """The motors' mean acceleration (r,), a `Column` (vector of scalars), over the step, rad/s^2 (m/s^2), where the
-        r joints' velocities at its end are `after` (r,), rad/s (m/s). Raises `ValueError` for another number of
-        joints."""
+        """The motors' mean acceleration (r,), a `Column` (vector of scalars), over the integration step of `dt` (s),
+        rad/s^2 (m/s^2), behind their gears, as the joints': from the velocities `motors.w` at the step's beginning,
+        where the links' joints have the velocities `v` then and `after` (r,), rad/s (m/s), at its end. Raises
+        `ValueError` for another number of joints than r."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property

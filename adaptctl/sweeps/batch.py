@@ -36,16 +36,18 @@ def batched(
     experiments: Sequence[Experiment], controllers: Sequence[str], precision: Precision = "double"
 ) -> RunOutcomes:
     """Outcomes of those `experiments` that can be computed together in native code, a mapping from their indices in
-    `experiments`: for each a list of pairs, a controller's name and its `RunOutcome`. It is empty where any of them is
-    no `Learning` (a comparison of controllers). It leaves out those whose plant has kinematic loops or effects (delays
-    and limits of torques, friction and springs in joints, sensors, loads), whose reference is no sinusoids of the
-    joints, or whose controllers take a reference of another size.
+    `experiments`: for each a list of pairs, a controller's name and its `RunOutcome`. An experiment is left out where
+    its plant has kinematic loops or effects (delays and limits of torques, friction and springs in joints, sensors,
+    loads), its reference is no sinusoids of the joints, or its controllers take a reference of another size. The
+    mapping is empty unless all `experiments` are instances of `Learning`, the class of experiments that compare
+    controllers.
 
-    `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of the
-    numbers. In double the outcomes are those of each experiment by itself, to round-off. An experiment that raises an
-    `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` before it runs has the one outcome "failed", with the
-    error's message and no controller's name. Runs whose simulation together raises one of these are, in double, left
-    out, to be computed each by itself, and "failed" in single. Other errors go through.
+    `controllers` has the names of those that run, all where it is empty; `precision`, "double" unless given, or
+    "single", is that of the numbers. In double the outcomes are those of each experiment by itself, to round-off. An
+    experiment that raises an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` before it runs, such as
+    `NotFoundError` for a name in `controllers` that none of its own has, has one outcome, "failed" with the error's
+    message, under the empty name "". Runs whose simulation together raises one of these are, in double, left out,
+    to be computed each by itself, and "failed" under their controllers' names in single. Other errors go through.
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}

@@ -21,18 +21,25 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class SweepMeasurement(CheckedSettings, ABC):
-    """Abstract base class of measurements, which only a sweep runs: a frozen dataclass of settings with a function,
-    `outcomes`, from many such objects to their outcomes. A subclass gives `name`, the text by which a sweep finds it,
-    further settings as fields made by `setting` (`seed`, that of all random numbers, is one already) and `outcomes`.
+    """Abstract base class of measurements, which only a sweep runs: settings, and a function from many of them to their
+    outcomes.
+
+    A subclass is a frozen dataclass. It gives `name`, a class variable, the name on the command line; its settings,
+    fields made by `setting(default, meaning, low=..., high=...)` of `adaptctl.experiments.experiment`, besides `seed`
+    (0 by default), which it has from here; and the class method `outcomes(chosen)`, which returns a list of one
+    `RunOutcome` for each of the instances `chosen`, in their order: `RunOutcome("done", reason, rms_error, ...)`,
+    "diverged" likewise, or `RunOutcome.failed(error)` in place of an error. A sweep finds it by its entry in
+    `MEASUREMENTS`, a mapping from names to the names of module and class.
+
     Raises `InputError` at construction for a setting of another type than its default or out of its bounds,
-    `NonFiniteError` for NaN or infinity."""
+    `NonFiniteError` for NaN or infinity.
+    """
 
     @classmethod
     @abstractmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The outcomes of the measurements `chosen`, a `RunOutcome` (status, reason, errors) for each, in their order,
-        which an implementation must return. It should raise nothing for what is wrong with one of them, whose outcome
-        is "failed" then, with the reason."""
+        """The `RunOutcome` of each of the measurements `chosen`, in their order, which an implementation must return.
+        It should raise nothing for what is wrong with one of them, whose outcome is "failed" then, with the reason."""
 
 
 def kind_of(name: str) -> type[CheckedSettings]:

@@ -107,9 +107,9 @@ def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> Checke
 
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
     """Outcomes of an `experiment` that runs by itself, not with others: pairs of a controller's name and its
-    `RunOutcome`, for those that `controllers` names, all where empty. Where the experiment compares no controllers, or
-    it raises an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError`, there is one outcome "failed" with the
-    reason and an empty name."""
+    `RunOutcome`, for those whose names `controllers` has, all where it is empty. Where the experiment compares no
+    controllers, or an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` is raised, such as `NotFoundError`
+    for a name that none of its controllers has, there is one outcome "failed" with the reason and the empty name ""."""
     try:
         compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
         if compare is None:

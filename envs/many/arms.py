@@ -101,9 +101,9 @@ class Arms:
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> StepResult:
         """The first results, a `StepResult` of k rows, of new episodes of the arms of indices `arms` (k,). `options`
         may have `payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`, `trajectory`, a
-        `Reference`, a seed or "random", `initial_error`, rad (m), and `parameters`, the P true inertial ones, SI units,
-        in the order of `Mechanism.parameter_names`: one value for all N arms or N of them; others are not looked at,
-        and what is missing is that of the single environment.
+        `Reference`, a seed or "random", `initial_error`, one number or (r,), for N of them (N, r), rad (m), and
+        `parameters`, the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`: one value for all
+        N arms or N of them; others are not looked at, and what is missing is that of the single environment.
 
         Raises `InputError` for a bad value, of these `NonFiniteError` for numbers that are not finite, naming the arm,
         and `SingularityError` where loops cannot be followed to the start.

@@ -50,17 +50,18 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), n numbers an arm in the environment's units, and `info`, that of
-        `VectorTrackingEnv.reset`, of all N arms, after an episode of every arm has begun, or, with `autoreset_mode`
-        "Disabled", of those in the option `reset_mask`, bools (N,); the controller's state of these arms is made anew.
+        """Observations (N, n), n numbers an arm, in the environment's units and in the order of its
+        `observation_slices`, and `info`, that of `VectorTrackingEnv.reset`, of all N arms, after an episode of every
+        arm has begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools (N,); the
+        controller's state of these arms is made anew.
 
         `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
         `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a
-        `Reference`, a seed or "random"), `initial_error` (rad, m) and the P true inertial `parameters` (P,), SI units,
-        in the order of `Mechanism.parameter_names`, for all arms or one each, None for none. Raises `InputError` for
-        bad seeds and options, of these `NotFoundError` for unknown ones and `NonFiniteError` for numbers that are not
-        finite, `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of
-        the arms before the first reset of all.
+        `Reference`, a seed or "random"), `initial_error` (one number or (r,), for one each (N, r), rad or m) and the P
+        true inertial `parameters` (P,), SI units, in the order of `Mechanism.parameter_names`, for all arms or one
+        each, None for none. Raises `InputError` for bad seeds and options (its subclasses `NotFoundError` for unknown
+        options, `NonFiniteError` for numbers that are not finite), `SingularityError` where loops cannot be followed to
+        the start, Gymnasium's `ResetNeeded` for a part of the arms before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
         begun = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
@@ -69,13 +70,13 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         return observations, info
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Observations (N, n), n numbers an arm in the environment's units, rewards (no unit), `terminated` and
-        `truncated`, bools, (N,) each, and `info` after one control period of all N arms under each one's own
-        controller, changed by the actions (N, a), no unit, in [-1, 1], as the subclass defines. Rewards and ends are
-        those of `VectorTrackingEnv.step`: terminated where a joint's error passes its bound or kinematic loops come
-        near a singularity or leave bounds that the robot's file states, truncated where the duration is over. `info`
-        has that environment's keys and the subclass's, `base_torque` or `gains`. Actions of arms that begin again do
-        not matter, but are checked.
+        """Observations (N, n), n numbers an arm, in the environment's units and in the order of its
+        `observation_slices`, rewards (no unit), `terminated` and `truncated`, bools, (N,) each, and `info` after one
+        control period of all N arms under each one's own controller, changed by the actions (N, a), no unit, in [-1,
+        1], as the subclass defines. Rewards and ends are those of `VectorTrackingEnv.step`: terminated where a joint's
+        error passes its bound or kinematic loops come near a singularity or leave bounds that the robot's file states,
+        truncated where the duration is over. `info` has that environment's keys and the subclass's, `base_torque` or
+        `gains`. Actions of arms that begin again do not matter, but are checked.
 
         Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming number and arm, before
         anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`

@@ -44,13 +44,15 @@ class LearnerView:
         self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """The first observations (N, n), n numbers an arm in the environment's units, of an episode of each of the N
-        arms. `seeds` and `options` have N entries each: an arm's seed, None to go on with its random numbers, and its
-        options, those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center`
-        and `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, rad (m); `parameters` (P,), the
-        P true inertial ones, SI units, in the order of `Mechanism.parameter_names`), of the same names for all arms.
-        Raises `InputError` for bad seeds and options, other names, and another number of seeds or options, of these
-        `NotFoundError` for unknown options; `SingularityError` where loops cannot be followed to the start."""
+        """The first observations (N, n), n numbers an arm, in the order and the units of the environment's own, of an
+        episode of each of the N arms. `seeds` and `options` have N entries each: an arm's seed, None to go on with its
+        random numbers, and its options, those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its
+        fields `mass`, `center` and `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, one
+        number or (r,), rad (m); `parameters` (P,), the P true inertial ones, SI units, in the order of
+        `Mechanism.parameter_names`), of the same names for all arms. Raises `InputError` for a bad seed or option, for
+        another number of seeds or options than N, and for options whose names differ from arm to arm (its subclasses
+        `NotFoundError` for an option that there is not, `NonFiniteError` for numbers that are not finite);
+        `SingularityError` where loops cannot be followed to the start."""
         count = self.env.num_envs
         listed = isinstance(options, Sequence) and all(isinstance(own, Mapping) for own in options)
         if not listed or len(options) != count:
@@ -68,12 +70,12 @@ class LearnerView:
         return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations (N, n), n numbers an arm in the environment's units, rewards (N,), no unit, bools done (N,),
-        terminated or truncated, and a list of N infos, one an arm, after one control period of the N arms under actions
-        (N, a), a numbers an arm in [-1, 1], shares of the largest action, such as torque limits, not clipped here. An
-        arm that is done has begun its next episode; its info has `terminal_observation` (n,) and `TimeLimit.truncated`,
-        others are empty. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where a motion
-        runs away, Gymnasium's `ResetNeeded` before the first reset."""
+        """Observations (N, n), n numbers an arm, in the order and the units of the environment's own, rewards (N,), no
+        unit, bools done (N,), terminated or truncated, and a list of N infos, one an arm, after one control period of
+        the N arms under actions (N, a), a numbers an arm in [-1, 1], shares of the largest action, such as torque
+        limits, not clipped here. An arm that is done has begun its next episode; its info has `terminal_observation`
+        (n,) and `TimeLimit.truncated`, others are empty. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN
+        and infinity and where a motion runs away, Gymnasium's `ResetNeeded` before the first reset."""
         scaled = finite_actions(actions, self.env.action_space) * self._largest
         observation, reward, terminated, truncated, info = self.env.step(scaled)
         done: NDArray[np.bool_] = terminated | truncated

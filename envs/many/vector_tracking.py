@@ -153,20 +153,21 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad, rad/s, rad/s^2 (m if
-        prismatic), and `info` of all N arms, after an episode of every arm has begun, or, with `autoreset_mode`
-        "Disabled" alone, of those in the option `reset_mask`, bools (N,), not all False. `info` has `time`,
-        `parameters`, `applied_torque`, `energy` and `clipped` and, with effects, `p`, `v` and `marks`, as in `step`,
-        and for each key a mask `_key` (N,) of the arms that have begun.
+        """Observations (N, n), n = 5r + r L, and `info` of all N arms, after an episode of every arm has begun, or,
+        with `autoreset_mode` "Disabled" alone, of those in the option `reset_mask`, bools (N,), not all False. A row of
+        observations has the measured positions and velocities, the reference's positions, velocities and accelerations,
+        (r,) each, then its positions at each of L times ahead in turn, for r joints; rad, rad/s, rad/s^2 (m if
+        prismatic). `info` has `time`, `parameters`, `applied_torque`, `energy` and `clipped` and, with effects, `p`,
+        `v` and `marks`, as in `step`, and for each key a mask `_key` (N,) of the arms that have begun.
 
         `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
         `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a
-        `Reference`, a seed or "random"), `initial_error` (rad, m) and the P true inertial `parameters` (P,) in SI
-        units, in the order of `Mechanism.parameter_names`, for all arms or one each, in place of those in
-        `reset_options`, None for these alone. Raises `InputError` for bad seeds and options, of these `NotFoundError`
-        for unknown ones and `NonFiniteError` for an `initial_error` or `parameters` that are not finite, naming the
-        arm; `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of the
-        arms before the first reset of all.
+        `Reference`, a seed or "random"), `initial_error` (one number or (r,), for one each (N, r), rad or m) and the P
+        true inertial `parameters` (P,) in SI units, in the order of `Mechanism.parameter_names`, for all arms or one
+        each, in place of those in `reset_options`, None for these alone. Raises `InputError` for bad seeds and options
+        (its subclasses `NotFoundError` for unknown options, `NonFiniteError` for numbers that are not finite, naming
+        the arm); `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part
+        of the arms before the first reset of all.
         """
         given = dict(_known(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -184,9 +185,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L for r joints and L look-ahead times, in rad, rad/s, rad/s^2 (m if
-        prismatic), rewards (no unit), `terminated` and `truncated`, bools, (N,) each, and `info` after one control
-        period of all N arms under `actions`, torques (N, r), N m (N), held and clipped to the torque limits.
+        """Observations (N, n), n = 5r + r L, rewards (no unit), `terminated` and `truncated`, bools, (N,) each, and
+        `info` after one control period of all N arms under `actions`, torques (N, r), N m (N), held and clipped to the
+        torque limits. A row of observations has the measured positions and velocities, the reference's positions,
+        velocities and accelerations, (r,) each, then its positions at each of L times ahead in turn, for r joints; rad,
+        rad/s, rad/s^2 (m if prismatic). A reward is minus the sums over the joints of squared position errors, squared
+        velocity errors and (torque/limit)^2, each times its weight (`RewardWeights`), less the weight `termination`
+        where terminated.
 
         `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity or leave
         bounds that the robot's file states, `truncated` where the duration is over. `info` has `time` (N,), s,

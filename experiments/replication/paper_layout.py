@@ -15,17 +15,18 @@ PRODUCTS = ("I_xy", "I_xz", "I_yz")
 
 
 def index(row: str, link: str) -> int:
-    """Index from 0 of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, such as "I_x", and the
-    column of a `link`, "1", "2", ..., among all parameters: ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
-    I_yz, I_zz. Raises `ValueError` for a row that is no parameter or a link that is no whole number, `InputError`, one
-    of these, for a link below 1."""
+    """Index from 0 of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, "m", "mc_x", "mc_y",
+    "mc_z", "I_x", "I_y", "I_z", "I_xy", "I_xz" or "I_yz" (or, for I_x, I_y and I_z, this package's "I_xx", "I_yy",
+    "I_zz"), and the column of a `link`, "1", "2", ..., among all parameters: ten a link, m, mc_x, mc_y, mc_z, I_xx,
+    I_xy, I_yy, I_xz, I_yz, I_zz. Raises `ValueError` for a row that is no parameter or a link that is no whole number,
+    `InputError`, one of these, for a link below 1."""
     return 10 * (whole_count(int(link), "link", 1) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
 def sign(row: str) -> float:
     """Sign that turns an inertial parameter in a `row` of Sheu and Walker's (1991) tables into this package's, which
     takes the inertia tensor's own entries: -1 for products of inertia ("I_xy", ...), which the paper takes as +integral
-    xy dm, and 1 for others."""
+    xy dm, and 1 for others, any text among them; nothing is checked."""
     return -1.0 if row in PRODUCTS else 1.0
 
 
@@ -48,6 +49,6 @@ def kept(table: Table) -> tuple[int, ...]:
 
 
 def name(row: str, link: str) -> str:
-    """Name in this package of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, such as "I_x", and
-    the column of a `link`, such as "3": "link3.I_xx". Nothing is checked."""
+    """Name in this package of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, such as "m" or
+    "I_x" (the package's I_xx), and the column of a `link`, such as "3": "link3.I_xx". Nothing is checked."""
     return f"link{link}.{NAMES.get(row, row)}"

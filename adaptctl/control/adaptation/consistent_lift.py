@@ -104,12 +104,12 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             positive_per_joint(self.weight, np.size(self.weight), "consistent lift: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the first lift (P,), all P parameters of bodies and drives, is physically
-        consistent and its k fundamental (base) parameters are the first estimate, to 1e-9 of their largest, and there
-        is one rate or one for each link with a body and each drive's parameter, and linear constraints on the `model`'s
-        parameters, if any, leave all ten of each body free; with a weight of prediction errors, also unless that is one
-        number or one a joint, the torque filter's cutoff (rad/s) times the period (s) is at most 1, and no such
-        constraint fixes a drive's parameter at a value other than zero.
+        """Raise `InputError` unless the first lift, the law's `lift` (P,) of all P parameters of bodies and drives, is
+        physically consistent and its k fundamental (base) parameters are the first estimate, to 1e-9 of their largest,
+        and there is one rate or one for each link with a body and each drive's parameter, and linear constraints on the
+        `model`'s parameters, if any, leave all ten of each body free; with a weight of prediction errors, also unless
+        that is one number or one a joint, the torque filter's cutoff (rad/s) times the period (s) is at most 1, and no
+        such constraint fixes a drive's parameter at a value other than zero.
 
         `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s, which the controller
         checks to be positive.
@@ -127,15 +127,15 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LiftMemory:
-        """The memory before the first control period: the first lift (P,), all P parameters of bodies and drives in SI
-        units, and, where torques are predicted (with a weight of prediction errors), the torque filters at rest, their
-        outputs zero.
+        """The memory before the first control period: the first lift (P,), a copy of the law's `lift`: all P parameters
+        of rigid bodies and drives, in SI units, whose k fundamental (base) parameters are the estimate; and, where
+        torques are predicted (with a weight of prediction errors), the torque filters at rest, their outputs zero.
 
-        `initial`, the first estimate (k,) of k fundamental parameters, is not looked at; q (..., n) are the positions
-        of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
-        (independent) joints in rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters'
-        `regressor` then has them too, all else is the same for all arms. With a weight, raises `InputError` for a model
-        whose linear constraints fix parameters at values other than zero; nothing else is checked.
+        `initial`, the first estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
+        joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
+        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' `regressor` then has them
+        too, all else is the same for all arms. With a weight, raises `InputError` for a model whose linear constraints
+        fix parameters at values other than zero; nothing else is checked.
         """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)
@@ -144,9 +144,9 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: LiftMemory
     ) -> tuple[Column, LiftMemory]:
         """The estimate (k,) of the model's k fundamental (base) parameters, in their SI units, and the memory after a
-        control period: a step of the lift (P,), all P parameters of bodies and drives, along geodesics of
-        pseudo-inertias for the tracking error, and, with a weight, then one for the prediction error. The estimate is
-        the lift, regrouped.
+        control period: a step of the lift (P,), all P parameters of bodies and drives whose fundamental ones are the
+        estimate, along geodesics of pseudo-inertias for the tracking error, and, with a weight, then one for the
+        prediction error. The estimate is the lift, regrouped.
 
         `estimate` (k,), which is not looked at, and `memory`, the lift (P,) in SI units and the torque filters, are
         those before the control period that `period` describes. Nothing is checked here.

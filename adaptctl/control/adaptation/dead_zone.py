@@ -83,9 +83,11 @@ class DeadZone(Descent[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a step down the gradient Y's, Y' the transpose of the
-        torque regressor Y (r, k) and s (r,) the sliding variable of r joints, or unchanged where the mean of s over the
-        period is within the dead zone; and the empty memory.
+        """The estimate (k,) of the `model`'s k parameters after the step -Gamma Y' times the integral of s over the
+        control period (trapezium rule), or unchanged within the dead zone; and the empty memory. Gamma is the
+        adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding
+        variable of r joints, rad/s (m/s). The zone is one ellipsoid for all joints together: sum (m_i/width_i)^2 <= 1,
+        m (r,) the mean of s at the period's start and end, `width` the zone's half-widths, rad/s (m/s).
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

@@ -67,10 +67,11 @@ class Gradient(Descent[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a step down the gradient Y's, and the empty memory. Y'
-        is the transpose of the torque regressor Y (r, k) at the period's start and s (r,) the sliding variable of r
-        joints at its end, or, with a `theta` below 1, between its start (theta 0) and its end; a `cap` above 0 limits
-        the step's power.
+        """The estimate (k,) of the `model`'s k parameters after the step -T_c Gamma Y's, T_c the control period, s, and
+        the empty memory. Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the
+        period's start, s (r,) the sliding variable of r joints, rad/s (m/s), at its end, or, with a `theta` below 1,
+        between its start (theta 0) and its end. A `cap` above 0 multiplies the step by a share of at most 1, which
+        limits its power.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

@@ -67,9 +67,10 @@ class SigmaModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a step down the gradient Y's, Y' the transpose of the
-        torque regressor Y (r, k) and s (r,) the sliding variable of r joints, that leaks to the prior estimate at the
-        `rate` sigma (1/s); and the empty memory.
+        """The estimate (k,) of the `model`'s k parameters after the step -Gamma Y' times the integral of s over the
+        control period (trapezium rule) and a leak to the prior estimate at the `rate` sigma (1/s) by the implicit rule;
+        and the empty memory. Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the
+        period's start, s (r,) the sliding variable of r joints, rad/s (m/s).
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.
@@ -100,9 +101,11 @@ class EModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a step down the gradient Y's, Y' the transpose of the
-        torque regressor Y (r, k), that leaks to the prior estimate at `rate` |s| (1/s), s (r,) the mean of the sliding
-        variable of r joints over the period; and the empty memory.
+        """The estimate (k,) of the `model`'s k parameters after the step -Gamma Y' times the integral of s over the
+        control period (trapezium rule) and a leak to the prior estimate at `rate` |m| (1/s), m (r,) the mean of s at
+        the period's start and end, by the implicit rule; and the empty memory. Gamma is the adaptation gain, Y' the
+        transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding variable of r joints, rad/s
+        (m/s).
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

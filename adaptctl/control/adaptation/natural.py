@@ -92,9 +92,10 @@ class Natural(AdaptationLaw[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a step down the gradient Y's,
-        along the geodesic of every link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y'
-        is the transpose of the torque regressor Y (r, P), s (r,) the sliding variable of r joints.
+        """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a step against the gradient
+        Y's, of `rate` (1/J) times its integral over the control period (trapezium rule), along the geodesic of every
+        link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y' is the transpose of the
+        torque regressor Y (r, P) at the period's start, s (r,) the sliding variable of r joints.
 
         `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.
@@ -132,8 +133,9 @@ class Natural(AdaptationLaw[NoMemory]):
 
 
 def checked_rate(rate: ArrayLike) -> Array:
-    """A read-only float64 copy of the `rate` of natural adaptation, one number or m of them (m,), in 1/J. Raises
-    `InputError` for other shapes and what is not positive and finite."""
+    """A read-only float64 copy of the `rate` of natural adaptation, one number, or m of them (m,): one for each link
+    with a body and then for each parameter of a drive, as `require_rates` checks; in 1/J. Raises `InputError` for other
+    shapes and what is not positive and finite."""
     array = numbers(rate, "natural adaptation: rate").copy()
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")

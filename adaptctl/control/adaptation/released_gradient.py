@@ -100,9 +100,10 @@ class ReleasedGradient(Descent[Normaliser]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate (k,) of the `model`'s k parameters after a step down the gradient Y's, Y' the transpose of the
-        torque regressor Y (r, k) and s (r,) the sliding variable of r joints at the period's end, divided by a
-        normaliser of at least 1; and the memory of that normaliser (1,), without a unit.
+        """The estimate (k,) of the `model`'s k parameters after the step -(T_c/n) Gamma Y's, T_c the control period, s,
+        and n a normaliser of at least 1; and the memory, n (1,), without a unit. Gamma is the adaptation gain, Y' the
+        transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding variable of r joints, rad/s
+        (m/s), at its end.
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

@@ -68,9 +68,10 @@ class Subspace(AdaptationLaw[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a step, along each adapted direction (k,), down the
-        gradient Y's by the trapezium rule; and the empty memory. Y' is the transpose of the torque regressor Y (r, k),
-        s (r,) the sliding variable of r joints.
+        """The estimate (k,) of the `model`'s k parameters after a step along each of the d adapted directions w (k,):
+        less w times its gain (`gain` (d,)) times w'g; and the empty memory. g (k,) is the integral of the gradient Y's
+        over the control period by the trapezium rule, Y' the transpose of the torque regressor Y (r, k) at the period's
+        start, s (r,) the sliding variable of r joints, rad/s (m/s).
 
         `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
         describes. Nothing is checked here.

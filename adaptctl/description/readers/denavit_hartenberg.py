@@ -30,9 +30,11 @@ class Base(msgspec.Struct, forbid_unknown_fields=True):
 class Step(LinkEntry, kw_only=True):
     """An entry of a Denavit-Hartenberg file: one link with the joint before it. The parameters are length `a` and
     offset `d` (m), twist `alpha` and angle `theta` (rad; or `alpha_deg`, `theta_deg` in degrees), by default 0, save
-    that one of the two twists must be given. The coordinate of a turning joint is added to theta, that of a prismatic
-    one to d. The other fields are those of `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is
-    checked at construction."""
+    that one of the two twists must be given. The file's `convention` says how they place the link: "standard" leads
+    from the frame of the link before to this link's by Rz(theta) Tz(d) Tx(a) Rx(alpha), turns R about and shifts T
+    along the axes z and x (Denavit and Hartenberg 1955), "modified" by Rx(alpha) Tx(a) Rz(theta) Tz(d) (Craig 1986).
+    The coordinate of a turning joint is added to theta, that of a prismatic one to d. The other fields are those of
+    `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is checked at construction."""
 
     a: float = 0.0
     d: float = 0.0
@@ -44,10 +46,12 @@ class Step(LinkEntry, kw_only=True):
 
 class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them: `schema` names the
-    file format, `convention` says where links' frames are, "standard" at their far ends, "modified" at their joints.
-    `links` has 1 to 256 entries, from the ground on; `source` says where the numbers come from, `gravity` (3,) is in
-    m/s^2, by default (0, 0, -9.81), `base` is the pose of the chain's first frame in the ground's. Without a `name` the
-    file's is taken. Nothing is checked at construction."""
+    file format, `convention` says where links' frames are, "standard" at their far ends, "modified" at their joints:
+    "standard" leads from the frame of the link before to this link's by Rz(theta) Tz(d) Tx(a) Rx(alpha), turns R about
+    and shifts T along the axes z and x (Denavit and Hartenberg 1955), "modified" by Rx(alpha) Tx(a) Rz(theta) Tz(d)
+    (Craig 1986). `links` has 1 to 256 entries, from the ground on; `source` says where the numbers come from, `gravity`
+    (3,) is in m/s^2, by default (0, 0, -9.81), `base` is the pose of the chain's first frame in the ground's. Without a
+    `name` the file's is taken. Nothing is checked at construction."""
 
     schema: Literal["adaptctl/denavit-hartenberg/1"]
     convention: Literal["standard", "modified"]

@@ -27,9 +27,9 @@ class Frame:
 
 
 class LinkPoses(NamedTuple):
-    """Poses of the frames of N links in the world: `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, with
-    which a point x_i (3) of link i is at x = rotations[..., i, :, :] @ x_i + translations[..., i, :] in the world.
-    Leading axes are samples."""
+    """Poses of the frames of N links in the world, in the order of `Mechanism.links`, the ground not among them:
+    `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, with which a point x_i (3) of link i is at x =
+    rotations[..., i, :, :] @ x_i + translations[..., i, :] in the world. Leading axes are samples."""
 
     rotations: Array
     """(..., N, 3, 3)"""
@@ -38,8 +38,9 @@ class LinkPoses(NamedTuple):
 
 
 class JointAxes(NamedTuple):
-    """Axes of the joints of N links in the world: `positions` (..., N, 3), m, of a point on each, the joint frame's
-    origin before its own motion, and `directions` (..., N, 3), unit vectors. Leading axes are samples."""
+    """Axes of the joints of N links in the world, one a link in the order of `Mechanism.links`: `positions` (..., N,
+    3), m, of a point on each, the joint frame's origin before its own motion, and `directions` (..., N, 3), unit
+    vectors. Leading axes are samples."""
 
     positions: Array
     """(..., N, 3), m: the origin of the joint's frame before it moves"""
@@ -60,8 +61,9 @@ def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
 
 
 def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
-    """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`: rotations (..., N, 3, 3) and
-    translations (..., N, 3), m, at positions p (..., r) of its r primary (independent) joints, rad (m if prismatic).
+    """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`, in the order of `Mechanism.links`, the
+    ground not among them: rotations (..., N, 3, 3) and translations (..., N, 3), m, at positions p (..., r) of its r
+    primary (independent) joints, rad (m if prismatic).
 
     Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit
     together, and `SingularityError` near where they lock.
@@ -74,9 +76,9 @@ def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
 
 
 def joint_axes(mechanism: Mechanism, p: ArrayLike) -> JointAxes:
-    """Axes in the world of the joints of a mechanism's N links, as `JointAxes`: points on them (..., N, 3), m, and
-    their directions (..., N, 3), unit vectors, at positions p (..., r) of its r primary (independent) joints, rad (m if
-    prismatic).
+    """Axes in the world of the joints of a mechanism's N links, as `JointAxes`, one a link in the order of
+    `Mechanism.links`: points on them (..., N, 3), m, and their directions (..., N, 3), unit vectors, at positions p
+    (..., r) of its r primary (independent) joints, rad (m if prismatic).
 
     Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit
     together, and `SingularityError` near where they lock.

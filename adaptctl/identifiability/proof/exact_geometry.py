@@ -44,17 +44,22 @@ class Reading:
     """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
 
     def length(self, x: float) -> Any:
-        """The exact scalar, in the reading's `unit`, of a length `x` in m, which may be negative: of the rational
-        number of least denominator within the reading's precision of it (`simplest_rational`), 0 where |x| is at most
-        `precision.length` times `size`. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+        """The exact scalar (a residue modulo a prime, or a number of 60 digits, as `number` makes it) of a length `x`
+        in m, which may be negative, counted in the reading's `unit` (1 m by default): 0 where |x| is at most
+        `precision.length` (1e-11 by default) times `size`, m, the mechanism's; else the simplest rational number near
+        x, the one of least denominator that differs from x by at most `precision.number` (1e-12) times the power of ten
+        at or below `size` (`simplest_rational`). An x that exceeds an entry of `equal` by no more than the precision
+        first becomes that entry. Raises `ValueError` for NaN, `OverflowError` for infinity."""
         place = bisect_right(self.equal, abs(x)) - 1
         if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:
             x = math.copysign(self.equal[place], x)
         return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
 
     def turned(self, angle: float) -> tuple[Any, Any]:
-        """The cosine and the sine of an `angle` in rad as exact scalars whose squares sum to exactly 1; floats 0 and
-        +-1 at multiples of a right angle, or nearer to one than the precision. Raises `ValueError` for NaN,
+        """The cosine and the sine of an `angle` in rad as exact scalars (a residue modulo a prime, or a number of 60
+        digits, as `number` makes it) whose squares sum to exactly 1: those of the angle whose half tangent, beyond a
+        multiple of a right angle, is the simplest rational number near the true one. Floats 0 and +-1 at multiples of a
+        right angle, or within `precision.angle` of one (1e-11 rad by default). Raises `ValueError` for NaN,
         `OverflowError` for infinity."""
         found = turn(angle, self.precision)
         if not found.half_tangent:
@@ -63,9 +68,9 @@ class Reading:
         return self.number(c), self.number(s)
 
     def rotation(self, turns: Turns) -> Mat:
-        """The rotation matrix (3, 3), in exact scalars, that is the product of turns about coordinate axes, in their
-        order: each of `turns` is an axis (0, 1, 2 for x, y, z) and an angle in rad. Raises `ValueError` without any
-        turn."""
+        """The rotation matrix (3, 3), in exact scalars (residues modulo a prime, or numbers of 60 digits, and floats 0
+        and +-1), that is the product of turns about coordinate axes, in their order: each of `turns` is an axis (0, 1,
+        2 for x, y, z) and an angle in rad. Raises `ValueError` without any turn."""
         first, *rest = (turned(axis, *self.turned(angle)) for axis, angle in turns)
         return reduce(product, rest, first)
 
@@ -81,8 +86,9 @@ class ExactFrame:
 
     @classmethod
     def of(cls, placement: FramePlacement, reading: Reading) -> ExactFrame:
-        """The frame in exact scalars that a `placement` in floats (angles in rad, lengths in m) stands for, by a
-        `reading`, the rule that makes floats exact. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+        """The frame in exact scalars (residues modulo a prime, or numbers of 60 digits), an `ExactFrame`, that a
+        `placement` in floats (angles in rad, lengths in m) stands for, by a `reading`, the rule that makes floats
+        exact. Raises `ValueError` for NaN, `OverflowError` for infinity."""
         radius, height = reading.length(placement.radius), reading.length(placement.height)
         c, s = reading.turned(placement.bearing)
         return cls(reading.rotation(placement.turns), Vec(radius * c, radius * s, height))

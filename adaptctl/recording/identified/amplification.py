@@ -71,9 +71,10 @@ class Amplification:
     complete: bool = True
 
     def headline(self) -> str:
-        """The finding in a sentence or two: the relative errors of both estimators from exact and from measured
-        torques. Raises `IndexError` without a case, `ZeroDivisionError` where the error of filtered dynamics in the
-        last case is zero."""
+        """The finding in a sentence or two: how far the torques that energy differences predict are off (root mean
+        square over that of the true torques), learned from exact and from measured torques, and those of filtered
+        dynamics from measured ones. Raises `IndexError` without a case, `ZeroDivisionError` where the error of filtered
+        dynamics in the last case is zero."""
         last, exact = self.measured[-1], self.measured[0]
         return (
             f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
@@ -82,8 +83,11 @@ class Amplification:
         )
 
     def facts(self) -> Iterator[Fact]:
-        """Facts for the report, one `Fact` for each kind of torques: what the torques were, and the relative errors of
-        both estimators, in percent."""
+        """Facts for the report, a `Fact` for each of the `measured` cases, the kinds of torques that the estimators
+        learn from (exact, noisy or measured), in their order: `question` says what these torques are, `answer` has in
+        percent the errors of the torques then predicted by filtered dynamics (the equations of motion behind a low-pass
+        filter) and by energy differences (work and energy over windows of time), root mean squares over that of the
+        torques of the model that stands for the truth. Nothing is raised."""
         for entry in self.measured:
             yield Fact(entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}")
 

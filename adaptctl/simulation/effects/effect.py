@@ -34,10 +34,17 @@ class ActuatorEffect(Effect):
     """Abstract base class of actuator effects, which change torques on their way from the controller to the joints,
     such as a delay. Nothing is checked at construction, unless by a subclass.
 
-    A subclass gives `rank`, `require(dof, links, control_period)`, `start(torque, control_period)`, its first memory,
-    and `act(torque, memory, control_period)`, the torque passed on and the next memory. `rank`, an integer, is the
-    effect's place on that way, lower ones first; `mark` is the name under which a rollout marks the control periods in
-    which the effect passed on another torque than it was given, None (the default) for no marks.
+    A subclass, a frozen dataclass of its own settings, gives, for a plant of r = `dof` joints, with torques in N m (N
+    if prismatic) and the `control_period` in s:
+
+    `rank`, an integer, its place on that way, lower ones first; `require(dof, links, control_period)`, which raises
+    `InputError` where its settings do not fit the plant, `links` being the names of the links with ten inertial
+    parameters each; `start(torque, control_period)`, which returns its first memory (..., m), m >= 0 numbers of its
+    own, for joints that were held by the array `torque` (..., r); and `act(torque, memory, control_period)`, which
+    returns the torque (r,) passed on and the next memory (m,). In `act` the vectors are `Column`s of scalars of any
+    kind, floats or symbols that become native code, on whose values it must not branch. It may give `mark`, the name
+    under which a rollout marks the control periods in which the effect passed on another torque than it was given, None
+    (the default) for no marks.
     """
 
     rank: ClassVar[int]
@@ -63,9 +70,19 @@ class SensorEffect(Effect):
     """Abstract base class of sensor effects, which change positions and velocities on their way from the joints to the
     controller, such as encoders. Nothing is checked at construction, unless by a subclass.
 
-    A subclass gives `rank`, `require(dof, links, control_period)`, `start(p, v, control_period)`, its first memory, and
-    `measure(p, v, noise, memory, control_period)`, the positions and velocities measured and the next memory. `rank`,
-    an integer, is the effect's place on that way, lower ones first.
+    A subclass, a frozen dataclass of its own settings, gives, for a plant of r = `dof` joints, with the
+    `control_period` in s:
+
+    `rank`, an integer, its place on that way, lower ones first; `require(dof, links, control_period)`, which raises
+    `InputError` where its settings do not fit the plant, `links` being the names of the links with ten inertial
+    parameters each; `start(p, v, control_period)`, which returns its first memory (..., m), m >= 0 numbers of its own,
+    for arrays of positions p and velocities v (..., r); and `measure(p, v, noise, memory, control_period)`, which
+    returns the measured positions and velocities (r,) and the next memory (m,), from p and v (r,), the true ones or as
+    measured by the effects before, `noise` (2r,), standard normal numbers drawn for this measurement, the positions'
+    first, the same for all sensor effects, and `memory` (m,).
+
+    Positions are in rad (m if prismatic), velocities in rad/s (m/s). In `measure` the vectors are `Column`s of scalars
+    of any kind, floats or symbols that become native code, on whose values it must not branch.
     """
 
     rank: ClassVar[int]
@@ -94,9 +111,15 @@ class SensorEffect(Effect):
 
 class JointEffect(Effect):
     """Abstract base class of joint effects, which are torques in the joints that resist their motion and dissipate
-    energy, such as friction; they depend on the joints' velocities alone. A subclass gives `require(dof, links,
-    control_period)`, `torque(v)`, the resisting torque (r,) at velocities v (r,) of r joints, and `steepest(dof)`, its
-    greatest slope (r,) over velocity. Nothing is checked at construction, unless by a subclass."""
+    energy, such as friction; they depend on the joints' velocities alone. Nothing is checked at construction, unless by
+    a subclass.
+
+    A subclass, a frozen dataclass of its own settings, gives, for a plant of r = `dof` joints, `require(dof, links,
+    control_period)`, which raises `InputError` where its settings do not fit the plant (`links` are names of links,
+    `control_period` is in s); `torque(v)`, the resisting torque (r,), N m (N if prismatic), at velocities v (r,), rad/s
+    (m/s), of their sign, both `Column`s of scalars of any kind, floats or symbols that become native code; and
+    `steepest(dof)`, an array (r,), its greatest slope over velocity, N m s/rad (N s/m).
+    """
 
     @abstractmethod
     def torque(self, v: Column) -> Column:
@@ -114,9 +137,15 @@ class JointEffect(Effect):
 
 class LoadEffect(Effect):
     """Abstract base class of load effects, which change the mechanism's inertial parameters in mid-motion, such as a
-    payload that is picked up. A subclass gives `require(dof, links, control_period)`, `mass(time)`, the mass added, kg,
-    and `loaded(parameters, links, time)`, the parameters with the load; it may override `until(time)`, the time until
-    which the load stays as it is, s. Nothing is checked at construction, unless by a subclass."""
+    payload that is picked up. Nothing is checked at construction, unless by a subclass.
+
+    A subclass, a frozen dataclass of its own settings, gives `require(dof, links, control_period)`, which raises
+    `InputError` where its settings do not fit a plant of `dof` joints (`links` are the names of those with ten inertial
+    parameters each, `control_period` is in s); `mass(time)`, the mass that it adds at a time (s), kg; and
+    `loaded(parameters, links, time)`, the P inertial parameters (..., P), SI units, with the load, ten for each of
+    `links` first, from those without it. It may override `until(time)`, the time (s) until which the load stays as it
+    is; the base class returns `time`, as for a load that changes continuously.
+    """
 
     @abstractmethod
     def mass(self, time: float) -> float:
