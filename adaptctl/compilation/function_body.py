@@ -48,7 +48,7 @@ class FunctionBody:
         self._uniform = uniform if lanes.count > 1 else ()
         self._text, self._lanes = Instructions(lanes), lanes
         self._symbols, self._found, self._same = symbols, found, same
-        self._sines = SinesAtOnce(self._text, self._operand)
+        self._sines = SinesAtOnce(self._text, self._operand, self._has)
         self._turns = asked_at_once([x for x in expressions if x.index not in found and x.index not in same.places])
         self._latest: dict[int, tuple[str, int]] = {}  # names, and how many expressions were written at the last use
         self._stored: dict[int, tuple[str, int]] = {}
@@ -102,7 +102,7 @@ class FunctionBody:
         """The name of a value. One that was not used for long is loaded again, or, where cheap, computed again."""
         if not isinstance(x, Expression):
             return self._lanes.constant(x)
-        name, when = self._latest.get(x.index, ("", -FAR))
+        name, when = self._latest.get(x.index, ("", 0))
         if self._now - when > FAR or not name:
             place = self._place(x) or self._stored.get(x.index)
             if place is not None:
@@ -114,6 +114,9 @@ class FunctionBody:
         self._latest[x.index] = name, self._now
         return name
 
+    def _has(self, x: Expression) -> bool:
+        return x.index in self._latest or self._place(x) is not None
+
     def _is_cheap(self, x: Expression) -> bool:
         """True for a sum of values in memory: to compute it again costs no more than to keep it there too."""
         homes = (not isinstance(y, Expression) or self._place(y) or y.index in self._stored for y in x.operands)
@@ -123,10 +126,9 @@ class FunctionBody:
         return x.op is Op.INPUT and x.detail[0] in self._uniform
 
     def _call(self, x: str, routine: Routine, groups: Iterable[Sequence[Expression | float]]) -> None:
-        used = {y.detail for y in routine.body if y.op is Op.INPUT}
         pointers = []
         for part, group in enumerate(groups):
-            needed = [k for k in range(len(group)) if (part, k) in used]
+            needed = [k for k in range(len(group)) if (part, k) in routine.read]
             pointers.append(self._gathered(f"{x}.in{part}", group, needed))
         for part, size in enumerate(routine.layout.sizes):
             pointers.append(self._text.reserve(f"{x}.out{part}", size))
@@ -134,7 +136,7 @@ class FunctionBody:
 
     def _gathered(self, name: str, group: Sequence[Expression | float], needed: Sequence[int]) -> str:
         """A pointer to these numbers side by side, of which some are needed: where they already are so, or a copy."""
-        key = tuple(x.index if isinstance(x, Expression) else x for x in group), tuple(needed)
+        key = tuple(x.index if isinstance(x, Expression) else repr(x) for x in group), tuple(needed)
         if key not in self._together:
             first = self._side_by_side(key[0], group, needed)
             if first is None:

@@ -89,12 +89,16 @@ class Graph:
         known; None where they are to be computed. For an unknown one that is an input of a called function (whose graph
         has `passed`) two inputs are added to the graph, its sine and cosine, which the caller will pass. Nothing is
         checked."""
-        if angle not in self.sines and self.passed is not None and angle.op is Op.INPUT:
+        if angle not in self.sines and self.passed is not None and self._is_argument(angle):
             first = 2 * len(self.turned)
             self.turned.append(angle)
             sine, cosine = (self.make(type(angle), Op.INPUT, detail=(self.passed, first + k)) for k in (0, 1))
             self.sines[angle] = sine, cosine
         return self.sines.get(angle)
+
+    def _is_argument(self, x: Expression) -> bool:
+        """True for an input of a called function that is no sine which its caller passes."""
+        return x.op is Op.INPUT and x.detail[0] != self.passed
 
     def require_own(self, values: Iterable[Any]) -> None:
         """Raise `TraceError` where one of the `values` is an expression of another graph: a value of another trace (run

@@ -58,6 +58,12 @@ class Routine:
         them: operands before what uses them."""
         return reachable(self.outputs)
 
+    @cached_property
+    def read(self) -> frozenset[tuple[int, int]]:
+        """Those scalars of the arguments that the routine reads, as pairs: the index of the argument, and that of the
+        scalar in it, both from 0."""
+        return frozenset(x.detail for x in self.body if x.op is Op.INPUT)
+
     @property
     def calls(self) -> list[Routine]:
         """The routines (traced functions) that this routine calls, one entry for each call, in order: one that is
@@ -132,10 +138,9 @@ def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any],
 def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
     """The outputs of a call; one that does not depend on the arguments is known already."""
     graph, of = nodes[0].graph, (folding.sine, folding.cosine)
-    needed = {x.detail for x in routine.body if x.op is Op.INPUT}
     pairs = [(f, nodes[place]) for place in routine.sines for f in of]
     passed = len(routine.inputs) - 1
-    sines = [f(x) if (passed, k) in needed else 0.0 for k, (f, x) in enumerate(pairs)]
+    sines = [f(x) if (passed, k) in routine.read else 0.0 for k, (f, x) in enumerate(pairs)]
     call = graph.make(Expression, Op.CALL, *nodes, *sines, detail=routine)
     return [
         graph.make(Node, Op.RESULT, call, detail=place) if isinstance(output, Node) else output

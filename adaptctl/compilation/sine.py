@@ -1,4 +1,4 @@
-"""Sine and cosine of an angle at once; LLVM has none in lanes. `sincos.ll` turns them by whole quarters."""
+"""Sine and cosine of an angle at once; LLVM has none in lanes. `sines.ll` turns them by whole quarters."""
 
 from __future__ import annotations
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import groupby
 from typing import Any, NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
@@ -24,11 +23,11 @@ class SinesAtOnce:
 
     Angles that are too large for the fast formula are left to the C library. The branch to it is costly, since
     registers are written to memory for it, so each group of angles has only one. `operand` is a function that returns
-    the name of an expression's value. Nothing is checked.
+    the name of an expression's value, and `has` one that says whether this function has the value. Nothing is checked.
     """
 
-    def __init__(self, text: Instructions, operand: Callable[[Any], str]) -> None:
-        self._text, self._operand = text, operand
+    def __init__(self, text: Instructions, operand: Callable[[Any], str], has: Callable[[Expression], bool]) -> None:
+        self._text, self._operand, self._has = text, operand, has
         self._pairs: dict[Expression, tuple[str, int]] = {}
         self._size: dict[str, int] = {}
 
@@ -44,33 +43,36 @@ class SinesAtOnce:
         for those whose sines were written before. An angle that is the sum of an earlier one and a short step, a
         product with a constant of at most 1/16 in size, is computed from that one's sine and cosine by addition
         formulas, unless the step turns out above 1/16 rad. Nothing is checked."""
-        most = _WIDE[-1] if self._text.lanes.count == 1 else len(angles)
-        for _, group in groupby((x for x in angles if x not in self._pairs), self._from):
-            some = list(group)
-            for first in range(0, len(some), most):
-                self._write(some[first : first + most])
+        most, group = _WIDE[-1] if self._text.lanes.count == 1 else len(angles), list[_Turn]()
+        for x in (x for x in angles if x not in self._pairs):
+            turn = self._turn(x)
+            if group and (len(group) == most or turn.memory != group[0].memory):
+                self._write(group)
+                group, turn = [], self._turn(x)  # of what was written, it may be a step from one
+            group.append(turn)
+        if group:
+            self._write(group)
 
-    def _from(self, angle: Expression) -> str | None:
-        """The memory of the pairs from one of which an angle is a step away; None where there is none."""
-        step = self._step(angle)
-        return None if step is None else self._pairs[step.known][0]
-
-    def _step(self, angle: Expression) -> _Step | None:
+    def _turn(self, angle: Expression) -> _Turn:
         for known, step in (angle.operands, angle.operands[::-1]) if angle.op is Op.ADD else ():
-            if known in self._pairs and _short(step):
-                return _Step(known, step)
-        return None
+            if known in self._pairs and _short(step) and self._has(step):
+                return _Turn(angle, step, self._pairs[known])
+        return _Turn(angle)
 
-    def _write(self, angles: Sequence[Expression]) -> None:
-        text, pairs = self._text, f"%sines{angles[0].index}"
-        text.reserve(pairs, 2 * len(angles))
-        steps = [step for x in angles if (step := self._step(x)) is not None]
-        columns = [[self._operand(x) for x in angles], *([[self._operand(x.step) for x in steps]] if steps else [])]
-        group = _Group(pairs, columns[-1], [self._pairs[x.known] for x in steps])
-        several = text.lanes.count == 1 and len(angles) > 1
-        self._correct(pairs, columns, *(self._side_by_side(group) if several else self._one_by_one(group)))
-        self._size[pairs] = 2 * len(angles)
-        self._pairs |= {x: (pairs, 2 * k) for k, x in enumerate(angles)}
+    def _write(self, turns: Sequence[_Turn]) -> None:
+        """Of angles alike: all are steps from pairs of one memory, or none is a step."""
+        text, pairs = self._text, f"%sines{turns[0].angle.index}"
+        text.reserve(pairs, 2 * len(turns))
+        angles, steps = (
+            [self._operand(x.angle) for x in turns],
+            [self._operand(x.step) for x in turns if x.step is not None],
+        )
+        group = _Group(pairs, steps or angles, [x.known for x in turns if x.known is not None])
+        several = text.lanes.count == 1 and len(turns) > 1
+        far = self._in_one_register(group) if several else self._one_by_one(group)
+        self._correct(pairs, [angles, steps] if steps else [angles], *far)
+        self._size[pairs] = 2 * len(turns)
+        self._pairs |= {x.angle: (pairs, 2 * k) for k, x in enumerate(turns)}
 
     def _one_by_one(self, group: _Group) -> tuple[str, Lanes]:
         """The lanes in which any number is far, where each fills a register."""
@@ -87,7 +89,7 @@ class SinesAtOnce:
             any_far = self._beyond(name, x, lanes, bool(given), any_far)
         return any_far, lanes
 
-    def _side_by_side(self, group: _Group) -> tuple[str, Lanes]:
+    def _in_one_register(self, group: _Group) -> tuple[str, Lanes]:
         """The lanes that are far of a register in which single numbers are put side by side."""
         text, name, n = self._text, group.pairs, len(group.numbers)
         wide = Lanes(next(w for w in _WIDE if w >= n), text.lanes.precision)
@@ -150,11 +152,18 @@ class SinesAtOnce:
         text.add(f"{label}.done:")
 
 
-class _Step(NamedTuple):
-    """A step in time, a velocity times a small number, from an angle of known sine."""
+class _Turn(NamedTuple):
+    """An angle whose sine is asked for and, where it is one of known sine and a short step in time, the `step`, a
+    velocity times a small number, and the place of the known pair."""
 
-    known: Expression
-    step: Expression
+    angle: Expression
+    step: Any = None
+    known: Any = None
+
+    @property
+    def memory(self) -> str | None:
+        """The pointer to the pairs from one of which the angle is a step; None where it is no step."""
+        return self.known[0] if self.known else None
 
 
 class _Group(NamedTuple):
