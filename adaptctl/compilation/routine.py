@@ -60,8 +60,8 @@ class Routine:
 
     @cached_property
     def read(self) -> frozenset[tuple[int, int]]:
-        """Those scalars of the arguments that the routine reads, as pairs: the index of the argument, and that of the
-        scalar in it, both from 0."""
+        """Scalars of the arguments that the routine reads, as pairs: the index of the argument, and that of the scalar
+        in it, both from 0."""
         return frozenset(x.detail for x in self.body if x.op is Op.INPUT)
 
     @property
