@@ -60,7 +60,7 @@ class SinesAtOnce:
         return _Turn(angle)
 
     def _write(self, turns: Sequence[_Turn]) -> None:
-        """Append the instructions of one group: all its angles are steps from pairs of one memory, or none is a step."""
+        """Append the instructions of a group: all its angles are steps from pairs of one memory, or none is a step."""
         text, pairs = self._text, f"%sines{turns[0].angle.index}"
         text.reserve(pairs, 2 * len(turns))
         angles, steps = (
