@@ -143,7 +143,7 @@ class PayloadDrop(AdaptationLaws):
         return f"After the {event} {', and '.join(parts) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figures for the report, as `Drawing`s: the times, s, until errors have come back, then the parameter errors,
+        """Figures for the report, as Drawings: the times, s, until errors have come back, then the parameter errors,
         shares (no unit) of the torque of all parameters, over time, s. `outcome` has the runs, `basis` the fundamental
         (base) parameters by which errors are measured."""
         from adaptctl.recording.drawing import Drawing

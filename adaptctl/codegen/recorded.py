@@ -65,7 +65,7 @@ def centre(interface: Interface) -> Array:
 
 
 def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
-    """A list of `RecordedTick`s, arguments and results of the controller of an `interface` in Python, and its state
+    """A list of RecordedTicks, arguments and results of the controller of an `interface` in Python, and its state
     after them. They are `ticks` control periods from time 0, 100 unless given and at least one. The motion stays within
     0.02 rad (m) of `reference`, a function of time (s), or, where that is in another space than the joints', of the
     home position or the nearest one well within the joint limits. Raises what the reference, `controller.init` and

@@ -32,7 +32,7 @@ class Piece(NamedTuple):
 
 
 def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece]:
-    """The `Piece`s, in their order, that a routine's (traced function's) expressions, `body`, are compiled in: one
+    """The Pieces, in their order, that a routine's (traced function's) expressions, `body`, are compiled in: one
     where there are at most 6000 of them, else of about 1500 each, since LLVM's time grows with the square of a
     function's length. `given` has the indices of expressions that are in memory already and pass between no pieces,
     none unless given. Comparisons are made again in each piece that uses them, for memory holds numbers alone. Nothing

@@ -54,7 +54,7 @@ class Routine:
 
     @cached_property
     def body(self) -> list[Expression]:
-        """The routine's `Expression`s (nodes of its graph) that its outputs need, in a list in an order to compute
+        """The routine's Expressions (nodes of its graph) that its outputs need, in a list in an order to compute
         them: operands before what uses them."""
         return reachable(self.outputs)
 

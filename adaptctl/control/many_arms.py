@@ -24,7 +24,7 @@ class ManyArms:
     """Control law for many arms at once: compiled to one native step in SIMD lanes (arms computed at once) where
     `native` is True, else NumPy on arrays of arms.
 
-    `law` is the law's equation for one arm: called with `Column`s by keyword, it returns the torque (r,) of r joints, N
+    `law` is the law's equation for one arm: called with Columns by keyword, it returns the torque (r,) of r joints, N
     m (N if prismatic), and then the columns of the memory after the control period, in the order of `memory`. `given`
     has the names and lengths of the columns that it is given each time, `memory` those of the memory, which each call
     replaces. Nothing is checked at construction.

@@ -21,7 +21,7 @@ Parts = tuple[tuple[str, Any], ...]
 
 def leaves(memory: tuple[Any, ...]) -> list[Any]:
     """The columns of a control law's `memory` as a flat list: `memory` is a (named) tuple of columns, arrays (..., n),
-    n the length of each, or `Column`s (n scalars), in the order of its fields, and of further such tuples, whose
+    n the length of each, or Columns (n scalars), in the order of its fields, and of further such tuples, whose
     columns stand in their place. Nothing is checked."""
     flat: list[Any] = []
     for part in memory:

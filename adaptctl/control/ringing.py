@@ -26,7 +26,7 @@ class Ringing(NamedTuple):
     `product` (r,) is the average of s_j s_(j-1) and `square` (r,) that of s_(j-1)^2, j counting the control periods,
     both in rad^2/s^2 (m^2/s^2 if prismatic); `s` (r,) is the last s, in rad/s (m/s). The correlation of s with itself
     is rho = product/(square + 1e-4). `lasting` (2,) counts the control periods in a row in which some joint's rho was
-    below -0.5 (first number) and below -0.9 (second). All are arrays or `Column`s. Nothing is checked.
+    below -0.5 (first number) and below -0.9 (second). All are arrays or Columns. Nothing is checked.
     """
 
     product: Any
@@ -46,7 +46,7 @@ class Ringing(NamedTuple):
 
     def heard(self, s: Column) -> Ringing:
         """The detector of ringing after one more control period, in which the sliding variable was `s`, a `Column` (r,)
-        of r joints in rad/s (m/s if prismatic). The detector's own fields must be `Column`s too. Nothing is checked."""
+        of r joints in rad/s (m/s if prismatic). The detector's own fields must be Columns too. Nothing is checked."""
         keep, new = 1.0 - 1.0 / SPAN, 1.0 / SPAN
         product = keep * self.product + new * (self.s * s)
         square = keep * self.square + new * (self.s * self.s)

@@ -27,7 +27,7 @@ links: LLVM takes 1 s and 4 s for these. What grows with the links alone it comp
 
 
 class ArrayEquation:
-    """Equation of a mechanism on NumPy arrays, made from a function of `Column`s (vectors of scalars of any kind). Its
+    """Equation of a mechanism on NumPy arrays, made from a function of Columns (vectors of scalars of any kind). Its
     attribute `call` takes one array (..., size) in SI units for each argument, whose leading axes are samples and
     broadcast, and returns an array (..., m) or (..., m, k). Its attribute `into` takes the same after a float64 array
     `out` of the result's shape, which it fills and returns.

@@ -59,7 +59,7 @@ class ArrayMechanism(Protocol):
 
 
 class ArrayEquations:
-    """The equations of motion of one mechanism on NumPy arrays: `ArrayEquation`s, whose `call` takes arrays and returns
+    """The equations of motion of one mechanism on NumPy arrays: ArrayEquations, whose `call` takes arrays and returns
     one, as attributes. Made of a `Mechanism`, of r primary (independent) joints and P inertial and friction parameters.
 
     `energy_regressor.call(p, v)` is (..., P), J per unit of each parameter; `torque_regressor.call(p, v, a)` and
@@ -113,7 +113,7 @@ class ArrayEquations:
         longest: int = LARGEST_COMPILED,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
-        """An `ArrayEquation` of this mechanism from a `function` of `Column`s (vectors of scalars of any kind), which
+        """An `ArrayEquation` of this mechanism from a `function` of Columns (vectors of scalars of any kind), which
         is called with the configuration q (n,) of the tree's n joints, rad (m if prismatic), and one column for each
         further name in `arguments`, and returns a `Column` (m,) or a list of m rows (k,).
 

@@ -58,7 +58,7 @@ class Motion(ABC):
 
 
 class Equations(ABC):
-    """The equations of motion of one mechanism, on `Column`s of scalars of any kind: floats, arrays of samples, dual
+    """The equations of motion of one mechanism, on Columns of scalars of any kind: floats, arrays of samples, dual
     numbers, symbolic ones. Abstract: `Mechanism.equations` has them, calling the class raises `TypeError`.
 
     Sizes: r primary (independent) joints, whose positions are p and velocities v; n joints of the tree, whose

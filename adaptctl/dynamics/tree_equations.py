@@ -30,7 +30,7 @@ class TreeMotion(Motion):
     prismatic), and reference accelerations a_r (n,), rad/s^2 (m/s^2).
 
     Made of `layout`, the order of the P parameters; `places`, the n links' placements in their parents; `links`, their
-    n `LinkMotion`s; and `drives`, for each rotor or friction term of the drives the torque about its shaft per unit of
+    n LinkMotions; and `drives`, for each rotor or friction term of the drives the torque about its shaft per unit of
     its parameter. Nothing is checked.
     """
 

@@ -52,7 +52,7 @@ class Tunable:
     arguments of the native code of the settings' equations: settings that differ in them alone share that code.
 
     A class names the attributes that hold them in the property `tunable`; each is a number, an array (n,) or (m, n), or
-    None. Its equations read them with `column` and `each` of adaptctl.scalars, which make `Column`s of them, or as they
+    None. Its equations read them with `column` and `each` of adaptctl.scalars, which make Columns of them, or as they
     are where they are one number: then they may be scalars of any kind (floats, arrays of samples, dual numbers, nodes
     of an expression graph). A class that names none has all its numbers compiled in; a subclass must name them anew,
     for it may read them in other ways. Nothing is checked at construction, unless by a subclass.

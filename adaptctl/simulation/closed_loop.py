@@ -25,7 +25,7 @@ _NOTHING = (Column(()), Column(()))
 
 class Sample(NamedTuple):
     """The record of one control period of a closed loop: the state at its beginning, and the torques commanded and
-    applied on it. Its parts are `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be compiled),
+    applied on it. Its parts are Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled),
     or arrays, with leading axes for more periods or arms. Nothing is checked.
 
     `q` (n,), rad (m), are positions of the n joints of the plant's spanning tree; `v` (r,), rad/s (m/s), velocities of

@@ -18,7 +18,7 @@ LARGEST = float(np.finfo(np.float64).max)
 
 class ErrorSums(NamedTuple):
     """Sums of the tracking errors (positions less the reference's) of a run of r joints over its control periods so
-    far: `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, r) or (M,
+    far: Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, r) or (M,
     1) for M runs. From the period on in which the run diverges, an error being NaN or larger than its bound `beyond`,
     rad (m), (r,), errors are not counted any more. Nothing is checked.
 
@@ -61,7 +61,7 @@ def judged_by(joints: int) -> dict[str, int]:
 
 
 def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> ErrorSums:
-    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over `Column`s, vectors of
+    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over Columns, vectors of
     scalars of any kind (floats, arrays, or symbols to be compiled).
 
     `clock` is the period's index, from 0, and `error` (r,) are its tracking errors, positions of r joints less the

@@ -25,7 +25,7 @@ STILL = 1e-9
 
 
 class Bodies(NamedTuple):
-    """Equations of motion under a torque as three functions over `Column`s, vectors of scalars of any kind (floats,
+    """Equations of motion under a torque as three functions over Columns, vectors of scalars of any kind (floats,
     arrays, or symbols to be compiled), as an integrator takes them: `rates(q, v)`, `moved(q, v, torque, parameters)`
     and `projected(q)`. Nothing is checked.
 

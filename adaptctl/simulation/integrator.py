@@ -47,7 +47,7 @@ class Integrator(Protocol):
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), or for an implicit method the mean one over the step,
         and `rates` gives q' (n,), rad/s (m/s), there: by default v itself, as for a tree, where all joints are primary.
-        Vectors are `Column`s of scalars of any kind (floats, arrays, or symbols to be compiled). No number is checked:
+        Vectors are Columns of scalars of any kind (floats, arrays, or symbols to be compiled). No number is checked:
         NaN goes through; columns of unlike lengths raise `ValueError`.
         """
         ...
@@ -76,7 +76,7 @@ class RungeKutta4:
         rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^5.
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), there: by
-        default v itself, as for a tree, where all joints are primary. Vectors are `Column`s of scalars of any kind
+        default v itself, as for a tree, where all joints are primary. Vectors are Columns of scalars of any kind
         (floats, arrays, or symbols to be compiled). No number is checked: NaN goes through; columns of unlike lengths
         raise `ValueError`.
         """
@@ -113,7 +113,7 @@ class SemiImplicitEuler:
 
         `acceleration` gives v' (r,), rad/s^2 (m/s^2), at (q, v), and `rates` gives q' (n,), rad/s (m/s), at (q, the new
         velocities): by default those velocities themselves, as for a tree, where all joints are primary. Vectors are
-        `Column`s of scalars of any kind (floats, arrays, or symbols to be compiled). No number is checked: NaN goes
+        Columns of scalars of any kind (floats, arrays, or symbols to be compiled). No number is checked: NaN goes
         through; columns of unlike lengths raise `ValueError`.
         """
         after = v + dt * acceleration(q, v)
@@ -146,7 +146,7 @@ class LinearlyImplicitEuler:
 
         `acceleration` gives (v_1 - v)/dt (r,), rad/s^2 (m/s^2), at (q, v), friction of the step's end included; `rates`
         gives q' (n,), rad/s (m/s), at (q, (v + v_1)/2): by default that velocity itself, as for a tree, where all
-        joints are primary. Vectors are `Column`s of scalars of any kind (floats, arrays, or symbols to be compiled). No
+        joints are primary. Vectors are Columns of scalars of any kind (floats, arrays, or symbols to be compiled). No
         number is checked: NaN goes through; columns of unlike lengths raise `ValueError`.
         """
         after = v + dt * acceleration(q, v)

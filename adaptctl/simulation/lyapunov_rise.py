@@ -27,7 +27,7 @@ To solve with Gamma in each control period takes four times as long as the rest 
 
 class LyapunovRise(NamedTuple):
     """The Lyapunov function V of Slotine and Li's law at the latest control period, and its largest rise so far:
-    `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, 1) for M arms.
+    Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, 1) for M arms.
     Nothing is checked.
 
     `lyapunov` (1,), J, is V = s'H s/2 plus the adaptation law's distance between estimated and true parameters; s is
@@ -117,7 +117,7 @@ def risen(
     loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
 ) -> LyapunovRise:
     """The `LyapunovRise`, Slotine and Li's Lyapunov function V and its largest rise so far, in J, after a control
-    period of a closed `loop`, over `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be
+    period of a closed `loop`, over Columns, vectors of scalars of any kind (floats, arrays, or symbols to be
     compiled).
 
     `sample` is the period's record, a `Sample`, `point` the reference in it, columns (r,) of positions, rad (m),

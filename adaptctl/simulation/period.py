@@ -16,7 +16,7 @@ from adaptctl.simulation.held_motion import HeldMotion, joined
 
 
 class PeriodOutcome(NamedTuple):
-    """The outcome of one control period of a plant, as `Column`s, vectors of scalars of any kind (floats, arrays, or
+    """The outcome of one control period of a plant, as Columns, vectors of scalars of any kind (floats, arrays, or
     symbols to be compiled); the first four are passed on to the next period. Nothing is checked.
 
     `q` (n,), rad (m), are positions of all n joints of the spanning tree, and `v` (r,), rad/s (m/s), velocities of the
@@ -49,7 +49,7 @@ class PeriodOutcome(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ControlPeriod:
-    """One control period of a plant, a function from named `Column`s, vectors of scalars of any kind (floats, arrays,
+    """One control period of a plant, a function from named Columns, vectors of scalars of any kind (floats, arrays,
     or symbols to be compiled), to a `PeriodOutcome`, the state after it and what was measured and applied: torques are
     clipped to the limits, pass the actuator effects and move the mechanism, whose joints are then measured.
 

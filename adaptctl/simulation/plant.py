@@ -207,7 +207,7 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """The equation of a control period, a `ControlPeriod`: a function from `Column`s, vectors of scalars of any
+        """The equation of a control period, a `ControlPeriod`: a function from Columns, vectors of scalars of any
         kind (floats, arrays, symbols), SI units, to a `PeriodOutcome`: "q" (n,), the tree's n joints, "v" and "torque"
         (r,), of the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), standard normal, empty
         without sensors, and "drives" and "sensors", effects' memories. It raises `KeyError` where one is missing."""
@@ -217,7 +217,7 @@ class Plant(Tunable):
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, J, with springs and motors, a scalar as in the `Column`s (vectors of floats,
+        """Kinetic plus potential energy, J, with springs and motors, a scalar as in the Columns (vectors of floats,
         arrays or symbols) q (n,), rad (m), of the spanning tree's n joints, v (r,), rad/s (m/s), of the r primary
         (independent) ones, and true inertial `parameters` (P,), SI, ordered as `Mechanism.parameter_names`. `drives`,
         used for elastic joints alone, ends in their motors' positions and velocities (2r,). Nothing is checked."""

@@ -16,7 +16,7 @@ from adaptctl.simulation.effects import ElasticJoints
 
 
 class Motors(NamedTuple):
-    """The motors of r elastic joints, before the springs, as they appear behind their gears; `Column`s (r,), vectors of
+    """The motors of r elastic joints, before the springs, as they appear behind their gears; Columns (r,), vectors of
     scalars of any kind (floats, arrays, or symbols to be compiled): positions `theta`, rad (m), velocities `w`, rad/s
     (m/s), and inertias `inertia`, kg m^2 (kg). Nothing is checked."""
 
@@ -27,7 +27,7 @@ class Motors(NamedTuple):
 
 class Springs(NamedTuple):
     """The torque f (r,) of the springs and dampers of r elastic joints over an integration step of `dt` (s), linear in
-    the links' joint velocities at its end. Its parts are `Column`s (r,), vectors of scalars of any kind (floats,
+    the links' joint velocities at its end. Its parts are Columns (r,), vectors of scalars of any kind (floats,
     arrays, or symbols to be compiled). Nothing is checked.
 
     The motors have positions theta and velocities w, the links' joints p and v; the index 1 is for the end of the step.
@@ -121,21 +121,21 @@ class Transmission:
 
     def motors(self, parameters: Column) -> Column:
         """Inertias (r,) of the motors of r joints behind their gears, kg m^2 (kg of a prismatic joint), from the
-        mechanism's P inertial `parameters` (P,), SI units, which have the rotors', over `Column`s, vectors of scalars
+        mechanism's P inertial `parameters` (P,), SI units, which have the rotors', over Columns, vectors of scalars
         of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError` for too few of them."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
     def links(self, parameters: Column) -> Column:
         """Inertial parameters (P,) of the links alone, SI units: the mechanism's P `parameters` (P,) with the rotors'
-        inertias replaced by zero, over `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be
+        inertias replaced by zero, over Columns, vectors of scalars of any kind (floats, arrays, or symbols to be
         compiled). Nothing is checked."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
         """The torques, a `Springs`, of the r joints' springs over an integration step of `dt` (s), at positions q (n,),
         rad (m), of the spanning tree's n joints, velocities v (r,), rad/s (m/s), and the `motors`' positions and
-        velocities, these driven by a `torque` (r,), N m (N); over `Column`s, vectors of scalars of any kind (floats,
+        velocities, these driven by a `torque` (r,), N m (N); over Columns, vectors of scalars of any kind (floats,
         arrays, or symbols to be compiled). Raises `ValueError` or `IndexError` for columns that are too short."""
         half = (0.5 * dt) * column(self.stiffness)
         held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
@@ -143,7 +143,7 @@ class Transmission:
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
         """Kinetic energy of the motors plus elastic energy of the springs, J, a scalar of any kind (float, array, or
-        symbol to be compiled), as in the `Column`s (vectors) given, at positions q (n,), rad (m), of the spanning
+        symbol to be compiled), as in the Columns (vectors) given, at positions q (n,), rad (m), of the spanning
         tree's n joints and the `motors`' positions, velocities and inertias (r,). Raises `ValueError` or `IndexError`
         for columns that are too short."""
         stretch = self._stretch(q, motors)

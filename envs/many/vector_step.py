@@ -108,7 +108,7 @@ class VectorStep:
         return Column(x for part in (*now, *(point.p for point in ahead)) for x in part)
 
     def equation(self, **columns: Column) -> tuple[Column, ...]:
-        """The results of a control period as a tuple of seven `Column`s, vectors of scalars of any kind, SI units: the
+        """The results of a control period as a tuple of seven Columns, vectors of scalars of any kind, SI units: the
         plant's new state, `q` (n,) of the tree's n joints, `v` (r,) of the r primary ones and the memories `drives` and
         `sensors`; the observation (5r + r L,), measured positions and velocities and the reference's row; the six
         numbers of `Facts` (reward, finite, lost, sure, energy, clipped) and the plant's m marks (6 + m,); and, one

@@ -64,7 +64,7 @@ class Reach(NamedTuple):
 def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
     """The `Reach` of one side of a loop closure: its joints and its closing frame, which the closure makes coincide
     with the other side's, in the axes of the link at which the sides part, at the configuration at which the links are
-    placed. `places` has the links' `Placement`s in their parents by link index, those of `side.links` at least. A
+    placed. `places` has the links' Placements in their parents by link index, those of `side.links` at least. A
     placement that is missing raises `IndexError`, or `KeyError` in a mapping."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
@@ -78,7 +78,7 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 class Constraint:
     """A loop closure at one configuration: its residual, and how that moves with the loop's joints. Made of `places`,
-    the links' `Placement`s in their parents by link index, and the `loop`.
+    the links' Placements in their parents by link index, and the `loop`.
 
     It has 3 scalar conditions (of kind POINT: the sides' closing frames have the same origin), 5 (AXIS: the same z
     axis, too) or 6 (WELD: the same pose), those of position, in m, before those of direction, in rad. They are in the

@@ -143,7 +143,7 @@ Rule: TypeAlias = Dyad | Follower
 
 
 def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple[Rule, ...]:
-    """The closed-form rules, `Dyad`s and `Follower`s (couplings), by which all dependent joints of a mechanism follow
+    """The closed-form rules, Dyads and Followers (couplings), by which all dependent joints of a mechanism follow
     from its primary ones, each after those that it needs. The tuple is empty where any dependent joint has no such
     rule.
 

@@ -42,7 +42,7 @@ def moved(place: Placement, rate: Scalar) -> Twist:
 
 
 def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
-    """The `Twist`s of all n links of a tree, one joint each: angular velocity, rad/s, and velocity of the link's
+    """The Twists of all n links of a tree, one joint each: angular velocity, rad/s, and velocity of the link's
     origin, m/s, each in the link's own axes. `places` has the links' placements in their parents, parents before
     children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic). Not checked: too short a `rate` raises
     `IndexError`."""

@@ -46,7 +46,7 @@ class ActuatorLag(ActuatorEffect):
         `control_period` (s), and the memory (r,) after it, x at the period's end; all N m (N for a prismatic joint).
 
         `torque` (r,) is the one commanded, u, held over the period, and `memory` (r,) is x at its start: time_constant
-        dx/dt = u - x. Vectors are `Column`s of scalars of any kind: floats, arrays, or symbols to be compiled. Raises
+        dx/dt = u - x. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled. Raises
         `ValueError` where these differ in length. Not checked: the period must be positive.
         """
         ratio = control_period / self.time_constant

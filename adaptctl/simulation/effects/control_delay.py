@@ -55,7 +55,7 @@ class ControlDelay(ActuatorEffect):
         prismatic joint).
 
         `memory` (ticks r,) is that before this period; its length is not checked. With `ticks` 0 both arguments are
-        returned as they are. `control_period` (s) is not used. Vectors are `Column`s of scalars of any kind: floats,
+        returned as they are. `control_period` (s) is not used. Vectors are Columns of scalars of any kind: floats,
         arrays, or symbols to be compiled.
         """
         if self.ticks == 0:

@@ -41,7 +41,7 @@ class ActuatorEffect(Effect):
     `InputError` where its settings do not fit the plant, `links` being the names of the links with ten inertial
     parameters each; `start(torque, control_period)`, which returns its first memory (..., m), m >= 0 numbers of its
     own, for joints that were held by the array `torque` (..., r); and `act(torque, memory, control_period)`, which
-    returns the torque (r,) passed on and the next memory (m,). In `act` the vectors are `Column`s of scalars of any
+    returns the torque (r,) passed on and the next memory (m,). In `act` the vectors are Columns of scalars of any
     kind, floats or symbols that become native code, on whose values it must not branch. It may give `mark`, the name
     under which a rollout marks the control periods in which the effect passed on another torque than it was given, None
     (the default) for no marks.
@@ -61,7 +61,7 @@ class ActuatorEffect(Effect):
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The torque (r,) passed on to r joints over one control period (s), and the effect's memory (m,) after it, m
         numbers of its own. `torque` (r,) is the one given, by the controller or the effect before, and `memory` (m,)
-        that after the last period. Torques are in N m (N for a prismatic joint). Vectors are `Column`s of scalars of
+        that after the last period. Torques are in N m (N for a prismatic joint). Vectors are Columns of scalars of
         any kind: floats, or symbols that become native code. An implementation may raise `InputError` for settings that
         do not fit r joints, `ValueError` for a memory of another length."""
 
@@ -81,7 +81,7 @@ class SensorEffect(Effect):
     measured by the effects before, `noise` (2r,), standard normal numbers drawn for this measurement, the positions'
     first, the same for all sensor effects, and `memory` (m,).
 
-    Positions are in rad (m if prismatic), velocities in rad/s (m/s). In `measure` the vectors are `Column`s of scalars
+    Positions are in rad (m if prismatic), velocities in rad/s (m/s). In `measure` the vectors are Columns of scalars
     of any kind, floats or symbols that become native code, on whose values it must not branch.
     """
 
@@ -99,7 +99,7 @@ class SensorEffect(Effect):
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
         """The measured positions (r,) of r joints, rad or m, their measured velocities (r,), rad/s or m/s, and the
-        effect's memory (m,) after them, m numbers of its own. Vectors are `Column`s of scalars of any kind: floats, or
+        effect's memory (m,) after them, m numbers of its own. Vectors are Columns of scalars of any kind: floats, or
         symbols that become native code.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, or as measured by the effects
@@ -117,7 +117,7 @@ class JointEffect(Effect):
     A subclass, a frozen dataclass of its own settings, gives, for a plant of r = `dof` joints, `require(dof, links,
     control_period)`, which raises `InputError` where its settings do not fit the plant (`links` are names of links,
     `control_period` is in s); `torque(v)`, the resisting torque (r,), N m (N if prismatic), at velocities v (r,), rad/s
-    (m/s), of their sign, both `Column`s of scalars of any kind, floats or symbols that become native code; and
+    (m/s), of their sign, both Columns of scalars of any kind, floats or symbols that become native code; and
     `steepest(dof)`, an array (r,), its greatest slope over velocity, N m s/rad (N s/m).
     """
 
@@ -125,7 +125,7 @@ class JointEffect(Effect):
     def torque(self, v: Column) -> Column:
         """The resisting torque (r,), N m (N for a prismatic joint), at joint velocities v (r,), rad/s (m/s), of r
         joints. It has the sign of v: in the equations of motion it is subtracted from the drives' torque. Both are
-        `Column`s, vectors of scalars of any kind: floats, or symbols that become native code. An implementation may
+        Columns, vectors of scalars of any kind: floats, or symbols that become native code. An implementation may
         raise `InputError` for settings that do not fit r joints."""
 
     @abstractmethod

@@ -62,7 +62,7 @@ class Encoder(SensorEffect):
         (where that is 0, not rounded), the noisy velocities (r,), rad/s or m/s, and the `memory` (0,) as it was.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, and `noise` (2r,) holds standard
-        normal numbers (unitless), the positions' first; `control_period` (s) is not used. Vectors are `Column`s of
+        normal numbers (unitless), the positions' first; `control_period` (s) is not used. Vectors are Columns of
         scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for settings that are
         negative, NaN or do not fit r joints, `ValueError` for columns of other lengths.
         """

@@ -59,7 +59,7 @@ class FilteredDifferences(SensorEffect):
         them, and the filter's memory (2r,) after them: p, then the estimate.
 
         `memory` (2r,), p and the estimate, is that of the period before, `control_period` is in s; the velocities v
-        (r,) and `noise` (2r,) are not used. Vectors are `Column`s of scalars of any kind: floats, arrays, or symbols to
+        (r,) and `noise` (2r,) are not used. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to
         be compiled. Raises `ValueError` for a memory of another length.
         """
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)

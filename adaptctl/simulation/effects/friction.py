@@ -49,7 +49,7 @@ class Friction(JointEffect):
 
     def torque(self, v: Column) -> Column:
         """The friction torque (r,) of r joints, N m (N for a prismatic joint), at their velocities v (r,), rad/s (m/s).
-        It has the sign of v, so the equations of motion subtract it from the drives' torque. Both are `Column`s,
+        It has the sign of v, so the equations of motion subtract it from the drives' torque. Both are Columns,
         vectors of scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for settings that
         are negative, NaN or do not fit r joints."""
         viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))

@@ -107,7 +107,7 @@ class PlantEffects:
         `PlantEffects.marks`: 1 where that effect changed any joint's torque, else 0.
 
         `torque` (r,) is the one commanded, in the same unit, `memory` (m,) the m numbers that the effects remember from
-        the period before. Vectors are `Column`s of scalars of any kind: floats, arrays, or symbols to be compiled.
+        the period before. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled.
         Raises `InputError` for settings that do not fit r joints; a lag or a rate limit raises `ValueError` for a
         memory that is too short.
         """
@@ -132,7 +132,7 @@ class PlantEffects:
         `p` and `v` (r,), in the same units, are the true ones, of the motors where encoders sit on these
         (`senses_motors`); `memory` (m,) holds the m numbers that the effects remember from before, and `noise` (2r,)
         standard normal numbers (unitless), the positions' first, each effect getting the same ones; `control_period` is
-        in s. Vectors are `Column`s of scalars of any kind: floats, arrays, or symbols to be compiled. Raises
+        in s. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled. Raises
         `InputError` for settings that do not fit r joints, `ValueError`, with filtered differences, for a memory that
         is too short and, with encoders, for noise of another length.
         """
@@ -147,7 +147,7 @@ class PlantEffects:
 
 def differs(asked: Column, given: Column) -> Scalar:
     """Mark of a torque that was changed: 1 where any of r joints was `given` another torque than `asked`, (r,) each in
-    N m (N), else 0, over `Column`s, vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises
+    N m (N), else 0, over Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises
     `ValueError` for columns of unlike lengths."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):

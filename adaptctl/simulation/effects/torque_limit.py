@@ -41,7 +41,7 @@ class TorqueLimit(ActuatorEffect):
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The torque (r,) of r joints clipped to the limits, N m (N for a prismatic joint), from the `torque` (r,)
-        asked for, and the `memory` (0,) as it was. `control_period` (s) is not used. Vectors are `Column`s of scalars
+        asked for, and the `memory` (0,) as it was. `control_period` (s) is not used. Vectors are Columns of scalars
         of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for limits that are negative, NaN or
         do not fit r joints."""
         limits = at_least_zero(self.limit, len(torque), "torque limit").tolist()

@@ -44,7 +44,7 @@ class TorqueRateLimit(ActuatorEffect):
         (r,) after it: the torque nearest to the `torque` (r,) asked for that differs from the last one, `memory` (r,),
         by at most the rate times `control_period` (s).
 
-        Vectors are `Column`s of scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for
+        Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for
         rates that are negative, NaN or do not fit r joints, `ValueError` for a memory of another length.
         """
         steps = (at_least_zero(self.rate, len(torque), "torque rate limit") * control_period).tolist()
