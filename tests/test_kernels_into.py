@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tracemalloc
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from adaptctl import Mechanism, load
 from adaptctl.compilation import Kernel, compile_function
+from adaptctl.compilation.batch import STREAMED
 from adaptctl.compilation.builtin import has_builtins
 from adaptctl.dynamics.array_equation import CALLS
 from adaptctl.errors import InputError, NonFiniteError
@@ -177,3 +179,24 @@ def test_a_mechanism_fills_without_a_detour_once_it_is_compiled() -> None:
     np.testing.assert_allclose(many, np.tile(fresh, (3, 1)), rtol=1e-11)
     with pytest.raises(InputError, match="out: expected an array of float64"):
         arm.inverse_dynamics(p, v, a, out=np.empty(3))
+
+
+def test_results_larger_than_caches_are_those_of_parts() -> None:
+    """Rows of whole cache lines are then written past the caches, other rows and other places are not."""
+    for width in (8, 24, 20):
+        kernel = compile_function(partial(_columns, width), {"x": 2}, name="columns")
+        samples = STREAMED // 8 // width + 13
+        x = np.random.default_rng(width).normal(size=(samples, 2))
+        parts = np.concatenate([kernel.map(part) for part in np.array_split(x, 7)])
+        np.testing.assert_array_equal(kernel.map(x), parts)
+        for skip in (0, 1, 8):
+            memory = np.full(samples * width + 32, np.pi)
+            first = (-memory.ctypes.data // 8) % 8 + skip
+            kernel.map(x, out=memory[first : first + parts.size].reshape(parts.shape))
+            np.testing.assert_array_equal(memory[first : first + parts.size], parts.ravel())
+            assert np.all(memory[:first] == np.pi), "before"
+            assert np.all(memory[first + parts.size :] == np.pi), "after"
+
+
+def _columns(width: int, x: Column) -> Column:
+    return Column([x[0] * k + x[1] for k in range(width)])

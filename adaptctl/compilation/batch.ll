@@ -22,8 +22,23 @@ work:
   br label %blocks
 
 finished:
+  fence seq_cst ; what was streamed is there for other threads too
   ret i1 %sound
 }
+
+; Whether results of so many numbers a row are streamed: rows are whole cache lines, and all of them more than caches keep.
+define internal i1 @streams(ptr %rows, i64 %count, i64 %samples) nounwind alwaysinline {
+  %at = ptrtoint ptr %rows to i64
+  %length = mul i64 %count, 8
+  %ends = or i64 %at, %length
+  %beyond = and i64 %ends, $beyond
+  %lines = icmp eq i64 %beyond, 0
+  %numbers = mul i64 %count, %samples
+  %many = icmp sge i64 %numbers, $many
+  %streams = and i1 %lines, %many
+  ret i1 %streams
+}
+!0 = !{i32 1}
 
 ; The number of a sample for each lane is the first and so many more, at most the last.
 define internal i64 @sample(i64 %first, i64 %lane, i64 %last) nounwind alwaysinline {
@@ -59,21 +74,29 @@ end:
 }
 
 ; Squares of as many columns as lanes are turned in registers, so that each row is written in one piece; what columns are
-; left, number by number.
-define internal void @scatter(ptr noalias %rows, ptr noalias %from, i64 %stride, i64 %count, i64 %first, i64 %last) $attributes {
+; left, number by number. Streamed pieces go past the caches, which would first read what they replace.
+define internal void @scatter(ptr noalias %rows, ptr noalias %from, i64 %stride, i64 %count, i64 %first, i64 %last, i1 %streamed) $attributes {
 start:
   $rows
   %whole = and i64 %count, -$count
   br label %squares
 
 squares:
-  %square.k = phi i64 [0, %start], [%square.next, %square]
+  %square.k = phi i64 [0, %start], [%square.next, %stream], [%square.next, %keep]
   %square.next = add i64 %square.k, $count
   %square.left = icmp slt i64 %square.k, %whole
   br i1 %square.left, label %square, label %columns
 
 square:
-  $square
+  $turned
+  br i1 %streamed, label %stream, label %keep
+
+stream:
+  $streamed
+  br label %squares
+
+keep:
+  $kept
   br label %squares
 
 columns:

@@ -6,10 +6,14 @@ import ctypes
 import math
 from collections.abc import Mapping
 
+from adaptctl.compilation.lane_array import CACHE_LINE
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.routine import Routine
 
 ENTRY = "batch"
+
+STREAMED = 4 * 2**20
+"""Bytes of a result from which on it is written past the caches, where its rows are whole cache lines."""
 
 NativeBatch = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 """ENTRY takes the number of samples and three tables: addresses of the arguments' rows, the doubles from row to row of
@@ -33,7 +37,9 @@ def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, boo
     memory = [f"%{name} = alloca [{n} x {lanes.value}], align {lanes.alignment}" for name, n in both.items()]
     for k, name in enumerate(inputs):
         memory += [_entry(f"{name}.rows", "ptr", "inputs", k), _entry(f"{name}.stride", "i64", "strides", k)]
-    memory += [_entry(f"{name}.rows", "ptr", "outputs", k) for k, name in enumerate(outputs)]
+    for k, (name, n) in enumerate(outputs.items()):
+        memory.append(_entry(f"{name}.rows", "ptr", "outputs", k))
+        memory.append(f"%{name}.streams = call i1 @streams(ptr %{name}.rows, i64 {n}, i64 %samples)")
     ends = "i64 %first, i64 %last"
     pieces = {
         "memory": memory,
@@ -42,19 +48,20 @@ def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, boo
             for name, n in inputs.items()
         ],
         "scatter": [
-            f"call void @scatter(ptr %{name}.rows, ptr %{name}, i64 {n}, i64 {n}, {ends})"
+            f"call void @scatter(ptr %{name}.rows, ptr %{name}, i64 {n}, i64 {n}, {ends}, i1 %{name}.streams)"
             for name, n in outputs.items()
         ],
         "check": _check(
             {k: n for k, n in inputs.items() if checked["inputs"]} | (outputs if checked["outputs"] else {}), lanes
         ),
         **_rows(lanes),
-        "square": _square(lanes),
+        **_square(lanes),
     }
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr %{name}" for name in both)
     gathered = f"%gathered{lanes.count - 1}" if lanes.count > 1 else "%x0"
-    text = lanes.filled("batch", routine=symbol, pointers=pointers, gathered=gathered, **texts)
+    sizes = {"many": STREAMED // 8, "beyond": CACHE_LINE - 1}
+    text = lanes.filled("batch", routine=symbol, pointers=pointers, gathered=gathered, **sizes, **texts)
     return f"{text}\n{lanes.filled('finite')}"
 
 
@@ -73,9 +80,10 @@ def _check(sizes: Mapping[str, int], lanes: Lanes) -> list[str]:
     return [*lines, f"%still.sound = and i1 {sound}, true"]
 
 
-def _square(lanes: Lanes) -> list[str]:
-    """The numbers of as many columns as there are lanes, from the column `%square.k` on, written to their rows: the
-    square is transposed by exchanging halves, then halves of halves, and so on."""
+def _square(lanes: Lanes) -> dict[str, list[str]]:
+    """LLVM lines, by the names they have in the template: as many columns as there are lanes, from `%square.k` on,
+    "turned" into pieces of rows, the square being transposed by exchanging halves, then halves of halves, and so on;
+    these stored, "kept" in the caches or "streamed" past them."""
     n, kind, lines = lanes.count, lanes.value, []
     for k in range(n):
         lines += [
@@ -93,12 +101,10 @@ def _square(lanes: Lanes) -> list[str]:
                 mask = f"<{n} x i32> <{', '.join(f'i32 {j}' for j in taken)}>"
                 lines.append(f"%turned.{2 * half}.{place} = shufflevector {pair}, {mask}")
         half *= 2
-    for lane in range(n):
-        lines += [
-            f"%row{lane}.at = getelementptr double, ptr %row{lane}, i64 %square.k",
-            f"store {kind} %turned.{n}.{lane}, ptr %row{lane}.at, align 8",
-        ]
-    return lines
+    lines += [f"%row{lane}.at = getelementptr double, ptr %row{lane}, i64 %square.k" for lane in range(n)]
+    kept = [f"store {kind} %turned.{n}.{lane}, ptr %row{lane}.at, align 8" for lane in range(n)]
+    streamed = [line.replace("align 8", f"align {lanes.alignment}, !nontemporal !0") for line in kept]
+    return {"turned": lines, "kept": kept, "streamed": streamed}
 
 
 def _rows(lanes: Lanes) -> dict[str, list[str]]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import writable
 from adaptctl.compilation.batch import ENTRY, NativeBatch, batch
 from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, has_builtins
+from adaptctl.compilation.lane_array import aligned
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.native import NativeCode, load
@@ -166,7 +167,7 @@ class Kernel:
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)
         given = [out] if isinstance(out, np.ndarray) else out
         shapes = [(samples, *shape) for shape in self.outputs]
-        results = [*map(np.empty, shapes)] if given is None else self._taking(given, shapes)
+        results = [aligned(shape, made=np.empty) for shape in shapes] if given is None else self._taking(given, shapes)
         strides = [array.shape[1] if array.ndim > 1 else 0 for array in arrays]
         tables = [a.ctypes.data for a in arrays], strides, [a.ctypes.data for a in results]
         packed = [np.array(table, dtype=np.int64) for table in tables]

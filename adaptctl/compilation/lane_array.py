@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import accumulate
 from types import MappingProxyType
 from typing import Any
@@ -16,7 +16,8 @@ from adaptctl.errors import InputError
 
 Array = NDArray[np.float64]
 
-_CACHE_LINE = 64
+CACHE_LINE = 64
+"""Bytes that a processor moves at once between its caches and memory."""
 _DOUBLE = np.dtype(np.float64)
 
 
@@ -47,7 +48,7 @@ class LaneArray:
         try:
             if min(members, lanes - 1, *steps, *columns.values()) < 0:
                 raise ValueError("sizes below 0")
-            self.blocks = _aligned((*steps, -(-members // lanes), sum(columns.values()), lanes), dtype)
+            self.blocks = aligned((*steps, -(-members // lanes), sum(columns.values()), lanes), dtype)
         except (TypeError, ValueError):
             _require_sizes(columns, members, lanes, steps)
             raise
@@ -122,9 +123,11 @@ def _require_sizes(columns: Mapping[str, int], members: int, lanes: int, steps: 
         whole_count(length, f"length of {name!r}")
 
 
-def _aligned(shape: tuple[int, ...], dtype: np.dtype[Any]) -> Array:
-    """Zeros that begin on a cache line."""
+def aligned(shape: tuple[int, ...], dtype: np.dtype[Any] = _DOUBLE, made: Callable[..., Any] = np.zeros) -> Array:
+    """A new array of a `shape` and `dtype`, float64 unless given, that begins on a cache line (an address divisible by
+    64). `made` makes its memory: `np.zeros`, the default, or `np.empty`. Raises what that raises."""
     size = dtype.itemsize * math.prod(shape)
-    memory = np.zeros(size + _CACHE_LINE, dtype=np.uint8)
-    skip = -memory.ctypes.data % _CACHE_LINE
-    return memory[skip : skip + size].view(dtype).reshape(shape)
+    memory = made(size + CACHE_LINE, dtype=np.uint8)
+    skip = -memory.ctypes.data % CACHE_LINE
+    array: Array = memory[skip : skip + size].view(dtype).reshape(shape)
+    return array

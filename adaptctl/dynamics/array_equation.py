@@ -97,13 +97,15 @@ class ArrayEquation:
 
     def _mapped(self, kernel: Kernel, given: Sequence[Array], samples: tuple[int, ...], out: Array | None) -> Array:
         """Native code at many states."""
-        shape, count = kernel.outputs[0], math.prod(samples)
-        results = np.empty((*samples, *shape)) if out is None else writable(out, (*samples, *shape), self._name)
-        straight = results.flags.carray
-        rows = [_rows(array, samples) for array in given]
-        made = kernel.map(*rows, out=results.reshape(count, *shape) if straight else None)
-        if not straight:
-            results[...] = made.reshape(results.shape)
+        rows, shape = [_rows(array, samples) for array in given], kernel.outputs[0]
+        if out is None:
+            made: Array = kernel.map(*rows)
+            return made.reshape(*samples, *shape)
+        results = writable(out, (*samples, *shape), self._name)
+        if results.flags.carray:
+            kernel.map(*rows, out=results.reshape(math.prod(samples), *shape))
+        else:
+            results[...] = kernel.map(*rows).reshape(results.shape)
         return results
 
     def _in_python(self, given: Sequence[Array], samples: tuple[int, ...]) -> Array:
