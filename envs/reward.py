@@ -6,9 +6,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from adaptctl.arrays import Array, real_number
+from adaptctl.arrays import real_number
 from adaptctl.errors import InputError
 
 
@@ -44,13 +43,3 @@ class RewardWeights:
         `velocity` of squared velocity errors, (rad/s)^2 ((m/s)^2), and `torque` of (torque/limit)^2, no unit: scalars,
         or arrays that broadcast, of any kind of number. Nothing is checked."""
         return self.position * position + self.velocity * velocity + self.torque * torque
-
-    def reward(
-        self, error: Array, velocity_error: Array, relative_torque: Array, terminated: NDArray[np.bool_]
-    ) -> Array:
-        """The reward (...), no unit, of r joints: minus the weighted squares, summed over the joints, of the position
-        errors `error`, rad (m), of the `velocity_error`, rad/s (m/s), and of `relative_torque`, the ratios
-        torque/limit, no unit, (..., r) each. Where `terminated`, bools (...), is True, `termination` is subtracted too.
-        Nothing is checked: NaN gives NaN."""
-        squares = (np.vecdot(x, x) for x in (error, velocity_error, relative_torque))
-        return np.asarray(-self.cost(*squares) - self.termination * terminated)

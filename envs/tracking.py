@@ -13,11 +13,12 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, numbers, per_joint
-from adaptctl.caching import sent_as_made
+from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.envs.judgement import Judgement
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.running_episode import RunningEpisode
@@ -289,15 +290,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         it is over), and the function that computes rewards and ends. `take_back` gives the episode back. Raises
         Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("hand_over")
-        return Episode(
-            self.plant,
-            episode.state,
-            episode.parameters,
-            episode.preview.reference,
-            self.np_random,
-            0 if episode.over else self.steps - episode.step,
-            self._judged,
-        )
+        left, reference = 0 if episode.over else self.steps - episode.step, episode.preview.reference
+        return Episode(self.plant, episode.state, episode.parameters, reference, self.np_random, left, self._judged)
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
         """The `info`, as `step` returns it (`time`, true `parameters`, `applied_torque`, `energy`, `clipped`, with
@@ -311,12 +305,16 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._info(episode, state.applied)
 
     def _judged(self, q: Array, v: Array, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The rewards (...) of states reached (...), and whether the episode ends there."""
-        error = self.plant.positions(q) - reference.p
-        outside, terminated = np.abs(error) > self.error_bound, ~self.plant.may_work(q)
-        terminated |= outside.any() and outside.any(-1)  # at a twentieth of the time where none is
-        errors = error, v - reference.v, applied / self._limits
-        return self.reward_weights.reward(*errors, terminated), terminated
+        """The rewards (...) of states reached (...), one or (m,) of them, and whether the episode ends there."""
+        judged = self.judgement.kernel if q.ndim == 1 else self.judgement.kernel.map
+        reward, lost = judged(self.plant.positions(q), v, reference.p, reference.v, applied)
+        terminated = ~self.plant.may_work(q) | (np.asarray(lost) > 0.0)
+        return reward - self.reward_weights.termination * terminated, terminated
+
+    @cached_property
+    def judgement(self) -> Judgement:
+        """The `Judgement` of a control period: the equation of its reward and of errors that end an episode."""
+        return Judgement(self.reward_weights, self.error_bound, self._limits)
 
     def _reference(self, episode: RunningEpisode) -> ReferencePoint:
         row, r = episode.preview.row(episode.step), self.plant.dof

@@ -200,3 +200,14 @@ def test_results_larger_than_caches_are_those_of_parts() -> None:
 
 def _columns(width: int, x: Column) -> Column:
     return Column([x[0] * k + x[1] for k in range(width)])
+
+
+@pytest.mark.parametrize("rows", [slice(None), slice(None, None, 3), slice(None, None, -1), slice(7, 8)])
+def test_rows_of_a_wider_array_are_read_where_they_are(kernel: Kernel, rows: slice) -> None:
+    wide = np.random.default_rng(3).normal(size=(20, 3 * N))
+    wide.flags.writeable = False
+    x, y = wide[rows, 2 : 2 + N], wide[rows, -N:]
+    np.testing.assert_array_equal(kernel.map(x, y), kernel.map(x.copy(), y.copy()))
+    np.testing.assert_array_equal(kernel.map(wide[rows, ::3], y), kernel.map(wide[rows, ::3].copy(), y.copy()))
+    same = np.broadcast_to(wide[0, :N], x.shape)
+    np.testing.assert_array_equal(kernel.map(x, same), kernel.map(x.copy(), same.copy()))

@@ -388,7 +388,7 @@ def test_signals_in_place_are_those_that_are_passed(stepper: Stepper) -> None:
     signals.driven["push"] = np.pad(problem.push, late)
     passed.record_into(rooms[0], 2, STEPS, problem.signals)
     placed.record_into(rooms[1], 2, STEPS, signals)
-    np.testing.assert_array_equal(rooms[0].blocks, rooms[1].blocks)
+    np.testing.assert_array_equal(rooms[0].blocks[2:], rooms[1].blocks[2:])
     np.testing.assert_array_equal(passed.state.blocks, placed.state.blocks)
 
 

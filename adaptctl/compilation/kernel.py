@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import writable
-from adaptctl.compilation.batch import ENTRY, NativeBatch, batch
+from adaptctl.compilation.batch import ENTRY, STREAMED, NativeBatch, batch
 from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, has_builtins
 from adaptctl.compilation.lane_array import aligned
 from adaptctl.compilation.lanes import Lanes
@@ -167,11 +168,12 @@ class Kernel:
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)
         given = [out] if isinstance(out, np.ndarray) else out
         shapes = [(samples, *shape) for shape in self.outputs]
-        results = [aligned(shape, made=np.empty) for shape in shapes] if given is None else self._taking(given, shapes)
-        strides = [array.shape[1] if array.ndim > 1 else 0 for array in arrays]
-        tables = [a.ctypes.data for a in arrays], strides, [a.ctypes.data for a in results]
-        packed = [np.array(table, dtype=np.int64) for table in tables]
-        if not self._batch(samples, *(table.ctypes.data for table in packed)):
+        results = [*map(_room, shapes)] if given is None else self._taking(given, shapes)
+        strides = [array.strides[0] // array.itemsize if array.ndim > 1 else 0 for array in arrays]
+        sources, targets = ([array.ctypes.data for array in some] for some in (arrays, results))
+        table = np.array([*sources, *strides, *targets], dtype=np.int64)
+        first, second = table.ctypes.data, len(arrays) * table.itemsize
+        if not self._batch(samples, first, first + second, first + 2 * second):
             self._blame(arrays, results)
         return self._layout.contain(
             result if shape else result.reshape(samples) for result, shape in zip(results, self.outputs, strict=True)
@@ -256,7 +258,7 @@ class Given(NamedTuple):
         if len(arguments) != len(self.columns):
             expected = f"{len(self.columns)} arguments ({', '.join(self.columns)})"
             raise InputError(f"{self.kernel}: expected {expected}, got {len(arguments)}")
-        arrays = [self._numbers(name, x) for name, x in zip(self.columns, arguments, strict=True)]
+        arrays = [self._numbers(name, x, sample_axes) for name, x in zip(self.columns, arguments, strict=True)]
         samples = next((array.shape[:sample_axes] for array in arrays if array.ndim > 1), ())
         for (name, size), array in zip(self.columns.items(), arrays, strict=True):
             if array.shape != (*samples, size) and not (sample_axes and array.shape == (size,)):
@@ -272,9 +274,9 @@ class Given(NamedTuple):
                 raise NonFiniteError(f"{self.kernel}: argument {name!r}: expected finite numbers, got {array.tolist()}")
         raise NonFiniteError(f"{self.kernel}: the result is not finite, though all it was given is")
 
-    def _numbers(self, name: str, argument: ArrayLike) -> Array:
+    def _numbers(self, name: str, argument: ArrayLike, sample_axes: int) -> Array:
         try:
-            if type(argument) is np.ndarray and argument.dtype is _DOUBLE and argument.flags.carray:
+            if type(argument) is np.ndarray and argument.dtype is _DOUBLE and _in_rows(argument, sample_axes):
                 return argument
             given = np.asarray(argument)
             array = np.empty(given.shape)
@@ -282,3 +284,15 @@ class Given(NamedTuple):
         except (TypeError, ValueError) as error:
             raise InputError(f"{self.kernel}: argument {name!r}: expected real numbers ({error})") from error
         return array
+
+
+def _room(shape: tuple[int, ...]) -> Array:
+    """Room for a result; a large one begins on a cache line, since it is written past the caches."""
+    return np.empty(shape) if math.prod(shape) * _DOUBLE.itemsize < STREAMED else aligned(shape, made=np.empty)
+
+
+def _in_rows(array: Array, sample_axes: int) -> bool:
+    """True if the numbers of each row lie side by side. Where there is an axis of rows, these may lie apart."""
+    apart = sample_axes == 1 == array.ndim - 1 and array.strides[1] == array.itemsize
+    beside = array.flags.c_contiguous or (apart and array.strides[0] % array.itemsize == 0)
+    return bool(beside and array.flags.aligned)

@@ -23,7 +23,7 @@ _DOUBLE = np.dtype(np.float64)
 
 class LaneArray:
     """An array of named columns (n,) of numbers for each of a number of `members`, laid out in SIMD lanes, all zero at
-    first; `columns` maps the columns' names to their lengths n.
+    first, unless `made` is `np.empty` in place of `np.zeros`; `columns` maps the columns' names to their lengths n.
 
     `array[name]` is a copy (..., members, n) of a column, in float64; assigning to it takes real numbers that broadcast
     to that, NaN and infinity too. `steps` is the shape of the leading axes, of steps in time, () unless given; `lanes`,
@@ -43,12 +43,13 @@ class LaneArray:
         lanes: int = 1,
         steps: tuple[int, ...] = (),
         dtype: np.dtype[Any] = _DOUBLE,
+        made: Callable[..., Any] = np.zeros,
     ) -> None:
         self.columns, self.members, self.lanes = MappingProxyType(dict(columns)), members, lanes
         try:
             if min(members, lanes - 1, *steps, *columns.values()) < 0:
                 raise ValueError("sizes below 0")
-            self.blocks = aligned((*steps, -(-members // lanes), sum(columns.values()), lanes), dtype)
+            self.blocks = aligned((*steps, -(-members // lanes), sum(columns.values()), lanes), dtype, made)
         except (TypeError, ValueError):
             _require_sizes(columns, members, lanes, steps)
             raise

@@ -8,6 +8,7 @@ from threading import Thread
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import whole_count
@@ -158,19 +159,19 @@ class Ensemble:
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
     def room(self, steps: int) -> LaneArray:
-        """Memory (a `LaneArray`, zero) for the outputs of `steps` steps, as `record_into` fills it: the columns "0",
-        "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. Raises
+        """Memory (a `LaneArray`, not yet set) for the outputs of `steps` steps, as `record_into` fills it: the columns
+        "0", "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. Raises
         `InputError` for steps that are no whole number of at least 0."""
-        return self._array(self._outputs, steps)
+        return self._array(self._outputs, steps, made=np.empty)
 
     def signals(self, steps: int) -> Signals:
-        """Memory, zero, for the `Signals` of `steps` steps, to be filled by column and step, as `record_into` reads it:
-        `shared`, the columns that are the same for all members, has axes (steps, 1, n), and `driven`, those of each
-        member, (steps, members, n); n is a column's length. Raises `InputError` for steps that are no whole number of
-        at least 0."""
+        """Memory, not yet set, for the `Signals` of `steps` steps, to be filled by column and step, as `record_into`
+        reads it: `shared`, the columns that are the same for all members, has axes (steps, 1, n), and `driven`, those
+        of each member, (steps, members, n); n is a column's length. Raises `InputError` for steps that are no whole
+        number of at least 0."""
         columns = self.stepper.columns
-        shared = LaneArray(columns[Source.SHARED], 1, 1, (steps,), self.stepper.dtype)
-        return Signals(shared, self._array(columns[Source.DRIVEN], steps))
+        shared = LaneArray(columns[Source.SHARED], 1, 1, (steps,), self.stepper.dtype, np.empty)
+        return Signals(shared, self._array(columns[Source.DRIVEN], steps, made=np.empty))
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike] | Signals) -> None:
         """Take `steps` steps of all members from their `state`, which is replaced, and put the outputs into `room`,
@@ -223,8 +224,8 @@ class Ensemble:
             (rows if name in rows.columns else driven)[name] = values
         return Signals(rows, driven)
 
-    def _array(self, columns: Columns, *steps: int) -> LaneArray:
-        return LaneArray(columns, self.members, self.stepper.lanes, steps, self.stepper.dtype)
+    def _array(self, columns: Columns, *steps: int, made: Callable[..., Any] = np.zeros) -> LaneArray:
+        return LaneArray(columns, self.members, self.stepper.lanes, steps, self.stepper.dtype, made)
 
 
 class _Work(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.reference_check import require_point
 from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column
 
 REFERENCE = ("reference_p", "reference_v", "reference_a")
@@ -32,8 +33,8 @@ def sampled(reference: Reference, times: Array, size: int, out: Array | None = N
     points = np.empty((len(times), 3, size)) if out is None else out
     parts = ReferencePoint(*points.swapaxes(0, 1))
     if isinstance(reference, Sinusoids) and len(reference.center) == size:
-        _put_sinusoids(points, reference, times)
-        if np.isfinite(points).all():
+        with suppress(NonFiniteError):  # which is raised below, where it is known of what
+            _put_sinusoids(points, reference, times)
             return parts
     point = reference(times)
     require_point(point)
@@ -111,7 +112,7 @@ def _compiled(*sizes: int) -> Kernel:
         return list(sinusoids_at(time[0], SinusoidNumbers(**numbers)))
 
     lengths = dict(zip(SinusoidNumbers._fields, sizes, strict=True))
-    return compile_function(point, {"time": 1, **lengths}, name="sinusoids")
+    return compile_function(point, {"time": 1, **lengths}, name="sinusoids", finite="results")
 
 
 def _checked(point: ReferencePoint, name: str, count: int, size: int) -> Array:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import gymnasium
 
 CHUNK, LONGEST = 2000, 10_000
-"""Control periods in one native call: at least, if the run is as long, and at most."""
+"""Control periods in one native call: in the first, if the run is as long, and at most."""
 
 
 def simulate(
@@ -148,12 +148,12 @@ class _NativeRun:
     @property
     def _longest(self) -> int:
         """Control periods that there is room for at once."""
-        return min(self._stretch, self.steps)
+        return min(LONGEST, self.steps)
 
     @property
     def _stretch(self) -> int:
-        """Control periods of one native call, at most."""
-        return min(LONGEST, max(CHUNK, self.steps // 4))
+        """Control periods of the next native call, at most: few at first, for a run may soon be over."""
+        return min(LONGEST, max(CHUNK, 3 * self.count))
 
     @property
     def _first(self) -> int:
@@ -243,10 +243,10 @@ class _NativeRun:
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
 
     def _sound(self, count: int) -> bool:
-        """True only if all that was just recorded, and the state after it, is finite."""
-        recorded = self.room.blocks[self._first : self._first + count]
+        """True only if all torques just recorded and the state after them are finite, and so the states before."""
+        torque = self.sample.torque[self._first : self._first + count]
         with np.errstate(over="ignore", invalid="ignore"):
-            return math.isfinite(recorded.sum()) and math.isfinite(self.arms.state.blocks.sum())
+            return math.isfinite(torque.sum()) and math.isfinite(self.arms.state.blocks.sum())
 
     def _times(self) -> Array:
         """The times of the next stretch and its end: as long as nothing changes, in one call's length."""

@@ -225,9 +225,8 @@ class Arms:
 
     @property
     def _step(self) -> VectorStep:
-        single = self.single
-        bound, weights, form = single.error_bound, single.reward_weights, SinusoidForm(self._dof, self._terms or 0)
-        return VectorStep(single.plant, single.look_ahead, bound, weights, form)
+        single, form = self.single, SinusoidForm(self._dof, self._terms or 0)
+        return VectorStep(single.plant, single.look_ahead, single.judgement, form)
 
     def _row(self, arms: Numbers) -> Array:
         """The reference's rows of some arms now."""

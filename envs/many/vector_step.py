@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from adaptctl.arrays import Array
 from adaptctl.compilation import Kernel, Stepper, compile_function, compile_step
 from adaptctl.compilation.lanes import Precision
-from adaptctl.envs.reward import RewardWeights
-from adaptctl.scalars import Column, Scalar, absolute, where
+from adaptctl.envs.judgement import Judgement
+from adaptctl.scalars import Column, Scalar, where
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references_of_many import SinusoidForm
 
@@ -47,7 +45,7 @@ class VectorStep:
     arm at a time (s) of its own.
 
     `plant` is the `Plant`, of r joints; `look_ahead` (L,) are the times ahead, s, at which the reference is observed;
-    `error_bound` (r,), rad (m), ends an episode; `weights` are the `RewardWeights`; `sinusoids`, a `SinusoidForm`, says
+    `judgement`, a `Judgement`, has the reward and the bounds on errors; `sinusoids`, a `SinusoidForm`, says
     how many sinusoids a reference sums in each joint, and these are evaluated in the step from each arm's numbers. If
     that is 0, the reference comes from outside as a row of samples: positions, velocities and accelerations now, then
     the positions at each time ahead. Nothing is checked.
@@ -55,8 +53,7 @@ class VectorStep:
 
     plant: Plant
     look_ahead: Array
-    error_bound: Array
-    weights: RewardWeights
+    judgement: Judgement
     sinusoids: SinusoidForm
 
     @property
@@ -120,28 +117,18 @@ class VectorStep:
         plant, row = self.plant, self.row(columns)
         after = plant.equation(columns)
         p = plant.primary(after.q)
-        error = p - Column(row.of[: plant.dof])
+        wanted_p, wanted_v = (Column(row.of[k * plant.dof : (k + 1) * plant.dof]) for k in range(2))
+        judged = self.judgement.equation(p, after.v, wanted_p, wanted_v, after.applied)
         facts = Facts(
-            -self._cost(error, after.v - Column(row.of[plant.dof : 2 * plant.dof]), after.applied),
+            judged.reward,
             where(after.q @ after.q + after.v @ after.v < LARGEST, 1.0, 0.0),
-            self._lost(error),
+            judged.lost,
             self._surely_works(after.q, p),
             plant.energy_equation(after.q, after.v, columns["parameters"], after.drives),
             after.clipped[0],
         )
         observation = Column((*after.measured_p, *after.measured_v, *row))
         return *after[:4], observation, Column((*facts, *after.marks)), Column((*p, *after.v, *after.applied))
-
-    def _cost(self, error: Column, rate: Column, torque: Column) -> Scalar:
-        limits = np.asarray(self.plant.torque_limits).tolist()
-        relative = Column(x / limit for x, limit in zip(torque, limits, strict=True))
-        return self.weights.cost(error @ error, rate @ rate, relative @ relative)
-
-    def _lost(self, error: Column) -> Scalar:
-        lost: Any = 0.0
-        for x, bound in zip(error, self.error_bound.tolist(), strict=True):
-            lost = where(absolute(x) > bound, 1.0, lost)
-        return lost
 
     def _surely_works(self, q: Column, p: Column) -> Scalar:
         """1 where loops are surely away from singularities and within their conditions, else 0."""
