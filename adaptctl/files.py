@@ -7,7 +7,6 @@ import json
 import math
 import os
 import re
-import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -93,7 +92,9 @@ def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
             if not is_of_the_dead(entry.name):
                 alive.append(entry)
             elif entry.is_dir():
-                shutil.rmtree(entry, ignore_errors=True)
+                from shutil import rmtree  # which takes longer to import than most files to write
+
+                rmtree(entry, ignore_errors=True)
             else:
                 entry.unlink(missing_ok=True)
     return alive

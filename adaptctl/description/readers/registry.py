@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from importlib.resources import as_file, files
+from importlib import import_module
 from pathlib import Path
-from pkgutil import resolve_name
 
 import msgspec
 import numpy as np
@@ -34,7 +33,7 @@ SCHEMAS = {
 }
 """The same for TOML files, by the schema that they name."""
 
-_ROBOTS = files("adaptctl.description") / "robots"
+_ROBOTS = Path(__file__).parent.parent / "robots"
 
 _ASSIGNED = {
     "puma560": "Table 6 of Sheu and Walker (1991) is no physical set: use puma560_measured for physics",
@@ -44,9 +43,7 @@ _ASSIGNED = {
 
 def builtin_names() -> tuple[str, ...]:
     """Names of the robots that come with the package, in alphabetical order, as `read` and `load` take them."""
-    return tuple(
-        sorted(entry.name.removesuffix(".toml") for entry in _ROBOTS.iterdir() if entry.name.endswith(".toml"))
-    )
+    return tuple(sorted(path.stem for path in _ROBOTS.glob("*.toml")))
 
 
 class _Head(msgspec.Struct):
@@ -100,8 +97,7 @@ def read(
     if root is not None and suffix not in (".xml", ".mjcf"):
         raise InputError(f"{source}: only an MJCF scene has a root body that can be named, {root!r}")
     if isinstance(source, str) and source in builtin_names():
-        with as_file(_ROBOTS / f"{source}.toml") as path:
-            description, remark = read_toml_mechanism(path), _ASSIGNED.get(source, "")
+        description, remark = read_toml_mechanism(_ROBOTS / f"{source}.toml"), _ASSIGNED.get(source, "")
     else:
         urdf: dict[str, object] = {"floating_base": floating_base, "mesh_folders": mesh_folders}
         options = urdf if suffix == ".urdf" else {"root": root} if root is not None else {}
@@ -161,7 +157,8 @@ def _reader(source: str | Path) -> Reader:
 
 
 def _imported(reader: str) -> Reader:
-    found: Reader = resolve_name(f"adaptctl.description.readers.{reader}")
+    module, _, function = reader.partition(":")
+    found: Reader = getattr(import_module(f"adaptctl.description.readers.{module}"), function)
     return found
 
 
