@@ -7,6 +7,7 @@ machine code, so nothing is read that anybody else could have written.
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import stat
 from contextlib import suppress
@@ -24,6 +25,8 @@ _HEAD = len(_MAGIC) + 64
 _written: dict[Path, int] = {}
 """Bytes that this process has kept in a folder since it last looked how full that is."""
 
+log = logging.getLogger(__name__)
+
 
 def cache_folder() -> Path | None:
     """Path of the folder in which compiled objects are kept for other processes, which need not exist: that of the
@@ -37,7 +40,7 @@ def cache_folder() -> Path | None:
             return Path(chosen).expanduser()
         return (caches if caches.is_absolute() else Path.home() / ".cache") / "adaptctl"
     except RuntimeError as error:
-        _tell("no compiled objects are kept: %s", error)
+        log.info("no compiled objects are kept: %s", error)
         return None
 
 
@@ -57,11 +60,11 @@ class ObjectCache(NamedTuple):
             _require_own(self.folder.stat())
             content = _read(self._path(key))
         except OSError as error:
-            _tell("compiled anew: %s", error)
+            log.info("compiled anew: %s", error)
             return None
         data = content[_HEAD:]
         if content[:_HEAD] != _head(key, data):
-            _tell("compiled anew: %s is damaged", self._path(key))
+            log.info("compiled anew: %s is damaged", self._path(key))
             return None
         return data
 
@@ -76,7 +79,7 @@ class ObjectCache(NamedTuple):
             if self._may_be_full(_HEAD + len(data)):
                 self._shrink()
         except OSError as error:
-            _tell("not kept: %s", error)
+            log.info("not kept: %s", error)
 
     def _path(self, key: bytes) -> Path:
         return self.folder / f"{key.hex()}{SUFFIX}"
@@ -99,13 +102,6 @@ class ObjectCache(NamedTuple):
             if total > self.limit:
                 with suppress(FileNotFoundError):
                     os.unlink(path)  # noqa: PTH108
-
-
-def _tell(message: str, *values: object) -> None:
-    """Log why nothing was read or kept, which seldom happens: so the log is imported only then."""
-    import logging
-
-    logging.getLogger(__name__).info(message, *values)
 
 
 def _is_ours(entry: os.DirEntry[str]) -> bool:
