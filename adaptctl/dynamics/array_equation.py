@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows, writable
 from adaptctl.compilation.limits import LARGEST_COMPILED
-from adaptctl.errors import NonFiniteError
+from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, column
 
 if TYPE_CHECKING:
@@ -131,8 +132,18 @@ class ArrayEquation:
         kernel = compile_function(lambda **columns: function(*columns.values()), sizes, name=self._name, finite=True)
         if self._configured is None:
             self.call, self.into = kernel.otherwise(self._generally), self._into_native
+        else:
+            self.call = self._closing
         self._kernel = kernel
         return kernel
+
+    def _closing(self, p: ArrayLike, *rest: ArrayLike) -> Array:
+        """The native code at one state whose loops are closed first; any other arrays as before."""
+        if self._kernel is not None and self._configured is not None and type(p) is np.ndarray and p.ndim == 1:
+            with suppress(InputError):  # which is raised below, in this equation's words
+                found: Array = self._kernel(self._configured(p), *rest)
+                return found
+        return self._generally(p, *rest)
 
     def _into_native(self, out: Array, *arguments: ArrayLike) -> Array:
         """`into` until it is called for a single state: the native code that fills an `out` is made then."""

@@ -116,6 +116,9 @@ class Mechanism:
         ones, p (..., r) (Sheu and Walker 1991, equation 1), followed along straight lines in p from the closed `start`
         (..., n), None being the reference; for a tree p itself, whatever `start` is. Raises `InputError` on a wrong
         shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        known = None if self.continuation is None or start is not None else self.continuation.follow_alone(p)
+        if known is not None:
+            return known
         (p,), _ = self._joints(p=p)
         start = None if start is None else checked(start, len(self.links), f"{self.name}: start")
         return p if self.continuation is None else self.continuation.follow(p, start)

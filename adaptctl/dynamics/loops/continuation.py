@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.loops.determinant import determinant
 from adaptctl.dynamics.loops.least_squares import factored
+from adaptctl.dynamics.loops.straight_ways import StraightWays
 from adaptctl.errors import InputError, SingularityError
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 
@@ -66,12 +68,28 @@ class Continuation:
         q = np.broadcast_to(self.reference if start is None else start, (*samples, len(self.reference)))
         q, p = q.reshape(-1, q.shape[-1]).copy(), p.reshape(-1, p.shape[-1])
         begin = q[:, self.primary]
-        steps = self._steps(p - begin)
-        for k in range(1, int(steps.max(initial=0)) + 1):
-            on = np.flatnonzero(steps >= k)
-            q[on] = self._closed(begin[on] + (p - begin)[on] * (k / steps[on, None]), q[on])
+        way, steps, left = p - begin, self._steps(p - begin), np.arange(len(q))
+        if len(q) and self._ways.pays(steps):
+            found, sure = self._ways.followed(q, begin, way, steps)
+            q[sure], left = found[sure], np.flatnonzero(~sure)
+        for k in range(1, int(steps[left].max(initial=0)) + 1):
+            on = left[steps[left] >= k]
+            q[on] = self._closed(begin[on] + way[on] * (k / steps[on, None]), q[on])
             self.require_regular(q[on])
         return q.reshape(*samples, q.shape[-1])
+
+    def follow_alone(self, p: object) -> Array | None:
+        """The closed configuration (n,) that `follow` finds from the reference at the positions `p` of one sample, in a
+        thirtieth of the time; None for anything but a float64 array (r,) of finite numbers, and where `follow` has to
+        decide: where a step is not surely right, and before native code pays."""
+        if not self._ways.ready or type(p) is not np.ndarray or p.shape != self._start.shape or p.dtype != np.float64:
+            return None
+        start: list[float] = self._start.tolist()
+        way = [x - x0 for x, x0 in zip(p.tolist(), start, strict=True)]
+        longest = max((abs(way[i]) for i in self._looped), default=0.0)
+        if not math.isfinite(sum(way)):
+            return None
+        return self._ways.followed_alone(self.reference, start, way, max(math.ceil(longest / LARGEST_STEP), 1))
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
         """Mask (m,) of m positions p (m, r) of the r primary (independent) joints, rad (m if prismatic): True where
@@ -150,7 +168,7 @@ class Continuation:
     def _steps(self, way: Array) -> NDArray[np.int64]:
         """Number of steps that ways (m, r) need, 1 where they are not finite. A joint that moves no closure needs
         none, and couplings are linear."""
-        longest = np.abs(way[:, list(self.equations.closing.looped)]).max(axis=1, initial=0.0)
+        longest = np.abs(way[:, self._looped]).max(axis=1, initial=0.0)
         finite = np.where(np.isfinite(longest), longest, 0.0)
         return np.maximum(np.ceil(finite / LARGEST_STEP).astype(np.int64), 1)
 
@@ -186,14 +204,19 @@ class Continuation:
 
     @cached_property
     def _native_closed(self) -> Kernel:
-        """Along the tangent first, then by Newton's steps. Native, since it is done hundreds of times."""
-        primary = self.primary
+        """Native, since it is done hundreds of times."""
+        sizes = {"p": len(self.primary), "q": len(self.reference)}
+        return compile_function(lambda p, q: (self._ahead(p, q),), sizes, name="closed")
 
-        def closed(p: Column, q: Column) -> tuple[Column]:
-            ahead = self.equations.rates(q, p - Column(q[i] for i in primary))
-            return (self.equations.closed(p, q + ahead),)
+    def _ahead(self, p: Column, q: Column) -> Column:
+        """The closed configuration at p, from one nearby: along the tangent first, then by Newton's steps."""
+        ahead = self.equations.rates(q, p - Column(q[i] for i in self.primary))
+        return self.equations.closed(p, q + ahead)
 
-        return compile_function(closed, {"p": len(primary), "q": len(self.reference)})
+    @cached_property
+    def _ways(self) -> StraightWays:
+        sizes = len(self.reference), len(self.primary)
+        return StraightWays(self._ahead, lambda q: self.surely_regular(q, OPEN), *sizes)
 
     @cached_property
     def _native_look(self) -> Kernel:
@@ -209,6 +232,11 @@ class Continuation:
     def _at_reference(self) -> tuple[Array, Array, Array]:
         return self._look(self.reference)
 
-    @property
+    @cached_property
     def _start(self) -> Array:
         return self.reference[self.primary]
+
+    @cached_property
+    def _looped(self) -> list[int]:
+        """The primary joints, by their indices in p, that move a closure."""
+        return np.flatnonzero(self.equations.closing.looped).tolist()

@@ -1,0 +1,86 @@
+"""Following of loops along straight lines in native code, as far as each step is surely right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
+from adaptctl.compilation import Stepper, compile_step
+from adaptctl.scalars import Column, Scalar, where
+
+CALLS, STEPS = 50, 5000
+"""Calls and steps of configurations after which native code is made: until then the steps have taken about as long."""
+
+
+@dataclass(eq=False)
+class StraightWays:
+    """Straight ways of r primary (independent) joints along which the n joints of a tree with loops are followed in
+    native code, step by step, for as long as each step is surely right.
+
+    `following(p, q)` is the equation of one step, from Columns (vectors of scalars of any kind): the configuration (n,)
+    at positions p (r,), rad (m if prismatic), near a closed one q (n,); `sure(q)` is 1.0 where what was found is surely
+    closed and away from singularities, else 0.0. `joints` and `primary` are the numbers n and r. Nothing is checked.
+    """
+
+    following: Callable[[Column, Column], Column]
+    sure: Callable[[Column], Scalar]
+    joints: int
+    primary: int
+    work: float = 0.0
+    """what has been asked for, 1 where native code pays"""
+
+    @property
+    def ready(self) -> bool:
+        """True if native code pays, after all that has been asked for."""
+        return self.work >= 1.0
+
+    def pays(self, steps: NDArray[np.int64]) -> bool:
+        """True if native code pays by now, for ways of `steps` (m,) steps: after 50 calls, 5,000 steps of one sample,
+        or what comes to as much together."""
+        self.work += 1.0 / CALLS + float(steps.sum()) / STEPS
+        return self.ready
+
+    def followed(self, q: Array, begin: Array, way: Array, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+        """The configurations (m, n) at the ends of m ways, and a mask (m,): True where all steps were surely right. The
+        ways begin at closed configurations q (m, n), whose primary joints are at `begin` (m, r), and lead by `way` (m,
+        r), rad (m if prismatic), in as many equal steps as `steps` (m,) says. Where the mask is False, configurations
+        mean nothing."""
+        arms = self._many.ensemble(len(q))
+        arms.state["q"], arms.state["sure"] = q, 1.0
+        arms.held["begin"], arms.held["way"], arms.held["steps"] = begin, way, steps[:, None]
+        arms.run(int(steps.max()))
+        return arms.state["q"], arms.state["sure"][:, 0] > 0.0
+
+    def followed_alone(self, q: Array, begin: list[float], way: list[float], steps: int) -> Array | None:
+        """The configuration (n,) at the end of one way, which begins at q (n,), as `followed` has it of many; None
+        where not all steps were surely right."""
+        state, held = np.array([*q, 0.0, 1.0]), np.array([*begin, *way, steps])
+        end = self._single.alone(steps, state, held)
+        return end[: self.joints] if end[-1] > 0.0 else None
+
+    @cached_property
+    def _single(self) -> Stepper:
+        return self._compiled(1)
+
+    @cached_property
+    def _many(self) -> Stepper:
+        return self._compiled(None)
+
+    def _compiled(self, lanes: int | None) -> Stepper:
+        state, held = {"q": self.joints, "gone": 1, "sure": 1}, {"begin": self.primary, "way": self.primary, "steps": 1}
+        return compile_step(self._step, state=state, held=held, lanes=lanes, name="straight_way")
+
+    def _step(
+        self, q: Column, gone: Column, sure: Column, begin: Column, way: Column, steps: Column
+    ) -> tuple[Column, Column, Column]:
+        """A step; at the end of a shorter way than others, none."""
+        k = gone[0] + 1.0
+        found = self.following(begin + way * (k / steps[0]), q)
+        right = sure[0] * self.sure(found)
+        after = Column(where(k <= steps[0], x, old) for x, old in zip(found, q, strict=True))
+        return after, Column((k,)), Column((where(k <= steps[0], right, sure[0]),))
