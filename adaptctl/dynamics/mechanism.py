@@ -107,21 +107,20 @@ class Mechanism:
     def home(self) -> Array:
         """Positions (r,) of the primary (independent) joints, rad (m if prismatic), in the reference configuration, in
         which the loops are known to close; zeros for a tree. Raises `LoopError` where loops do not fit together."""
-        if self.continuation is None:
-            return np.zeros(self.dof)
-        return self.continuation.reference[self.continuation.primary]
+        loops = self.continuation
+        return np.zeros(self.dof) if loops is None else loops.reference[loops.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
         """Positions (..., n), rad (m), of the tree's n joints, loops closed, at those of the r primary (independent)
         ones, p (..., r) (Sheu and Walker 1991, equation 1), followed along straight lines in p from the closed `start`
         (..., n), None being the reference; for a tree p itself, whatever `start` is. Raises `InputError` on a wrong
         shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
-        known = None if self.continuation is None or start is not None else self.continuation.follow_alone(p)
-        if known is not None:
+        loops = self.continuation
+        if loops is not None and start is None and (known := loops.follow_alone(p)) is not None:
             return known
         (p,), _ = self._joints(p=p)
         start = None if start is None else checked(start, len(self.links), f"{self.name}: start")
-        return p if self.continuation is None else self.continuation.follow(p, start)
+        return p if loops is None else loops.follow(p, start)
 
     @property
     def name(self) -> str:
