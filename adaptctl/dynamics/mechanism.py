@@ -36,9 +36,9 @@ class Mechanism:
 
     Positions p, velocities v, accelerations a, torques are (..., r), regressors (..., P) and (..., r, P), of r primary
     (independent) joints and P inertial and friction parameters; leading axes are samples. SI units: rad, N m (m, N if
-    prismatic). Equations run in Python for 50 calls or 25000 samples, then natively. `out` takes a result instead of a
-    new array. Methods raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops
-    do not fit together, `SingularityError` near where they lock; construction checks nothing."""
+    prismatic). Equations run in Python for 50 calls or 25000 samples, then natively. `out` is filled with the result.
+    Methods raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be
+    closed, `SingularityError` near their singularities; construction checks nothing."""
 
     def __init__(self, description: Description) -> None:
         self.description = description
@@ -48,8 +48,7 @@ class Mechanism:
 
     def _repr_html_(self) -> str:
         """Notebook's view of the mechanism: a table with a row a link."""
-        heads = ("link", "parent", "joint", "kind", "limits", "effort", "mass [kg]")
-        links = self.links
+        heads, links = ("link", "parent", "joint", "kind", "limits", "effort", "mass [kg]"), self.links
         rows = [
             (
                 link.name,
@@ -62,8 +61,8 @@ class Mechanism:
             )
             for link in links
         ]
-        text = f"{len(links)} links, {self.dof} degrees of freedom, {len(self.parameter_names)} parameters"
-        return titled(self.name, text) + table(heads, rows)
+        sizes = f"{len(links)} links, {self.dof} degrees of freedom, {len(self.parameter_names)} parameters"
+        return titled(self.name, sizes) + table(heads, rows)
 
     @cached_property
     def _arrays(self) -> ArrayEquations:
@@ -106,21 +105,21 @@ class Mechanism:
     @property
     def home(self) -> Array:
         """Positions (r,) of the primary (independent) joints, rad (m if prismatic), in the reference configuration, in
-        which the loops are known to close; zeros for a tree. Raises `LoopError` where loops do not fit together."""
+        which the loops are known to close; zeros for a tree. Raises `LoopError` where loops cannot be closed."""
         loops = self.continuation
         return np.zeros(self.dof) if loops is None else loops.reference[loops.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
         """Positions (..., n), rad (m), of the tree's n joints, loops closed, at those of the r primary (independent)
-        ones, p (..., r) (Sheu and Walker 1991, equation 1), followed along straight lines in p from the closed `start`
-        (..., n), None being the reference; for a tree p itself, whatever `start` is. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        ones, p (..., r) (Sheu and Walker 1991, equation 1), followed on straight lines in p from a closed `start` (...,
+        n), None being the reference; p itself for a tree. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN
+        or infinity, `SingularityError` near a singularity of the loops."""
         loops = self.continuation
         if loops is not None and start is None and (known := loops.follow_alone(p)) is not None:
             return known
-        (p,), _ = self._joints(p=p)
-        start = None if start is None else checked(start, len(self.links), f"{self.name}: start")
-        return p if loops is None else loops.follow(p, start)
+        p = checked(p, self.dof, f"{self.name}: p")
+        begin = None if start is None else checked(start, len(self.links), f"{self.name}: start")
+        return p if loops is None else loops.follow(p, begin)
 
     @property
     def name(self) -> str:
@@ -273,7 +272,8 @@ class Mechanism:
         fix, which regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of
         r primary (independent) joints, rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError`
         on NaN or infinity, with constraints `SingularityError` near locked loops."""
-        _, samples = self._joints(p=p, v=v, a=a)
+        given = {"p": p, "v": v, "a": a}
+        samples = same_samples(**{what: checked(x, self.dof, f"{self.name}: {what}") for what, x in given.items()})
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
@@ -367,11 +367,6 @@ class Mechanism:
 
         return cls(from_mujoco(model, body))
 
-    def _joints(self, **given: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
-        """Checked arrays (..., r) and the sample axes they share."""
-        arrays = {what: checked(values, self.dof, f"{self.name}: {what}") for what, values in given.items()}
-        return list(arrays.values()), same_samples(**arrays)
-
 
 def load(
     source: str | Path | pinocchio.Model | mujoco.MjModel,
@@ -387,7 +382,7 @@ def load(
     of 90 degrees are made exact. `root` names the mechanism's first body in an MJCF scene or a MuJoCo model; None for
     the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError` for a file
     that cannot be used, `InputError` for a model that cannot, other objects, a floating base or mesh folders without
-    URDF, a `root` without MJCF or MuJoCo, `LoopError` where a file's loops do not fit together. Warns
+    URDF, a `root` without MJCF or MuJoCo, `LoopError` for loops that cannot be closed. Warns
     (`PhysicalConsistencyWarning`) of inertias that no rigid body has, (`SimplificationWarning`) of what is left out."""
     from adaptctl.description.readers.registry import read, read_model
 
