@@ -380,3 +380,8 @@ def test_a_relation_is_with_zero_unless_a_value_is_given() -> None:
     for relation, known in ((Relation(weights), False), (Relation(weights, value=1.0), True)):
         left = constrained(mechanism, Constraints(relations=(relation,)))
         assert left.known_torque(p, v, a).any() == known
+
+
+def test_a_dict_of_known_values_is_no_constraints() -> None:
+    with pytest.raises(InputError, match=r"constraints: expected Constraints\(\.\.\.\), got \{'link3.m': 2.0\}"):
+        constrained(load("puma560_measured"), {"link3.m": 2.0})  # type: ignore[arg-type]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,19 @@ LLVM would."""
 LONGEST_MATRIX, LONGEST_REGRESSOR = 48, 24
 """Links up to which mass matrices and whole regressors are compiled, whose operations grow with the square of the
 links: LLVM takes 1 s and 4 s for these. What grows with the links alone it compiles in 1.7 s for a hundred."""
+
+
+class OnArrays(Protocol):
+    """Protocol of an equation of a mechanism on arrays: `call` takes arrays (..., size) whose leading axes are samples,
+    and returns one of results; `into` takes the same after a float64 array `out`, which it fills and returns."""
+
+    @property
+    def call(self) -> Callable[..., Array]:
+        """The function of arrays."""
+
+    @property
+    def into(self) -> Callable[..., Array]:
+        """The function of `out` and arrays."""
 
 
 class ArrayEquation:
@@ -76,6 +89,29 @@ class ArrayEquation:
         self._work = 0.0
         self.call: Callable[..., Array] = self._generally
         self.into: Callable[..., Array] = self._filling
+
+    @property
+    def name(self) -> str:
+        """Name of the mechanism, for messages."""
+        return self._name
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Sizes of the arguments by name, in order."""
+        return self._lengths()
+
+    def is_native(self, states: int) -> bool:
+        """True if it runs as native code by now, where so many `states` are asked for at once, which may compile it."""
+        return self._kernel is not None or self._compiled(states) is not None
+
+    def on_rows(self, *arrays: Array) -> Array:
+        """The results (k, m) of native code, where `is_native`, at finite float64 arrays, (k, size) each, or (size,)
+        for all k alike; the first, the positions, for all alike. What they are is not checked."""
+        if self._kernel is None:
+            return self._generally(*arrays)
+        first, *rest = arrays
+        found: Array = self._kernel.map(first if self._configured is None else self._configured(first), *rest)
+        return found
 
     def _filling(self, out: Array, *arguments: ArrayLike) -> Array:
         return self._generally(*arguments, out=out)

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.description import Description
-from adaptctl.dynamics.array_equation import LONGEST_MATRIX, LONGEST_REGRESSOR, ArrayEquation
+from adaptctl.dynamics.array_equation import LONGEST_MATRIX, LONGEST_REGRESSOR, ArrayEquation, OnArrays
+from adaptctl.dynamics.column_by_column import ColumnByColumn, unit_rows
 from adaptctl.dynamics.equations import Equations
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
@@ -74,10 +75,9 @@ class ArrayEquations:
 
     def __init__(self, mechanism: ArrayMechanism) -> None:
         self._mechanism = mechanism
-        self._on_columns: dict[tuple[str, tuple[int, ...]], ArrayEquation] = {}
+        self._on_columns: dict[tuple[str, tuple[int, ...]], OnArrays] = {}
+        self._links = len(mechanism.description.links)
         self.energy_regressor = self.of(lambda q, v: mechanism.equations.energy_regressor(q, v), "v")
-        self.torque_regressor = self._regressor("torque_regressor", None)
-        self.slotine_li_regressor = self._regressor("slotine_li_regressor", None)
 
         def torque(q: Column, v: Column, a: Column, parameters: Column) -> Column:
             return mechanism.equations.inverse_dynamics(q, v, v, a, parameters)
@@ -86,14 +86,13 @@ class ArrayEquations:
             mechanism.require_mass()
             return mechanism.equations.forward_dynamics(q, v, torque, parameters)
 
-        def inertia(q: Column, parameters: Column) -> list[Column]:
-            return [Column(row) for row in mechanism.equations.mass_matrix(q, parameters)]
-
         self.inverse_dynamics = self.of(torque, "v", "a", "parameters")
         self.forward_dynamics = self.of(accelerations, "v", "torque", "parameters")
-        self.mass_matrix = self.of(inertia, "parameters", longest=LONGEST_MATRIX)
+        self.mass_matrix = self._inertia()
+        self._torque = self.of(self._parameters_torque, "v", "v_r", "a_r", "parameters")
+        self.torque_regressor, self.slotine_li_regressor = (self._regressor(name, None) for name in REGRESSORS)
 
-    def on_columns(self, regressor: str, columns: tuple[int, ...]) -> ArrayEquation:
+    def on_columns(self, regressor: str, columns: tuple[int, ...]) -> OnArrays:
         """The `ArrayEquation` of a `regressor`, "torque_regressor" or "slotine_li_regressor", of the k parameters of
         indices `columns` alone, each from 0 to P - 1: its `call` takes arrays (p, v, a), or (p, v, v_r, a_r), each
         (..., r), rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per unit of each parameter, for
@@ -133,13 +132,47 @@ class ArrayEquations:
             mechanism.name, function, lengths, len(mechanism.description.links), longest=longest, configured=configured
         )
 
-    def _regressor(self, name: str, columns: tuple[int, ...] | None) -> ArrayEquation:
+    def _regressor(self, name: str, columns: tuple[int, ...] | None) -> OnArrays:
+        """A regressor of all parameters, or of some; a long mechanism's column by column."""
+        mechanism = self._mechanism
+        chosen = range(len(mechanism.parameter_names)) if columns is None else columns
+
         def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
-            equations = self._mechanism.equations
-            return equations.torque_regressor(
-                q, v, v_r, a_r, range(equations.parameters) if columns is None else columns
-            )
+            return mechanism.equations.torque_regressor(q, v, v_r, a_r, chosen)
+
+        def arranged(p: Array, v: Array, *reference: Array) -> tuple[Array, ...]:
+            v_r, a_r = reference if len(reference) == 2 else (v, *reference)
+            units = unit_rows(len(mechanism.parameter_names))
+            return p, v, v_r, a_r, units if columns is None else units[list(columns)]
 
         if name == "slotine_li_regressor":
-            return self.of(rows, "v", "v_r", "a_r", longest=LONGEST_REGRESSOR)
-        return self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", longest=LONGEST_REGRESSOR)
+            whole = self.of(rows, "v", "v_r", "a_r", longest=LONGEST_REGRESSOR)
+        else:
+            whole = self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", longest=LONGEST_REGRESSOR)
+        if self._links <= LONGEST_REGRESSOR:
+            return whole
+        return ColumnByColumn(whole, self._torque, arranged, len(chosen))
+
+    def _parameters_torque(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
+        """The torque of parameters, without what is known of it."""
+        equations = self._mechanism.equations
+        motion = equations.motion(q, v, v_r, a_r)
+        torque = motion.torque(parameters)
+        return torque - motion.torque(Column.zeros(len(parameters))) if equations.has_known_share else torque
+
+    def _inertia(self) -> OnArrays:
+        """The mass matrix; a long mechanism's column by column, each the torque that one acceleration needs."""
+        mechanism, r = self._mechanism, self._mechanism.dof
+
+        def inertia(q: Column, parameters: Column) -> list[Column]:
+            return [Column(row) for row in mechanism.equations.mass_matrix(q, parameters)]
+
+        def torque(q: Column, a: Column, parameters: Column) -> Column:
+            equations, rest = mechanism.equations.weightless(), Column.zeros(r)
+            at_rest = equations.inverse_dynamics(q, rest, rest, rest, parameters)  # drives' constant friction
+            return equations.inverse_dynamics(q, rest, rest, a, parameters) - at_rest
+
+        whole = self.of(inertia, "parameters", longest=LONGEST_MATRIX)
+        if self._links <= LONGEST_MATRIX:
+            return whole
+        return ColumnByColumn(whole, self.of(torque, "a", "parameters"), lambda p, D: (p, unit_rows(r), D), r)

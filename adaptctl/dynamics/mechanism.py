@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import mujoco
     import pinocchio
 
-    from adaptctl.dynamics.array_equation import ArrayEquation
+    from adaptctl.dynamics.array_equation import OnArrays
     from adaptctl.dynamics.loop_equations import LoopEquations
     from adaptctl.dynamics.loops.continuation import Continuation
 
@@ -191,8 +191,8 @@ class Mechanism:
         another number, values not finite or above 1e20 in size, and rotors, viscous or Coulomb friction below 0."""
         return Mechanism(self.description.with_parameters(parameters))
 
-    def on_columns(self, regressor: str, columns: Sequence[int]) -> ArrayEquation:
-        """The `ArrayEquation` of `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters of
+    def on_columns(self, regressor: str, columns: Sequence[int]) -> OnArrays:
+        """The equation on arrays of `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters of
         indices `columns`: its `call` takes the arrays p, v, a or p, v, v_r, a_r of that method of `Mechanism`, (..., r)
         of r primary (independent) joints, rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per
         unit. Raises `InputError` for another name and for an index that is not from 0 to P - 1."""

@@ -146,11 +146,13 @@ def constrained(
     model and controllers that are made from the result keep to the constraints, and need not know of them. The
     mechanism's own values of parameters taken away are replaced by what the constraints say.
 
-    Raises `InputError` naming a relation that contradicts those before it (one that follows from them is left out), for
-    a known value that is not finite, what is no priority or names a parameter twice, and a mechanism that is
-    constrained already. Raises `NotFoundError` for a parameter, of constraints or priority, that the mechanism does not
-    have, or that is friction.
+    Raises `InputError` for constraints that are no `Constraints`, naming a relation that contradicts those before it
+    (one that follows from them is left out), for a known value that is not finite, what is no priority or names a
+    parameter twice, and a mechanism that is constrained already. Raises `NotFoundError` for a parameter, of constraints
+    or priority, that the mechanism does not have, or that is friction.
     """
+    if not isinstance(constraints, Constraints):
+        raise InputError(f"constraints: expected Constraints(...), got {constraints!r:.80}")
     names = mechanism.parameter_names[: mechanism.energetic]
     A, b = _system(constraints.every, names)
     scales = length_scales(names, characteristic_length(mechanism))

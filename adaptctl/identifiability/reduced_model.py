@@ -13,7 +13,7 @@ from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
 from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.array_equation import ArrayEquation
+from adaptctl.dynamics.array_equation import ArrayEquation, OnArrays
 from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.errors import InputError, printable
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
@@ -138,11 +138,11 @@ class ReducedModel(Keyed):
         return ArrayEquations(self.mechanism).of(torque, "v", "a", "beta", sizes={"beta": len(kept)})
 
     @cached_property
-    def _torque_regressor(self) -> ArrayEquation:
+    def _torque_regressor(self) -> OnArrays:
         return self.mechanism.on_columns("torque_regressor", self.columns)
 
     @cached_property
-    def _slotine_li_regressor(self) -> ArrayEquation:
+    def _slotine_li_regressor(self) -> OnArrays:
         return self.mechanism.on_columns("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
