@@ -28,14 +28,14 @@ Named = TypeVar("Named", bound=HasName)
 
 
 def frozen(array: Array) -> Array:
-    """The same array, of any shape, made read-only: the array itself, not a copy."""
+    """Make `array`, of any shape, read-only in place and return it: the array itself, not a copy. Nothing is raised."""
     array.flags.writeable = False
     return array
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
-    """A read-only float64 copy of `values`, of the given `shape`. Raises `InputError` for another shape, for what holds
-    no numbers, and for NaN and infinity; `what` is the name of the values in its message."""
+    """A read-only float64 copy of `values`, of the given `shape`. Raises `InputError` where `values` have another
+    shape, are not real numbers, or hold NaN or infinity; `what` is the name of the values in its message."""
     array = numbers(values, what, f"of shape {shape}").copy()
     if array.shape != shape:
         raise InputError(f"{what}: expected shape {shape}, got {array.shape}")
@@ -46,10 +46,10 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
     """The `values` as a float64 array of any shape; an array that is one already is returned as it is, not copied.
-    Texts that read as numbers count as such, None as NaN; NaN and infinity are allowed. Raises `InputError` for what
-    holds no real numbers, such as other texts, ragged lists, complex numbers and whole numbers beyond the largest
-    double. `what` is the name of the values in its message, `kind` says there what was expected, such as "of shape
-    (3,)", by default nothing."""
+    Texts that read as numbers count as such, None as NaN; NaN and infinity are allowed. Raises `InputError` for values
+    that are not real numbers: other texts, ragged lists, complex numbers, and whole numbers beyond the largest double.
+    `what` is the name of the values in its message, `kind` says there what was expected, such as "of shape (3,)", by
+    default nothing."""
     try:
         if getattr(getattr(values, "dtype", None), "kind", "") == "c":
             raise TypeError("complex numbers have no place here")
@@ -60,8 +60,8 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
 
 def checked(values: ArrayLike, size: int, what: str) -> Array:
     """The `values` as a float64 array (..., size) of finite numbers, the last axis of the given `size`; an array that
-    is one already is returned as it is, not copied. Raises `InputError` for another shape and for what holds no
-    numbers, `NonFiniteError` for NaN and infinity; `what` is the name of the values in the messages."""
+    is one already is returned as it is, not copied. Raises `InputError` where `values` have another shape or are not
+    real numbers, `NonFiniteError` for NaN and infinity; `what` is the name of the values in the messages."""
     array = numbers(values, what, f"of shape (..., {size})")
     if array.ndim == 0 or array.shape[-1] != size:
         raise InputError(f"{what}: expected shape (..., {size}), got {array.shape}")
@@ -81,9 +81,9 @@ def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
 
 
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """The numbers (dof,) of `dof` joints, from one number for all joints or (dof,), one each: a read-only float64 copy.
-    Infinity is allowed. Raises `InputError` for another shape and for what holds no numbers, `NonFiniteError` for NaN;
-    `what` is the name of the values in the messages."""
+    """A read-only float64 array (dof,) of one number for each of `dof` joints: a copy of `values`, which are one number
+    for all joints or an array (dof,). Infinity is allowed. Raises `InputError` where `values` have another shape or are
+    not real numbers, `NonFiniteError` for NaN; `what` is the name of the values in the messages."""
     array = numbers(values, what)
     if array.shape not in ((), (dof,)):
         raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")

@@ -20,10 +20,10 @@ State = tuple[dict[str, Any], tuple[Path, ...]]
 
 
 def sent_as_made(owner: type[Owner]) -> type[Owner]:
-    """The class `owner` itself, for use as a decorator: from now on its instances are copied and pickled without the
-    values of their cached properties (those of this module's `cached_property`), and their read-only arrays are
-    read-only in the copy too. It is given a `__getstate__` and a `__setstate__` for this, unless it has a
-    `__getstate__` of its own; a named tuple is given a `__reduce__` instead. Nothing is raised."""
+    """Change the class `owner` in how its instances are copied and pickled, and return it, for use as a decorator. From
+    now on the values of their cached properties (those of this module's `cached_property`) are left out, and their
+    read-only arrays are read-only in the copy too. The class is given a `__getstate__` and a `__setstate__` for this,
+    unless it has a `__getstate__` of its own; a named tuple is given a `__reduce__` instead. Nothing is raised."""
     if issubclass(owner, tuple):
         setattr(owner, "__reduce__", _record)  # noqa: B010  # a class of any kind
     elif "__getstate__" not in vars(owner):
@@ -34,7 +34,7 @@ def sent_as_made(owner: type[Owner]) -> type[Owner]:
 
 class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
     """A property computed when it is first asked for and then kept on the instance, as by `functools.cached_property`,
-    but left out of copies and pickles, and without a lock.
+    but left out of copies and pickles, and without a lock. It decorates a method `func` without further arguments.
 
     A process that forks while a thread computes, such as a compilation, would inherit a held lock and wait for ever
     (Python 3.12 has done away with it too). Values are not copied or pickled because native code cannot be, and because
@@ -81,8 +81,8 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def replaced_by(name: str) -> Callable[[Method], Method]:
-    """A decorator of methods that has the callable in the instance's property `name` called in place of the method,
-    which then only documents it.
+    """A decorator that sends calls of a method to the callable that the instance holds as its property `name`; the
+    method's own body never runs, and only documents the callable.
 
     At the first use the callable is stored on the instance under the method's name, so that native code is called with
     no step through Python. An instance without such a property raises `AttributeError` when the method is looked up.
@@ -96,9 +96,10 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
 
 def without_caches(instance: object) -> State:
-    """The state of an object, `instance`, for copying and pickling: a dict of its attributes by name, without the
-    values of cached properties, and the places of its read-only arrays, each a tuple of an attribute's name and, for an
-    array within a tuple, its index there. Raises `TypeError` for an object without a `__dict__`."""
+    """The state of an object, `instance`, for copying and pickling: a pair of a dict of its attributes by name, without
+    the values of cached properties, and the paths of its read-only arrays. A path is a tuple of an attribute's name
+    and, for an array within a tuple, its zero-based index there. Raises `TypeError` for an object without a
+    `__dict__`."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
@@ -106,9 +107,9 @@ def without_caches(instance: object) -> State:
 
 
 def restored(instance: object, state: State) -> None:
-    """Give an object, made without a call of its `__init__`, the attributes of a `state` that `without_caches`
-    returned: a dict of attributes by name and the places of the arrays that are to be read-only. The object,
-    `instance`, is changed in place. Nothing is checked."""
+    """Set the attributes of an object, `instance`, that was made without a call of its `__init__`, from a `state` as
+    `without_caches` returns it: a pair of a dict of attributes by name and the paths of the arrays that become
+    read-only. The object is changed in place. Nothing is checked."""
     kept, paths = state
     vars(instance).update(_protected(kept, paths))
 

@@ -19,8 +19,8 @@ def printable(text: str, most: int = 80) -> str:
     """The `text` with control characters and others that do not print written out, such as \\x1b, and then cut in its
     middle to `most` characters (a whole number of at least 0), where it has more.
 
-    Names come from files of strangers, and a terminal would obey what is in them. Spaces and line breaks stay. Raises
-    no `InputError`: nothing is checked.
+    Names come from files of strangers, and a terminal would obey what is in them. Spaces and line breaks stay. Nothing
+    is checked.
     """
     if len(text) > 2 * most:
         text = text[:most] + text[len(text) - most :]  # what lies between is cut below, and need not be written out
@@ -48,18 +48,21 @@ class NotFoundError(InputError, LookupError):
 
 class NonFiniteError(InputError):
     """Error of a number that is NaN or infinite where a finite one is needed: in a function's input, or in its result
-    though all input is finite, as where a simulated motion runs away. Constructors may raise a plain `InputError` for
+    though all input is finite, as where a simulated motion diverges. Constructors may raise a plain `InputError` for
     such input instead."""
 
 
 class RankError(AdaptctlError):
-    """Error, with its `message`, of a rank k, the number of identifiable parameters, that cannot be certified.
-    `singular_values`, a tuple of falling floats, no unit, holds the singular values of the matrix of energy
-    differences, whose rows are for pairs of successive random states and whose columns, scaled, are for the P inertial
-    parameters: P values or, where a tree's rank was found joint by joint, the 11 of the joint with the smallest gap
-    between them, for its link's ten parameters and its rotor inertia. It is empty, the default, where the cause is
-    another, such as a fundamental basis of another rank, or angles between joint axes that are nearly, but not exactly,
-    right angles."""
+    """Error of a rank k, the number of independent (identifiable) inertial parameters of a mechanism, that cannot be
+    certified; `message` says why.
+
+    `singular_values`, a tuple of falling floats, no unit, are those of the matrix of energy differences whose rows are
+    for pairs of successive random states and whose columns, scaled, are for the P inertial parameters. It has P values,
+    or where a tree's rank was found joint by joint the 11 of the joint with the smallest gap between them, for its
+    link's ten parameters and its rotor inertia. It is empty, the default, where the cause is another, such as a
+    fundamental (base parameter) basis of another rank, or angles between joint axes that are nearly, but not exactly,
+    right angles.
+    """
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
         super().__init__(message)
@@ -81,14 +84,15 @@ class PhysicalConsistencyWarning(UserWarning):
 
 class StabilityWarning(UserWarning):
     """Warning that parameter estimates, while they adapt, may make an adaptive control loop ring (oscillate) whose
-    gains alone would not. Laws such as `SlotineLi` give it at construction where estimates within the stated `prior`
-    (their greatest distances from the first estimate) could bring the hold number to 2 or more: the control period
+    gains alone would not. Laws such as `SlotineLi` give it at construction where estimates within the law's `prior`
+    (their greatest distances from the initial estimate) could bring the hold number to 2 or more: the control period
     times the largest eigenvalue of M^-1 K, no unit, with the mass matrix M and the velocity feedback K."""
 
 
 class ReferenceWarning(UserWarning):
     """Warning of a reference motion that an arm cannot follow as stated: its velocities or accelerations are not the
-    derivatives of its positions and velocities, or, in MuJoCo, an arm that is on it touches itself or the scene."""
+    derivatives of its positions and velocities, or, in MuJoCo, an arm at its positions is in contact with itself or
+    with the scene."""
 
 
 class TraceError(AdaptctlError, TypeError):
@@ -108,16 +112,17 @@ class SimplificationWarning(UserWarning):
 
 
 class LoopError(InputError):
-    """Error of a mechanism's closed kinematic loops that do not close at the reference configuration, are redundant or
-    lock the mechanism, or of primary (independent) joints that do not determine the others. It is raised on loading, or
-    when the mechanism first computes; the message names the closure or the joints."""
+    """Error of a mechanism's closed kinematic loops that do not close at the reference configuration, are redundant,
+    are singular there or leave the mechanism no motion, or of primary (independent) joints that do not determine the
+    others. It is raised on loading, or when the mechanism first computes; the message names the closure or the
+    joints."""
 
 
 class SingularityError(AdaptctlError):
     """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others: the
     smallest singular value of the Jacobian of the loops' closure conditions by the dependent (not primary) joints is
     below 0.05 of that at the reference configuration, the singularity was passed, or loops did not close. The message
-    has the positions (r,), rad (m), of the r primary joints."""
+    has the positions (r,), rad (m if prismatic), of the r primary joints."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):

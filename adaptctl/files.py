@@ -62,8 +62,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def require_place(path: str | Path) -> Path:
-    """The real path of a file that is to be written, links followed. Raises `FileError` where no file can be written
-    there: its folder does not exist or cannot be written, or the path is itself a folder."""
+    """The real path, symbolic links followed, of the file at `path` that is to be written. Raises `FileError` where no
+    file can be written there: its folder does not exist or cannot be written, or the path is itself a folder."""
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
@@ -76,14 +76,14 @@ def require_place(path: str | Path) -> Path:
 
 def name_beside(target: Path) -> Path:
     """A hidden path in the folder of the path `target`, for temporary files, of the same suffix. The name has this
-    computer's name, the number of this process and random digits, so that it is free; nothing is created."""
+    computer's name, the number of this process and random digits, so that no other file has it; nothing is created."""
     return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
 
 
 def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
-    """Paths of the temporary files and folders in `folder`, made by `name_beside` for the file name `name`, whose
-    writers may still be at work. Those of processes of this computer that run no more are deleted. A folder that cannot
-    be read, or a file that cannot be deleted, ends the cleaning without an error."""
+    """Delete the temporary files and folders of ended processes of this computer, and return the paths of those whose
+    writers may still be at work: of the entries of `folder` that `name_beside` named for the file name `name`. A folder
+    that cannot be read, or a file that cannot be deleted, ends the cleaning without an error."""
     stem, suffix = Path(name).stem, Path(name).suffix
     pattern = re.compile(rf"\.{re.escape(stem)}\.[\w-]+-\d+-[0-9a-f]{{8}}{re.escape(suffix)}")
     alive: list[Path] = []
@@ -102,8 +102,8 @@ def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
 
 def is_of_the_dead(name: str) -> bool:
     """True where `name` is a temporary file's name, as `name_beside` makes it of this computer's name, a process's
-    number and random digits, whose process runs no more; False for other names, for other computers' and where the
-    process still runs."""
+    number and random digits, and that process has ended. False for other names, for other computers' and where the
+    process still runs. Nothing is raised."""
     owner = re.search(rf"\.{re.escape(_HERE)}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
     if owner is None:
         return False
@@ -143,7 +143,8 @@ def write_json(path: str | Path, value: object) -> None:
 
 
 def toml_string(text: str) -> str:
-    """The basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON."""
+    """The basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON. Nothing
+    is raised."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -214,7 +215,8 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
 
 def with_line(message: str, text: str) -> str:
     """The error `message` with " (line N)" at its end, N being the line, from 1, in the TOML `text` of the element that
-    the message names, such as ``$.links[2].mass``; unchanged where it names none or the element is not found."""
+    the message names, such as ``$.links[2].mass``; unchanged where it names none or the element is not found. Nothing
+    is raised."""
     element = re.search(r"\$((?:\.[\w-]+|\[\d+\])+)", message)
     line = toml_line(text, element.group(1)) if element else 0
     return f"{message} (line {line})" if line else message
@@ -222,8 +224,8 @@ def with_line(message: str, text: str) -> str:
 
 def toml_line(text: str, element: str) -> int:
     """The line number, from 1, in a TOML `text` where an `element` such as ``.links[2].mass`` begins, or else the table
-    that it is in; 0 where neither is found. Indices count from 0, and of the `element` its first two names and the
-    index between them count."""
+    that it is in; 0 where neither is found. Indices count from 0; only the first two names of the `element` and the
+    index between them are looked at. Nothing is raised."""
     table = re.match(r"\.([\w-]+)(?:\[(\d+)\])?(?:\.([\w-]+))?", element)
     if table is None:
         return 0
@@ -317,7 +319,7 @@ def flush(path: Path) -> None:
 
 
 def reason(error: Exception) -> str:
-    """The text of an `error` as a part of a sentence: its first letter small, and that of an `OSError` without its
-    number and file name."""
+    """The text of an `error` as a part of a sentence: its first letter in lower case, and of an `OSError` the system's
+    description alone, without error number and file name. Nothing is raised."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

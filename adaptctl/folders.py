@@ -48,8 +48,8 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
 
 
 def made_folder(path: Path) -> Path:
-    """The folder at `path`, made with those above it where it is not there. Raises `FileError` where it cannot be
-    made, such as where a file is in its place."""
+    """Make the folder at `path`, and those above it, where they do not exist, and return `path`. Raises `FileError`
+    where the folder cannot be made, such as where a file is in its place."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -42,7 +42,7 @@ def needed(what: str) -> Iterator[None]:
 
 def viewer_program() -> str | None:
     """The path, as text, of the viewer program of the package rerun-sdk, which shows recorded runs: `rerun` in the
-    folder of this Python or else on the PATH; None where there is none."""
+    folder of this Python or else on the PATH; None where there is none. Nothing is raised."""
     import shutil
 
     return shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")

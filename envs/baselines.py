@@ -20,20 +20,21 @@ BANDWIDTH, HOLD = 8.0, 1.0
 
 
 def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]:
-    """Mean returns (sums of an episode's rewards, no unit), by name, of five controllers that drive the arm of a
-    tracking environment.
+    """Mean returns (sums of an episode's rewards, unitless) of five controllers that drive the arm of a tracking
+    environment, as a mapping from their names.
 
     `env` is a `TrackingEnv`, one within wrappers, or a vector environment of adaptctl, of whose arms one is taken; a
-    copy is driven, without the wrappers, and `env` stays as it is. The names are "zero torque"; "PD", without gravity
-    compensation; "PD with gravity", compensated with the true parameters; "Slotine-Li from nothing", Slotine and Li's
-    adaptive law from an estimate of zero; and "computed torque" with the true parameters. Their gains are those that
-    `tune` designs for a `bandwidth` of 8 rad/s and a `hold` of 1, no unit, the bound of T lambda_max((M + T B)^-1 K): T
-    is the control period, s, lambda_max the largest eigenvalue, M the mass matrix, B viscous friction and K the damping
-    gains. The mean is over as many episodes as `episodes` says; episode k, from 0, has the seed `seed` + k.
+    copy is driven, without the wrappers, and `env` is not changed. The names are "zero torque"; "PD", without gravity
+    compensation; "PD with gravity", with gravity compensation by the true parameters; "Slotine-Li from nothing",
+    Slotine and Li's adaptive law from an initial estimate of zero; and "computed torque" with the true parameters.
+    Their gains are those that `tune` designs for a `bandwidth` of 8 1/s and a `hold` of 1, unitless, the upper bound of
+    T_c lambda_max((M + T_c B)^-1 K): T_c is the control period, s, lambda_max the largest eigenvalue, M the mass
+    matrix, B viscous friction and K the damping gains, N m s/rad (N s/m if prismatic). The mean is over `episodes`
+    episodes; episode k, from 0, has the seed `seed` + k.
 
-    Raises `InputError` for another environment, for `episodes` and a `seed` that are no whole numbers of at least 1 and
-    0, and where `tune` finds no gains, as for a control period above 0.1 s; `NonFiniteError` for a motion that runs
-    away.
+    Raises `InputError` for another environment, for `episodes` that is no whole number of at least 1, a `seed` that is
+    none of at least 0, and where `tune` finds no gains, as for a control period above 0.1 s; `NonFiniteError` where a
+    motion diverges to non-finite values.
     """
     first, runs = whole_count(seed, "seed"), whole_count(episodes, "episodes", 1)
     own, seeds = deepcopy(tracking_of(env)), range(first, first + runs)
@@ -44,9 +45,9 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
 
 
 def shown_baselines(returns: dict[str, float]) -> str:
-    """A table of controllers' mean returns as text: one line for each entry of `returns`, name and return (no unit, two
-    decimals), the least first. `returns` is what `baselines` returns, a mapping from names to mean returns; an empty
-    one gives an empty text. Nothing is checked."""
+    """Table of controllers' mean returns as text: one line for each entry of `returns`, its name and return (unitless,
+    two decimals), the least first. `returns` maps names to mean returns, as the function `baselines` returns them; an
+    empty mapping gives an empty text. Nothing is checked."""
     rows = sorted(returns.items(), key=lambda row: row[1])
     return "\n".join(f"{name:<28}{value:12.2f}" for name, value in rows)
 

@@ -22,12 +22,12 @@ HALVINGS = 12
 
 @dataclass(frozen=True, eq=False)
 class GainRange:
-    """Range in which actions move some tunable gains of a `controller` of r joints, each gain between `lowest` and
-    `highest` times its own value, and the map from actions to gains.
+    """Range within which actions scale some tunable gains of a `controller` of r joints, each between `lowest` and
+    `highest` (unitless) times its own value, and the map from actions to gains.
 
-    `names` are the gains that are moved, keys of `controller.numbers`, a mapping from names to arrays, in the order of
+    `names` are the gains that are scaled, keys of `controller.numbers`, a mapping from names to arrays, in the order of
     their actions. A gain of one number a joint (r,) takes r actions, another, such as `adaptation.gain`, one for all
-    its numbers; a is the number of all actions. An action x, no unit, in [-1, 1] multiplies by `highest`^x where it is
+    its numbers; a is the number of all actions. An action x, unitless, in [-1, 1] multiplies by `highest`^x where it is
     positive, else by (1/`lowest`)^x: 0 leaves the gain. Made by `GainRange.of`, which checks; nothing is checked at
     construction.
     """
@@ -39,13 +39,14 @@ class GainRange:
 
     @classmethod
     def of(cls, controller: Controller[Any], names: Iterable[str], span: float) -> GainRange:
-        """The `GainRange` of the gains `names` of a `controller`, from 1/`span` to `span` times what they are (`span`,
-        no unit, above 1). Where the control period cannot carry all these gains at `span` times their values, the upper
-        end is instead the largest factor that it can, at least 1, found by bisection.
+        """The `GainRange` of the gains `names` of a `controller`, from 1/`span` to `span` times their values (`span`,
+        unitless, above 1). Where the controller refuses all these gains at `span` times their values, since the loop
+        would be unstable at its control period, the upper end is the largest factor that it accepts, at least 1, found
+        by bisection.
 
         `names` is one name of `controller.numbers` (its tunable gains) or several. Raises `InputError` for a
-        `controller` that is none, names that are no text and a `span` that is not a finite number above 1;
-        `NotFoundError` for a name that is not there, and for no names.
+        `controller` that is no `Controller`, names that are no text and a `span` that is not a finite number above 1;
+        `NotFoundError` for a name that is not among the tunable gains, and for no names.
         """
         require_controller(controller)
         chosen = names_of(names)
@@ -65,22 +66,22 @@ class GainRange:
 
     @property
     def space(self) -> gymnasium.spaces.Box:
-        """The action space of one arm, `Box(-1, 1, (a,), float32)`, no unit: a counts one action for each joint of a
-        gain that has one number a joint, and one for every other gain, in the order of `names`."""
+        """Action space of one arm, `Box(-1, 1, (a,), float32)`, unitless: a counts one action for each joint of a gain
+        that has one number a joint, and one for every other gain, in the order of the field `names`."""
         return gymnasium.spaces.Box(-1.0, 1.0, (sum(self.sizes.values()),), np.float32)
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Number of actions of each gain that may be moved, by its name, in the order of the actions: the number of
-        joints for a gain of one number a joint, else 1."""
+        """Numbers of actions of the gains that are scaled, a mapping from a gain's name, in the order of the actions:
+        the number of joints for a gain of one number a joint, else 1."""
         shapes = {name: self.controller.numbers[name].shape for name in self.names}
         return {name: self.controller.dof if shape == (self.controller.dof,) else 1 for name, shape in shapes.items()}
 
     def gains(self, actions: Array) -> dict[str, Array]:
-        """The scaled gains under actions (..., a), no unit, clipped to [-1, 1]: a mapping from the name of each gain
-        that may be moved to its m numbers (..., m) in the gain's own unit, a matrix row by row. a is the sum of
-        `sizes`, in the order of `names`: one action a joint for a gain of one number a joint, else one. Nothing is
-        checked."""
+        """Scaled gains under actions (..., a), unitless, clipped to [-1, 1]: a mapping from the name of each gain that
+        is scaled to its m numbers (..., m) in the gain's own unit, a matrix row by row. a is the sum of the property
+        `sizes`, in the order of the field `names`: one action a joint for a gain of one number a joint, else one.
+        Nothing is checked."""
         within = np.clip(actions, -1.0, 1.0)
         factors = np.where(within > 0.0, self.highest, 1.0 / self.lowest) ** within
         ends = np.cumsum(list(self.sizes.values())).tolist()
@@ -89,8 +90,8 @@ class GainRange:
 
     def packed(self, actions: Array) -> Array:
         """All g tunable numbers of the controller for each of N arms, (N, g), each in its own unit, under the arms'
-        actions (N, a), no unit, clipped to [-1, 1]: in the order of `controller.numbers`, matrices row by row, as
-        `Controller.step_tuned` takes them. Gains that may not be moved keep their values; a is the number of actions of
+        actions (N, a), unitless, clipped to [-1, 1]: in the order of `controller.numbers`, matrices row by row, as
+        `Controller.step_tuned` takes them. Gains that are not scaled keep their values; a is the number of actions of
         one arm. Nothing is checked."""
         moved, count = self.gains(actions), len(actions)
         rows = [moved.get(name, np.tile(own.ravel(), (count, 1))) for name, own in self.controller.numbers.items()]
@@ -120,26 +121,26 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     ## Action space
 
     `Box(-1, 1, (a,), float32)`, a numbers without a unit: a number x scales a gain by `span`^x, so that -1 divides it
-    by `span` (4), 0 leaves it and 1 multiplies it. `gains` is one name in `controller.numbers` or several. Those of one
-    number a joint, such as `bandwidth` and `damping`, have an action number a joint; others, such as `adaptation.gain`,
-    one for all their numbers, in the order of the names. What is out of bounds is clipped; a wrong shape raises
-    `InputError`, NaN and infinity `NonFiniteError`.
+    by `span` (4 by default), 0 leaves it and 1 multiplies it. `gains` is one name in `controller.numbers` or several.
+    Those of one number a joint, such as `bandwidth` and `damping`, have an action number a joint; others, such as
+    `adaptation.gain`, one for all their numbers, in the order of the names. What is out of bounds is clipped; a wrong
+    shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
-    The largest gains together are checked as those of a new controller are: where the control period cannot carry them,
-    an action of 1 stands for the largest factor that it can, `env.range.highest`, at least 1.
+    The largest gains together are checked as those of a new controller are: where they would make the loop unstable at
+    the control period, an action of 1 stands for the largest factor that is accepted, `env.range.highest`, at least 1.
 
     ## Observation space
 
     That of the environment, (n,), in its units; n = 5r + r L for a `TrackingEnv` of r joints and L look-ahead times.
     `info` has, besides the environment's, `gains`: a mapping from the names to the m numbers (m,) of each gain in the
-    control period that is over, in the gain's own unit.
+    last control period, in the gain's own unit.
 
     ## Errors
 
-    `InputError` for a `controller` that is none or not for the environment's joints, an environment without the
-    attributes `observation_slices` and `control_period` of a `TrackingEnv`, or whose observations or actions a wrapper
-    has changed, `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for
-    unknown gains, and for none.
+    `InputError` for a `controller` that is no `Controller` or of another number of joints than the environment's, an
+    environment without the attributes `observation_slices` and `control_period` of a `TrackingEnv`, or whose
+    observations or actions a wrapper has changed, `gains` that are no names, and a `span` that is not a finite number
+    above 1; `NotFoundError` for unknown gains, and for an empty list of gains.
     """  # noqa: E501  # an example
 
     def __init__(
@@ -155,27 +156,34 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation, the environment's n numbers (n,), in its units and in the order of its
-        `observation_slices`, and `info` of an episode, which begins; the controller's state is made anew for this
-        start, and `info` has its `gains`, unscaled, a mapping from names to the m numbers (m,) of each in its own unit.
-        `seed` is that of the random numbers, None to go on with them; `options` are those of `TrackingEnv.reset`
-        (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`; `trajectory`, a
-        `Reference`, a seed or "random"; `initial_error`, one number or (r,), rad (m); `parameters` (P,), the P true
-        inertial ones, SI units, in the order of `Mechanism.parameter_names`), None for none. Raises `InputError` for
-        bad options (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed
-        to the start, Gymnasium's `Error` for a bad seed."""
+        """First observation (n,) and `info` of a new episode, which this call begins with a new initial state of the
+        controller. The observation is the environment's, in its units and in the order of its `observation_slices`;
+        `info` has besides the environment's keys the unscaled `gains`, a mapping from names to the m numbers (m,) of
+        each in its own unit.
+
+        `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
+        `TrackingEnv.reset`: `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`),
+        `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and
+        `parameters` (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises
+        `InputError` for bad options (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops
+        cannot be followed to the start, Gymnasium's `Error` for a bad seed.
+        """
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
         return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation, the environment's n numbers (n,), in its units and in the order of its `observation_slices`,
-        reward (no unit), `terminated`, `truncated` and `info` after one control period under the controller, its gains
-        scaled by the action (a,), no unit, one number a joint for a gain of one number a joint, else one a gain,
-        clipped to [-1, 1]; reward and ends are the environment's; `info` has besides its keys these `gains`, a mapping
-        from names to m numbers (m,) each. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity
-        and where the motion runs away, Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
+        """Observation (n,), reward (unitless), `terminated`, `truncated` and `info` after one control period, by which
+        this call advances the environment under the controller with its gains scaled by the action (a,), unitless,
+        clipped to [-1, 1]. The action has one number a joint for a gain of one number a joint, else one a gain.
+        Observation, in the environment's units and the order of its `observation_slices`, reward and ends are the
+        environment's; `info` has besides its keys these `gains`, a mapping from names to m numbers (m,) each, in the
+        gain's own unit.
+
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion diverges to
+        non-finite values, Gymnasium's `ResetNeeded` before the first reset and after the episode's end.
+        """
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         chosen = finite_actions(action, self.range.space)
@@ -191,16 +199,21 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
 
 
 class TuningVectorEnv(ControlledVectorEnv):
-    """Vector environment of N arms around a `VectorTrackingEnv`, each driven by a `controller`, a `Controller`, some of
-    whose gains the actions scale, as in `TuningEnv`: actions (N, a), no unit, clipped to [-1, 1], are exponents of
-    `span` (4). `gains` names one of `controller.numbers` or several; of the a actions, in the order of the names, a
-    gain of one number a joint has one for each joint, another gain has one. Observations (N, n), n numbers an arm, are
-    the environment's, in its units. After a step `info` has `gains`: a mapping from these names to the m numbers (N, m)
-    of each, in the gain's own unit, and, as Gymnasium has it, to masks `_name` (N,), all True, as `_gains` is.
+    """Vector environment of N arms of r joints, a wrapper of a `VectorTrackingEnv`, in which a `controller`, a
+    `Controller`, drives each arm and the actions scale some of its gains at each control period, as in `TuningEnv`.
 
-    Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
-    `gains` that are no names, and a `span` that is not a finite number above 1; `NotFoundError` for unknown gains, and
-    for none.
+    `gains` is the name of one of the controller's tunable gains, the keys of `controller.numbers`, or several names;
+    `span`, unitless, above 1 and 4 by default, is the largest factor. Actions are (N, a), unitless, clipped to [-1, 1]:
+    an action x multiplies a gain by `span`^x. Of the a actions, in the order of the names, a gain of one number a joint
+    has r, any other gain one. Where gains at `span` times their values would make the loop unstable at the control
+    period, positive actions use the largest factor that the controller accepts instead. Observations (N, n), n numbers
+    an arm, are those of `env`, in its units. After a step `info` has besides its keys `gains`, a mapping from the names
+    to the m numbers (N, m) of each, in the gain's own unit, and Gymnasium's masks, by the names with an underscore
+    before them, (N,), all True.
+
+    Raises `InputError` for an `env` that is no `VectorTrackingEnv` or is in wrappers, a `controller` that is no
+    `Controller` or of another number of joints, `gains` that are no names, and a `span` that is not a finite number
+    above 1; `NotFoundError` for unknown gains, and for an empty list of gains.
     """
 
     def __init__(
@@ -216,7 +229,7 @@ class TuningVectorEnv(ControlledVectorEnv):
 
 
 def names_of(gains: object) -> tuple[str, ...]:
-    """The names of gains as a tuple, from one name or an iterable of several, `gains`; an empty one gives (). Raises
+    """Names of gains as a tuple, from `gains`, one name or an iterable of several; an empty iterable gives (). Raises
     `InputError` for anything else. Whether a controller has gains of these names is not checked."""
     names = (gains,) if isinstance(gains, str) else tuple(gains) if isinstance(gains, Iterable) else None
     if names is None or not all(isinstance(name, str) for name in names):

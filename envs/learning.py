@@ -29,18 +29,18 @@ RATE = 5.0
 
 @dataclass(frozen=True, eq=False)
 class NormalisedView:
-    """A view of a tracking environment's observations as numbers x / (|x| + c) in (-1, 1), no unit: large values are
-    never cut off, small errors stay well apart. The object is called with observations (..., n) and returns such
-    numbers (..., n), float32.
+    """Callable that normalises observations of a tracking environment for learners: from observations (..., n) to
+    numbers x / (|x| + c) in (-1, 1), unitless, (..., n), float32. Large values are not cut off, and small errors stay
+    distinct.
 
-    For r joints and L look-ahead times n = 5r + r L, and x is in turn, each (r,): position error, velocity error,
-    position from the middle of the joint's range, velocity, the reference's acceleration, and for each time ahead how
-    far the reference then is from the reference now; rad, rad/s, rad/s^2 (m, m/s, m/s^2).
+    For r joints and L look-ahead times n = 5r + r L, and x is in turn, each (r,): position error and velocity error,
+    actual less reference; position from the middle of the joint's range; velocity; the reference's acceleration; and
+    for each time ahead the reference's position then less that now; rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic).
 
     `slices` are the environment's `observation_slices`, which map p, v, reference_p, reference_v, reference_a and
-    look_ahead, in this order, to their places in an observation; `middle` (r,) are the middles of the joints' ranges,
-    rad (m); `scale` (n,) are the c, each in its x's unit: the x that is seen as 1/2. Made by `NormalisedView.of`;
-    nothing is checked.
+    look_ahead, in this order, to slices of an observation; `middle` (r,) are the middles of the joints' ranges, rad
+    (m); `scale` (n,) are the c, each in its x's unit: the x that becomes 1/2. Made by `NormalisedView.of`; nothing is
+    checked.
     """
 
     slices: Mapping[str, slice]
@@ -52,7 +52,7 @@ class NormalisedView:
     def of(cls, env: TrackingEnv) -> NormalisedView:
         """The `NormalisedView` of the observations of `env`, a `TrackingEnv`. With h half a joint's range (1 rad or m
         where it has none) and e = 0.1 min(h, the error bound), the scales c are e for position errors and for the
-        reference's way to each time ahead, 5/s times e for velocity errors, and h, h/s and h/s^2 for positions,
+        reference's positions ahead less those now, 5/s times e for velocity errors, and h, h/s and h/s^2 for positions,
         velocities and accelerations. Nothing is checked."""
         lower, upper = motion_ranges(env.mechanism)
         half = 0.5 * (upper - lower)
@@ -63,8 +63,8 @@ class NormalisedView:
 
     @property
     def space(self) -> gymnasium.spaces.Box:
-        """The observation space of one arm as seen in this view, `Box(-1, 1, (n,), float32)`, no unit: n = 5r + r L for
-        r joints and L look-ahead times."""
+        """Observation space of one arm after normalisation, `Box(-1, 1, (n,), float32)`, unitless: n = 5r + r L for r
+        joints and L look-ahead times."""
         return gymnasium.spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
 
     def __call__(self, observation: Any) -> Observation:
@@ -80,7 +80,7 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """
     ## Description
 
-    A wrapper of `TrackingEnv` for reinforcement learning: observations and actions are scaled to [-1, 1], no unit.
+    A wrapper of `TrackingEnv` for reinforcement learning: observations and actions are scaled to [-1, 1], unitless.
     Rewards, episodes, options and `info` are the environment's own, so that returns compare with those of controllers
     that drive it: `adaptctl.envs.baselines` computes them. `env` may be a `TuningEnv` or a `ResidualEnv` too. Raises
     `InputError` for an environment that is none of these, or whose observations a wrapper has changed.
@@ -95,16 +95,16 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`, r joints: shares of the torque limits; or the actions of `ResidualEnv` (r,) or
+    `Box(-1, 1, (r,), float32)`, r joints: fractions of the torque limits; or the actions of `ResidualEnv` (r,) or
     `TuningEnv` (a,), as they are, where one of those is wrapped. What is out of bounds is clipped by the environment. A
     wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
     `Box(-1, 1, (5r + r L,), float32)` for r joints and L look-ahead times: each number x, in rad, rad/s or rad/s^2 (m,
-    m/s, m/s^2), is seen as x / (|x| + c), with a scale c in the unit of x.
+    m/s, m/s^2), becomes x / (|x| + c), with a scale c in the unit of x. Indices are zero-based, the last exclusive.
 
-    | Places      | Number x                                             | Scale c                             |
+    | Indices     | Number x                                             | Scale c                             |
     |-------------|------------------------------------------------------|-------------------------------------|
     | 0 to r      | position minus the reference's                       | a tenth of h (below), or of the error bound where that is less |
     | r to 2r     | velocity minus the reference's                       | 5/s times the first                 |
@@ -128,38 +128,47 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """The first observation (n,), n = 5r + r L, float32, scaled to [-1, 1], no unit, and `info` of an episode,
-        which begins. The observation has, for r joints, position and velocity errors, positions, velocities, the
-        reference's accelerations, r each, then its positions at each of the L times ahead minus those now. `seed` is
-        that of the random numbers, None to go on with them; `options` are those of `TrackingEnv.reset` (`payload`, kg,
-        a `Payload` or a mapping of its fields `mass`, `center` and `inertia`; `trajectory`, a `Reference`, a seed or
-        "random"; `initial_error`, one number or (r,), rad (m); `parameters` (P,), the P true inertial ones, SI units,
-        in the order of `Mechanism.parameter_names`), None for none. Raises `InputError` for bad options (its subclass
-        `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start, Gymnasium's
-        `Error` for a bad seed."""
+        """First observation (n,), float32, scaled to [-1, 1], unitless, and `info` of a new episode, which this call
+        begins. The observation has for r joints and L look-ahead times n = 5r + r L: position and velocity errors,
+        positions, velocities and the reference's accelerations, r each, then its positions at each of the L times ahead
+        less those now. `info` is that of the wrapped environment.
+
+        `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
+        `TrackingEnv.reset`: `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`),
+        `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and
+        `parameters` (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises
+        `InputError` for bad options (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops
+        cannot be followed to the start, Gymnasium's `Error` for a bad seed.
+        """
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), n = 5r + r L, float32, scaled to [-1, 1], reward (no unit), `terminated`, `truncated` and
-        `info` after one control period under an action (r,) in [-1, 1], shares of the torque limits; around a
-        `TuningEnv`, its action (a,). The observation has, for r joints, position and velocity errors, positions,
-        velocities, the reference's accelerations, r each, then its positions at each of the L times ahead minus those
-        now. `info` and the ends are those of the environment within: `terminated` is True where a joint's error passes
-        its bound or kinematic loops come near a singularity or leave bounds that the robot's file states, `truncated`
+        """Observation (n,), float32, scaled to [-1, 1], reward (unitless), `terminated`, `truncated` and `info` after
+        one control period, by which this call advances the environment. The action (r,) in [-1, 1] is the torque as
+        fractions of the torque limits; around a `TuningEnv` or a `ResidualEnv` it is that environment's, (a,) or (r,).
+        The observation has for r joints and L look-ahead times n = 5r + r L: position and velocity errors, positions,
+        velocities and the reference's accelerations, r each, then its positions at each of the L times ahead less those
+        now.
+
+        `info`, reward and ends are those of the wrapped environment: `terminated` is True where a joint's error passes
+        its bound or kinematic loops come near a singularity (the smallest singular value of their closure Jacobian
+        below 0.05 of that at the reference configuration) or leave bounds that the robot's file states, `truncated`
         where the duration is over. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where
-        the motion runs away, Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
+        the motion diverges to non-finite values, Gymnasium's `ResetNeeded` before the first reset and after the
+        episode's end.
+        """
         share = finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(share * self._scale)
         return self._view(observation), reward, terminated, truncated, info
 
 
 class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """Vector environment of N arms for reinforcement learning, each as in `LearningEnv`, around a `VectorTrackingEnv`,
-    a `ResidualVectorEnv` or a `TuningVectorEnv`. Observations (N, n), n = 5r + r L for r joints and L look-ahead times,
-    float32, are scaled to [-1, 1], no unit; actions (N, a) in [-1, 1] are shares of the torque limits, a = r, or those
-    of the other two as they are. Raises `InputError` for another vector environment, and one whose observations a
-    wrapper has changed."""
+    """Vector environment of N arms for reinforcement learning, a wrapper of `env`, a `VectorTrackingEnv`, a
+    `ResidualVectorEnv` or a `TuningVectorEnv`, that scales observations and actions to [-1, 1], each arm's as in
+    `LearningEnv`. Observations (N, n), n = 5r + r L for r joints and L look-ahead times, are float32, unitless; actions
+    (N, a) are fractions of the torque limits, a = r, or those of the other two environments as they are. Raises
+    `InputError` for another vector environment, and for one whose observations a wrapper has changed."""
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         super().__init__(env)
@@ -172,16 +181,17 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, float32, scaled to [-1, 1], no unit, and `info` of all N arms, after an
-        episode of every arm has begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools
-        (N,). A row of observations has, for r joints, position and velocity errors, positions, velocities, the
-        reference's accelerations, r each, then its positions at each of the L times ahead minus those now.
+        """First observations (N, n), float32, scaled to [-1, 1], unitless, and `info` of new episodes of all N arms,
+        which this call begins; with `autoreset_mode` "Disabled" only of those in the option `reset_mask`, bools (N,). A
+        row of observations has for r joints and L look-ahead times n = 5r + r L: position and velocity errors,
+        positions, velocities and the reference's accelerations, r each, then its positions at each of the L times ahead
+        less those now.
 
-        `seed` s gives arm i the seed s + i, a list each its own, None lets the random numbers go on. `options` are
-        those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and
-        `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, one number or (r,), for one each
-        (N, r), rad (m); `parameters` (P,), the P true inertial ones, SI units, in the order of
-        `Mechanism.parameter_names`), for all arms or one each, None for none. Raises `InputError` for bad seeds and
+        `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, None lets the random numbers go on.
+        `options`, None for none, are those of `TrackingEnv.reset`, for all arms or one each: `payload` (kg, a `Payload`
+        or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or "random"),
+        `initial_error` (one number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true
+        inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad seeds and
         options (its subclass `NotFoundError` for unknown options), `SingularityError` where loops cannot be followed to
         the start, Gymnasium's `ResetNeeded` for a part of the arms before the first reset of all.
         """
@@ -189,16 +199,20 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
         return self._view(observations), info
 
     def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, float32, scaled to [-1, 1], rewards (no unit), `terminated` and
-        `truncated`, (N,) each, and `info` after one control period of all N arms under actions (N, r) in [-1, 1],
-        shares of the torque limits; around a `TuningVectorEnv`, its actions (N, a). A row of observations has, for r
-        joints, position and velocity errors, positions, velocities, the reference's accelerations, r each, then its
-        positions at each of the L times ahead minus those now. `info` and the ends are those of the environment within:
-        `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity or leave
-        bounds that the robot's file states, `truncated` where the duration is over. `final_obs` in `info` is scaled
-        likewise. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where a motion runs
-        away, Gymnasium's `ResetNeeded` before the first reset, and with `autoreset_mode` "Disabled" where an arm's
-        episode is over."""
+        """Observations (N, n), float32, scaled to [-1, 1], rewards (N,), unitless, `terminated` and `truncated`, bools
+        (N,), and `info` after one control period, by which this call advances all N arms. Actions (N, r) in [-1, 1] are
+        torques as fractions of the torque limits; around a `TuningVectorEnv` or a `ResidualVectorEnv` they are that
+        environment's, (N, a) or (N, r). A row of observations has for r joints and L look-ahead times n = 5r + r L:
+        position and velocity errors, positions, velocities and the reference's accelerations, r each, then its
+        positions at each of the L times ahead less those now.
+
+        `info`, rewards and ends are those of the wrapped environment: `terminated` is True where a joint's error passes
+        its bound or kinematic loops come near a singularity (the smallest singular value of their closure Jacobian
+        below 0.05 of that at the reference configuration) or leave bounds that the robot's file states, `truncated`
+        where the duration is over. `final_obs` in `info` is scaled likewise. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN and infinity and where a motion diverges to non-finite values, Gymnasium's `ResetNeeded`
+        before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is over.
+        """
         shares = finite_actions(actions, self.action_space)
         observations, rewards, terminated, truncated, info = self.env.step(shares * self._scale)
         if "final_obs" in info:
@@ -214,8 +228,8 @@ MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
 
 
 def learning(**settings: Any) -> LearningEnv:
-    """The learning environment `adaptctl/Learning-v0`: a `TrackingEnv` of any robot in a `LearningEnv`, which scales
-    observations and actions to [-1, 1].
+    """Learning environment `adaptctl/Learning-v0`: a `TrackingEnv` of any robot in a `LearningEnv`, a wrapper that
+    scales observations and actions to [-1, 1].
 
     `settings` are arguments of `TrackingEnv` by keyword; those not given have its defaults, but for `control_period`,
     0.02 s, and `duration`, 5 s. Raises what `TrackingEnv` raises: `InputError` for bad values, of these `NotFoundError`
@@ -225,8 +239,8 @@ def learning(**settings: Any) -> LearningEnv:
 
 
 def puma560_learning(**settings: Any) -> LearningEnv:
-    """The learning environment of the PUMA 560 arm, `adaptctl/Puma560Learning-v0`: a `Puma560TrackingEnv` in a
-    `LearningEnv`, which scales observations and actions to [-1, 1].
+    """Learning environment of the PUMA 560 arm, `adaptctl/Puma560Learning-v0`: a `Puma560TrackingEnv` in a
+    `LearningEnv`, a wrapper that scales observations and actions to [-1, 1].
 
     `settings` are arguments of `Puma560TrackingEnv` by keyword; those not given have its defaults, but for
     `control_period`, 0.02 s, and `duration`, 5 s. Raises what that environment raises: `InputError` for bad values, of
@@ -237,9 +251,9 @@ def puma560_learning(**settings: Any) -> LearningEnv:
 
 
 def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """The learning environment `adaptctl/Learning-v0` of `num_envs` arms: a `VectorTrackingEnv` of any robot in a
-    `LearningVectorEnv`, which scales observations and actions to [-1, 1]. An arm whose episode ends begins the next in
-    the same step (`autoreset_mode` "SameStep").
+    """Learning environment `adaptctl/Learning-v0` of `num_envs` arms (1 by default): a `VectorTrackingEnv` of any robot
+    in a `LearningVectorEnv`, a wrapper that scales observations and actions to [-1, 1]. An arm whose episode ends
+    begins the next in the same step (`autoreset_mode` "SameStep").
 
     `settings` are arguments of `VectorTrackingEnv` by keyword; those not given have its defaults, but for
     `control_period`, 0.02 s, `duration`, 5 s, and `autoreset_mode`. Raises what that environment raises: `InputError`
@@ -250,9 +264,9 @@ def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
 
 
 def many_puma560_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """The learning environment `adaptctl/Puma560Learning-v0` of `num_envs` PUMA 560 arms: a `Puma560VectorTrackingEnv`
-    in a `LearningVectorEnv`, which scales observations and actions to [-1, 1]. An arm whose episode ends begins the
-    next in the same step (`autoreset_mode` "SameStep").
+    """Learning environment `adaptctl/Puma560Learning-v0` of `num_envs` PUMA 560 arms (1 by default): a
+    `Puma560VectorTrackingEnv` in a `LearningVectorEnv`, a wrapper that scales observations and actions to [-1, 1]. An
+    arm whose episode ends begins the next in the same step (`autoreset_mode` "SameStep").
 
     `settings` are arguments of `Puma560VectorTrackingEnv` by keyword; those not given have its defaults, but for
     `control_period`, 0.02 s, `duration`, 5 s, and `autoreset_mode`. Raises what that environment raises: `InputError`
@@ -277,8 +291,9 @@ def _observed(env: Any) -> TrackingEnv:
 
 
 def tracking_of(env: Any) -> TrackingEnv:
-    """The `TrackingEnv` under the wrappers of an environment `env`; for a vector environment of many arms, the single
-    one that all its arms are like. Raises `InputError` for an environment that is not made on a `TrackingEnv`."""
+    """The `TrackingEnv` inside the wrappers of an environment `env`; for a vector environment of many arms, the
+    single-arm environment that holds its settings. Raises `InputError` for an environment that is not made on a
+    `TrackingEnv`."""
     inner = getattr(env, "unwrapped", env)
     inner = getattr(inner, "single", inner)
     if not isinstance(inner, TrackingEnv):

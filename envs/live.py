@@ -15,12 +15,12 @@ from adaptctl.recording.live import Live
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
     """A wrapper of a single-arm environment that shows each of its control periods in `live`, a `Live` view (curves and
-    the arm, drawn by the rerun viewer), and changes nothing else.
+    the arm, drawn by the rerun viewer); observations, rewards and `info` are unchanged.
 
     `env` is an environment of adaptctl, or one whose `env.unwrapped` has a `control_period` (s) and
     `observation_slices`, a mapping from `p` and `reference_p`, positions and the reference's, to their slices (r,) of
-    the observation, r joints. Raises `InputError` for another one, and for one in wrappers that change its
-    observations: put these around this one.
+    the observation, r joints. Raises `InputError` for another environment, and for one in wrappers that change its
+    observations: such wrappers belong around this one.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:
@@ -30,18 +30,18 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The environment's first observation, n numbers (n,) in its units, and `info` of an episode, which begins;
-        nothing is shown yet. `seed` and `options`, None for none, are passed to the environment, and what it raises
-        passes."""
+        """First observation (n,), in the environment's units, and `info` of a new episode, which this call begins;
+        nothing is shown yet. `seed` and `options`, None for none, are passed to the wrapped environment. Raises what
+        that environment raises."""
         self._steps = 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """The environment's observation, n numbers (n,) in its units, reward (no unit), `terminated`, `truncated` and
-        `info`, all unchanged, after one control period under the `action`, the environment's a numbers (a,). What is
-        shown is the time, `time` of `info` or else the periods counted, s, the positions of the r joints and the
-        reference's (r,), rad (m), and the torque that `info` has as `applied_torque` (r,), N m (N), or else the action.
-        Raises what the environment raises; a failure of the view is a `LiveViewWarning`."""
+        """Observation (n,), in the environment's units, reward (unitless), `terminated`, `truncated` and `info`,
+        unchanged, after one control period, by which this call advances the wrapped environment under the `action`
+        (a,), its a numbers. Shown are the time, `time` of `info` or else the periods counted, s, the positions of the r
+        joints and the reference's (r,), rad (m if prismatic), and the torque (r,), N m (N), `applied_torque` of `info`
+        or else the action. Raises what the environment raises; a failure of the view is a `LiveViewWarning`."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))

@@ -53,7 +53,7 @@ class Puma560TrackingEnv(TrackingEnv):
     ## Observation space
 
     `Box(-1e6, 1e6, (42,), float64)`: positions in rad, velocities in rad/s, accelerations in rad/s^2;
-    `observation_slices` has the places.
+    `observation_slices` has slices by name.
 
     | Num   | Observation                                       |
     |-------|---------------------------------------------------|
@@ -89,7 +89,7 @@ class Puma560TrackingEnv(TrackingEnv):
 
     ## Options at reset
 
-    Those of `TrackingEnv`: `payload` (kg), held in the origin of the last link's frame, the flange, `trajectory`,
+    Those of `TrackingEnv`: `payload` (kg), fixed at the origin of the last link's frame, the flange, `trajectory`,
     `initial_error` (rad) and `parameters` (P,), the P true inertial parameters in SI units.
 
     ## Version history

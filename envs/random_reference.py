@@ -33,23 +33,24 @@ FADE_SLOPE = 1.875
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
     """The reference that `trajectory` stands for, a function from times (T,), s, to a `ReferencePoint` (positions,
-    velocities and accelerations of the r joints, (T, r) each, rad (m) and per s and s^2): a `Reference` itself; for a
-    seed the random one of that seed; for "random" or None a new random one, drawn from `rng`. Random ones are those of
-    `random_sinusoids` for the `mechanism`. Raises `InputError` for anything else, and where a mechanism's loops leave
-    no room for a random one."""
+    velocities and accelerations of the r joints, (T, r) each, rad, m if prismatic, and per s and s^2). A `Reference`
+    stands for itself, a seed (a whole number of at least 0) for the random reference of that seed, "random" or None for
+    a new random one drawn from `rng`. Random ones are those of `random_sinusoids` for the `mechanism`. Raises
+    `InputError` for any other `trajectory`, and where a mechanism's loops leave no room for a random one."""
     return all_drawn([trajectory], mechanism, lambda _: rng)[0]
 
 
 def all_drawn(
     trajectories: Sequence[Trajectory], mechanism: Mechanism, generator: Callable[[int], np.random.Generator]
 ) -> list[Reference]:
-    """The references that `trajectories` stand for, as many, each a function from times (T,), s, to a `ReferencePoint`
-    (positions, velocities and accelerations of the r joints, (T, r) each, rad (m) and per s and s^2). Each trajectory
-    is a `Reference`, which stands for itself; a seed, a whole number of at least 0, equal ones sharing one reference;
-    or "random" or None for a new random one, of which the one of index k is drawn from `generator(k)`.
+    """List of the references that `trajectories` stand for, one each, in their order; a reference is a function from
+    times (T,), s, to a `ReferencePoint` (positions, velocities and accelerations of the r joints, (T, r) each, rad, m
+    if prismatic, and per s and s^2). A `Reference` stands for itself; a seed, a whole number of at least 0, for the
+    random reference of that seed, which equal seeds share; "random" or None for a new random one, drawn from
+    `generator(k)` for the trajectory of index k, from 0.
 
-    Random ones are those of `random_sinusoids` for the `mechanism`. Raises `InputError` for anything else, and where a
-    mechanism's loops leave no room for a random one.
+    Random ones are those of `random_sinusoids` for the `mechanism`. Raises `InputError` for any other trajectory, and
+    where a mechanism's loops leave no room for a random one.
     """
     sources: dict[Hashable, np.random.Generator] = {}
     keys: list[Hashable] = []
@@ -69,8 +70,8 @@ def all_drawn(
 
 def require_trajectory(given: object, what: str = "trajectory") -> None:
     """Raise `InputError` unless `given` stands for a reference: a callable, as a `Reference` is, a seed (a whole number
-    of at least 0, no boolean), "random" or None. `what` is the name by which the message calls it, "trajectory" unless
-    given. The callable is not called."""
+    of at least 0, no boolean), "random" or None. Nothing is returned. `what` is the argument's name in the message,
+    "trajectory" by default. The callable is not called."""
     is_seed = isinstance(given, int | np.integer) and not isinstance(given, bool) and given >= 0
     is_word = given is None or (isinstance(given, str) and given == "random")
     if not (is_seed or is_word or callable(given)):
@@ -78,21 +79,24 @@ def require_trajectory(given: object, what: str = "trajectory") -> None:
 
 
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
-    """A random reference for a mechanism of r joints, drawn from `rng`: one sinusoid a joint about a random centre, of
-    0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within 80 % of the position ranges and of the velocity
-    limits. Its `center` is (r,), `amplitude` and `frequency` are (1, r), in rad (m) and Hz.
+    """Random reference for a mechanism of r joints, a `Sinusoids`, drawn from `rng`: one sinusoid a joint about a
+    random centre, of a frequency uniform from 0.1 to 0.25 Hz and an amplitude of up to 0.5 rad (m if prismatic), faded
+    in over 2 s, within 80 % of the position ranges and of the velocity limits. Its `center` is (r,), `amplitude` and
+    `frequency` are (1, r), in rad (m) and Hz.
 
-    An unlimited joint moves within 1 rad (m) of zero, one with a single bound within 2 rad (m) of that. A mechanism
-    with loops stays where its loops can be closed along the way and within the conditions on positions that its file
-    states. Raises `InputError` where no such reference is found.
+    A joint without limits moves within 1 rad (m) of zero, one with a single limit within 2 rad (m) of that. For a
+    mechanism with loops, centre and amplitudes are reduced towards its reference configuration until its loops can be
+    closed, and the conditions on positions in its file hold, at all 64 sampled positions around the sinusoids. Raises
+    `InputError` where no such reference is found.
     """
     return many_random_sinusoids(mechanism, [rng])[0]
 
 
 def many_random_sinusoids(mechanism: Mechanism, rngs: Iterable[np.random.Generator]) -> list[Sinusoids]:
-    """A list of random references for a `mechanism`, one `Sinusoids` for each generator in `rngs`: those that
-    `random_sinusoids` gives of each, in the same order. The loops of a mechanism are tried for all together, which is
-    faster than one after the other. Raises `InputError` where no reference fits within the loops."""
+    """List of random references for a `mechanism`, one `Sinusoids` for each generator in `rngs`, in the same order:
+    each is what `random_sinusoids` draws from that generator. A mechanism's loops are tried for all together, which is
+    faster than one after the other. Raises `InputError` where no reference is found for which the loops can be
+    closed."""
     references = [_within_limits(mechanism, rng) for rng in rngs]
     return references if mechanism.continuation is None else _where_loops_allow(mechanism, references)
 

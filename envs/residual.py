@@ -29,21 +29,21 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`, r joints: shares of `share` (0.2) times the torque limits, N m (N). What is out of
-    bounds is not clipped; the sum of both torques is, to the torque limits. A wrong shape raises `InputError`, NaN and
-    infinity `NonFiniteError`.
+    `Box(-1, 1, (r,), float32)`, r joints: fractions of `share` (0.2 by default) times the torque limits, N m (N). What
+    is out of bounds is not clipped; the sum of both torques is, to the torque limits. A wrong shape raises
+    `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
     That of the environment, (n,), in its units; n = 5r + r L for a `TrackingEnv` with L look-ahead times. `info` has,
-    besides the environment's, `base_torque` (r,), N m (N): the controller's torque in the control period that is over,
-    after a reset in the first one to come.
+    besides the environment's, `base_torque` (r,), N m (N): the controller's torque in the last control period; after
+    a reset, in the first one to come.
 
     ## Errors
 
-    `InputError` for a `controller` that is none or not for the environment's joints, an environment without the
-    attributes `observation_slices` and `control_period` of a `TrackingEnv`, or whose observations or actions a wrapper
-    has changed, and a `share` that is not above 0 and at most 1.
+    `InputError` for a `controller` that is no `Controller` or of another number of joints than the environment's, an
+    environment without the attributes `observation_slices` and `control_period` of a `TrackingEnv`, or whose
+    observations or actions a wrapper has changed, and a `share` that is not above 0 and at most 1.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
@@ -57,15 +57,18 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         self._base = np.zeros(limits.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation, the environment's n numbers (n,), in its units and in the order of its
-        `observation_slices`, and `info` of an episode, which begins; the controller's state is made anew for this
-        start, and `info` has its first torque as `base_torque` (r,), N m (N), r joints. `seed` is that of the random
-        numbers, None to go on with them; `options` are those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a
-        mapping of its fields `mass`, `center` and `inertia`; `trajectory`, a `Reference`, a seed or "random";
-        `initial_error`, one number or (r,), rad (m); `parameters` (P,), the P true inertial ones, SI units, in the
-        order of `Mechanism.parameter_names`), None for none. Raises `InputError` for bad options (its subclass
-        `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start, Gymnasium's
-        `Error` for a bad seed."""
+        """First observation (n,) and `info` of a new episode, which this call begins with a new initial state of the
+        controller. The observation is the environment's, in its units and in the order of its `observation_slices`;
+        `info` has besides the environment's keys `base_torque` (r,), N m (N if prismatic), the controller's first
+        torque at r joints.
+
+        `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
+        `TrackingEnv.reset`: `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`),
+        `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and
+        `parameters` (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises
+        `InputError` for bad options (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops
+        cannot be followed to the start, Gymnasium's `Error` for a bad seed.
+        """
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
         self._memory = self.controller.init(p, v)
@@ -73,12 +76,15 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         return observation, info | {"base_torque": self._base.copy()}
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation, the environment's n numbers (n,), in its units and in the order of its `observation_slices`,
-        reward (no unit), `terminated`, `truncated` and `info` after one control period under the controller's torque
-        plus `share` times the torque limits, N m (N), times the action (r,), in [-1, 1] but not clipped, r joints;
-        reward and ends are the environment's; `info` has besides its keys the controller's torque as `base_torque`
-        (r,), N m (N). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion
-        runs away, Gymnasium's `ResetNeeded` before the first reset and after the episode's end."""
+        """Observation (n,), reward (unitless), `terminated`, `truncated` and `info` after one control period, by which
+        this call advances the environment. The torque is the controller's plus the action (r,), in [-1, 1] but not
+        clipped, times `share` (given at construction) times the torque limits, N m (N if prismatic), of r joints.
+        Observation, in the environment's units and the order of its `observation_slices`, reward and ends are the
+        environment's; `info` has besides its keys the controller's torque as `base_torque` (r,), N m (N).
+
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion diverges to
+        non-finite values, Gymnasium's `ResetNeeded` before the first reset and after the episode's end.
+        """
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         torque = self._base + self._scale * finite_actions(action, self.action_space)
@@ -99,14 +105,15 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
 
 
 class ResidualVectorEnv(ControlledVectorEnv):
-    """Vector environment of N arms of r joints around a `VectorTrackingEnv`, each driven by a `controller`, a
-    `Controller`, to whose torques the actions add others, as in `ResidualEnv`: actions (N, r) in [-1, 1], not clipped,
-    are shares of `share` (0.2) times the torque limits. After a step `info` has the controller's torques as
-    `base_torque` (N, r), N m (N), and the mask `_base_torque` (N,), all True. Observations (N, n), n numbers an arm,
-    are the environment's, in its units.
+    """Vector environment of N arms of r joints, a wrapper of a `VectorTrackingEnv`, in which a `controller`, a
+    `Controller`, drives each arm and the actions add torques to the controller's, as in `ResidualEnv`. Actions (N, r)
+    in [-1, 1], unitless and not clipped, are fractions of `share` (above 0 and at most 1, 0.2 by default) times the
+    torque limits. After a step `info` has besides the environment's keys the controllers' torques as `base_torque` (N,
+    r), N m (N if prismatic), and the mask `_base_torque` (N,), all True. Observations (N, n), n numbers an arm, are
+    those of `env`, in its units.
 
-    Raises `InputError` for another environment or one in wrappers, a `controller` that is none or not for its joints,
-    and a `share` that is not above 0 and at most 1.
+    Raises `InputError` for an `env` that is no `VectorTrackingEnv` or is in wrappers, a `controller` that is no
+    `Controller` or of another number of joints, and a `share` that is not above 0 and at most 1.
     """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], share: float = 0.2) -> None:
@@ -120,9 +127,9 @@ class ResidualVectorEnv(ControlledVectorEnv):
 
 
 def parts_of(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> list[slice]:
-    """The places in an observation of what a `controller` is given, a list of five slices in the order p, v,
-    reference_p, reference_v, reference_a: positions, velocities, and the reference's positions, velocities and
-    accelerations. `env` is a single-arm environment, in wrappers or not.
+    """Slices of an observation that a `controller` needs, a list of five in the order p, v, reference_p, reference_v,
+    reference_a: positions, velocities, and the reference's positions, velocities and accelerations. `env` is a
+    single-arm environment, in wrappers or not.
 
     Raises `InputError` for what is no `Controller`, for an environment whose `unwrapped` has no `observation_slices`
     with these names or no `control_period`, for another number of joints than the controller's, and where wrappers have

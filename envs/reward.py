@@ -13,13 +13,14 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights of the reward of tracking a reference: those of the squared errors and torques, summed over the joints,
-    that are subtracted at each control period.
+    """Weights of the reward for tracking a reference: factors of the squared errors and torques, summed over the
+    joints, that are subtracted at each control period.
 
-    `position`, per rad^2 (m^2) of tracking error; `velocity`, per (rad/s)^2 ((m/s)^2) of velocity error; `torque`, no
-    unit, per square of the ratio torque/limit; `termination`, no unit, is subtracted once when an episode is
-    terminated, as by an error that passes its bound. Without it a learner whose every reward is negative would do best
-    by ending the episode at once. Raises `InputError` for a weight that is no number, negative or not finite.
+    `position`, per rad^2 (m^2 if prismatic) of position error; `velocity`, per (rad/s)^2 ((m/s)^2) of velocity error;
+    `torque`, unitless, per square of the ratio torque/limit; `termination`, unitless, is subtracted once when an
+    episode is terminated, as by an error that passes its bound. Without it a learner whose every reward is negative
+    would do best by ending the episode at once. Raises `InputError` at construction for a weight that is no number,
+    negative or not finite.
     """
 
     position: float = 1.0
@@ -38,8 +39,8 @@ class RewardWeights:
                 raise InputError(f"reward weight of {name}: expected a number of at least 0, got {value}")
 
     def cost(self, position: Any, velocity: Any, torque: Any) -> Any:
-        """The tracking cost of a control period, no unit, without `termination`: the arguments, each times the weight
-        of its name, added up. They are sums over the joints, `position` of squared position errors, rad^2 (m^2),
-        `velocity` of squared velocity errors, (rad/s)^2 ((m/s)^2), and `torque` of (torque/limit)^2, no unit: scalars,
-        or arrays that broadcast, of any kind of number. Nothing is checked."""
+        """Tracking cost of a control period, unitless, without the penalty for termination: the sum of the arguments,
+        each times this object's weight of the same name. The arguments are sums over the joints, `position` of squared
+        position errors, rad^2 (m^2), `velocity` of squared velocity errors, (rad/s)^2 ((m/s)^2), and `torque` of
+        (torque/limit)^2, unitless: scalars, or arrays that broadcast, of any kind of number. Nothing is checked."""
         return self.position * position + self.velocity * velocity + self.torque * torque

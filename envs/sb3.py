@@ -22,11 +22,11 @@ except ImportError as error:
 
 
 class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need not be installed
-    """A vector environment of N arms for stable-baselines3 (its `VecEnv`), made of `env`, a vector environment of
-    adaptctl in wrappers or not, such as `make_vec("adaptctl.envs:adaptctl/Learning-v0")` makes, a `ResidualVectorEnv`
-    or a `TuningVectorEnv`, whose `autoreset_mode` is "SameStep".
+    """Vector environment of N arms for stable-baselines3, a `VecEnv` made from `env`, a vector environment of adaptctl
+    in wrappers or not, such as `make_vec("adaptctl.envs:adaptctl/Learning-v0")` makes, a `ResidualVectorEnv` or a
+    `TuningVectorEnv`, whose `autoreset_mode` is "SameStep".
 
-    Actions (N, a), no unit, are in [-1, 1], shares of the largest action of `env`, such as its torque limits;
+    Actions (N, a), unitless, are in [-1, 1], fractions of the largest action of `env`, such as its torque limits;
     observations (N, n) are those of `env`. An arm whose episode ends begins the next in the same step: its info then
     has `terminal_observation` (n,) and `TimeLimit.truncated`, as stable-baselines3 expects. Raises `InputError` for
     another environment and another `autoreset_mode`. Importing the module raises `MissingExtraError` without
@@ -38,29 +38,31 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         super().__init__(env.num_envs, self.view.observation_space, self.view.action_space)
 
     def reset(self) -> Array:
-        """The first observations (N, n), n numbers an arm, in the order and the units of the environment's own, of a
-        new episode of each of the N arms, with the seeds and options that `seed` and `set_options` of stable-baselines3
-        have set, which are then forgotten. Raises `InputError` for bad seeds and options (its subclass `NotFoundError`
-        for unknown options); `SingularityError` where loops cannot be followed to the start."""
+        """First observations (N, n), n numbers an arm, in the order and the units of the wrapped environment, of new
+        episodes of all N arms, which this call begins with the seeds and options that stable-baselines3's `seed` and
+        `set_options` have set; these are then cleared. Raises `InputError` for bad seeds and options (its subclass
+        `NotFoundError` for unknown options); `SingularityError` where loops cannot be followed to the start."""
         observations = self.view.reset(self._seeds, self._options)
         self._reset_seeds()
         self._reset_options()
         return observations
 
     def step_async(self, actions: Array) -> None:
-        """Store the `actions` (N, a) of N arms, no unit, in [-1, 1], for the next `step_wait`, which checks them.
-        Nothing moves yet, and nothing is raised."""
+        """Store the `actions` (N, a) of N arms, unitless, in [-1, 1], for the next `step_wait`, which checks them.
+        Nothing moves yet; nothing is returned or raised."""
         self.actions = actions
 
     def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations (N, n), n numbers an arm, in the order and the units of the environment's own, rewards (N,), no
-        unit, bools (N,), True where an episode has ended, and a list of N infos, one dictionary an arm, after one
-        control period under the actions that `step_async` stored.
+        """Observations (N, n), rewards (N,), unitless, flags (N,), True where an episode has ended, and a list of N
+        infos, one dictionary an arm, after one control period, by which this call advances the arms under the actions
+        that `step_async` stored. Observations have n numbers an arm, in the order and the units of the wrapped
+        environment.
 
         An arm whose episode has ended has begun the next, whose first observation this is; its info has
         `terminal_observation` (n,), the last one of the old episode, and `TimeLimit.truncated`, True if it ended by its
         duration alone. Other infos are empty. Raises `InputError` on a wrong shape of the actions, `NonFiniteError` on
-        NaN and infinity and where a motion runs away, Gymnasium's `ResetNeeded` before the first reset.
+        NaN and infinity and where a motion diverges to non-finite values, Gymnasium's `ResetNeeded` before the first
+        reset.
         """
         return self.view.step(self.actions)
 
@@ -74,25 +76,25 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         return self.view.env.render() or ()
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """A list with the value of the attribute `attr_name`, once for each of the arms `indices` (one index or
-        several, None for all): that of the vector environment or, where it has none of that name, of the single
-        environment that all its arms are like. Raises `AttributeError` for a name that neither has."""
+        """List of the value of the attribute `attr_name`, once for each of the arms of `indices` (one index, from 0, or
+        several, None for all): that of the vector environment or, where it has none of that name, of the single-arm
+        environment that holds its settings. Raises `AttributeError` for a name that neither has."""
         inner = self.view.env.unwrapped
         owner = next((one for one in (self.view.env, inner) if hasattr(one, attr_name)), inner.single)
         return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
-        """Raise `InputError`, whatever is given: all arms share what they are made with and have no attributes of their
-        own."""
+        """Raise `InputError`, whatever is given: the arms share one set of settings, so that attributes cannot be set
+        for each."""
         raise InputError(f"{attr_name}: arms share what they are made with: use `set_options`, or make others")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Raise `InputError`, whatever is given: arms are stepped together and have no methods of their own."""
+        """Raise `InputError`, whatever is given: the arms are stepped together and have no methods of their own."""
         raise InputError(f"{method_name}: arms are stepped together and have no methods of their own")
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
-        """A list of False, once for each of the arms `indices` (one index or several, None for all): arms are in no
-        wrappers of their own, of `wrapper_class` or any other."""
+        """List of False, once for each of the arms of `indices` (one index, from 0, or several, None for all), since no
+        arm is in a wrapper of its own, `wrapper_class` or any other."""
         return [False for _ in self._get_indices(indices)]

@@ -48,12 +48,12 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
     ## Observation space
 
     `Box(-1e6, 1e6, (21,), float64)`: positions in rad, velocities in rad/s, accelerations in rad/s^2;
-    `observation_slices` has the places.
+    `observation_slices` has slices by name.
 
     | Num   | Observation                                       |
     |-------|---------------------------------------------------|
     | 0-2   | positions of the driven joints                    |
-    | 3-5   | their velocities                                  |
+    | 3-5   | velocities of the driven joints                   |
     | 6-8   | the reference's positions now                     |
     | 9-11  | the reference's velocities now                    |
     | 12-14 | the reference's accelerations now                 |
@@ -85,7 +85,7 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Options at reset
 
-    Those of `TrackingEnv`: `payload` (kg, held by the last link), `trajectory` (a reference, a seed or `"random"`),
+    Those of `TrackingEnv`: `payload` (kg, fixed to the last link), `trajectory` (a reference, a seed or `"random"`),
     `initial_error` (rad), `parameters` (P,), the P true inertial ones in SI units.
 
     ## Version history

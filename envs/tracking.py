@@ -73,8 +73,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times. `observation_slices` has the places, as a mapping
-    from the names below to slices. Here and below, units in brackets are those of prismatic joints.
+    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times. `observation_slices` maps the names below to slices
+    of it. Here and below, units in brackets are those of prismatic joints.
 
     | Slice         | Size | Observation                                                | Unit               |
     |---------------|------|------------------------------------------------------------|--------------------|
@@ -140,7 +140,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     | Option          | Value                                                                                 |
     |-----------------|---------------------------------------------------------------------------------------|
-    | `payload`       | a mass in kg held in the origin of the last link that has mass, a `Payload`, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
+    | `payload`       | a point mass in kg at the origin of the frame of the last link that has mass, a `Payload`, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
     | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
     | `initial_error` | rad (m), one number or one a joint                                                    |
     | `parameters`    | (P,) true inertial parameters, SI units, in the order of `mechanism.parameter_names`, to which the payload is added |
@@ -211,22 +211,22 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """The running episode's reference: a function from times (T,), s, to a `ReferencePoint`, positions, velocities
-        and accelerations of the r joints, (T, r) each, in rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises Gymnasium's
-        `ResetNeeded` before the first reset."""
+        """Reference of the running episode, a `Reference`: a function from times (T,), s, to a `ReferencePoint`,
+        positions, velocities and accelerations of the r joints, (T, r) each, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
+        prismatic). Raises Gymnasium's `ResetNeeded` before the first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """The first observation (5r + r L,) of an episode, which begins, and its `info`: `time` (0 s), true
-        `parameters` (P,), `applied_torque` (0 yet), `energy` (J) and `clipped` (0); with effects also `p`, `v` and
-        `marks`. For r joints the observation has positions, velocities and the reference's positions, velocities and
-        accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2 (m, m/s, m/s^2). `seed` is that of the
-        random numbers, None to go on with them; `options`, None for none, are `payload` (kg, a `Payload` or a mapping
-        of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or "random"),
-        `initial_error`, one number or (r,), rad (m), and `parameters` (P,), the P true inertial ones, SI units, in the
-        order of `Mechanism.parameter_names`. Raises `InputError` for a bad option (its subclasses `NotFoundError` for
-        an unknown one, `NonFiniteError` for one that is not finite), `SingularityError` where loops cannot be followed
-        to the start, Gymnasium's `Error` for a seed that is no whole number of at least 0."""
+        """First observation (5r + r L,) and `info` of a new episode, which this call begins. `info` has `time` (0 s),
+        true `parameters` (P,), `applied_torque` (r,), 0 yet, `energy` (kinetic plus potential, J) and `clipped` (0);
+        with effects also `p`, `v` and `marks`. For r joints the observation has positions, velocities and the
+        reference's positions, velocities and accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2
+        (m, m/s, m/s^2 if prismatic). `seed` is that of the random numbers, None to go on with them; `options`, None for
+        none, are `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a
+        `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters`
+        (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for a
+        bad option (its subclasses `NotFoundError` for an unknown one, `NonFiniteError` for one that is not finite),
+        `SingularityError` where loops cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -245,18 +245,19 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(self._episode), self._info(self._episode, np.zeros(r))
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """The observation (5r + r L,), the reward, `terminated`, `truncated` and `info` after one control period under
-        the torque `action` (r,), N m (N), of r joints, held and clipped to its limits. The observation has the measured
-        positions and velocities, the reference's positions, velocities and accelerations, (r,) each, then its positions
-        at each of L times ahead in turn; rad, rad/s, rad/s^2 (m, m/s, m/s^2). The reward, no unit, is minus the sums
-        over the joints of squared position errors, squared velocity errors and (torque/limit)^2, each times its weight
-        (`RewardWeights`), less the weight `termination` where terminated. `terminated` is True where a joint's error
-        passes its bound or kinematic loops come near a singularity or leave bounds that the robot's file states,
-        `truncated` where the duration is over. `info` has `time` (s), `parameters` (P,), the P true inertial ones (SI
-        units, in the order of `Mechanism.parameter_names`), `applied_torque` (r,), N m (N), `energy` (J) and `clipped`,
-        the number of actions clipped so far; with effects also the true `p` and `v` (r,) and `marks`, a dict of events.
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and a motion that runs away, Gymnasium's
-        `ResetNeeded` without a running episode."""
+        """Observation (5r + r L,), reward, `terminated`, `truncated` and `info` after one control period, by which this
+        call advances the episode under the torque `action` (r,), N m (N if prismatic), held and clipped to its limits.
+        The observation has, for r joints, the measured positions and velocities, the reference's positions, velocities
+        and accelerations, (r,) each, then its positions at each of L times ahead in turn; rad, rad/s, rad/s^2 (m, m/s,
+        m/s^2 if prismatic). The reward, unitless, is minus the sums over the joints of squared position errors, squared
+        velocity errors and (torque/limit)^2, each times its weight (`RewardWeights`), less the weight `termination`
+        where terminated. `terminated` is True where a joint's error passes its bound or kinematic loops come near a
+        singularity (their Jacobian's smallest singular value below 0.05 of its home value) or leave bounds that the
+        robot's file states, `truncated` where the duration is over. `info` has `time` (s), `parameters` (P,), the P
+        true inertial ones (SI units, in the order of `Mechanism.parameter_names`), `applied_torque` (r,), N m (N),
+        `energy` (J) and `clipped`, the number of actions clipped so far; with effects also the true `p` and `v` (r,)
+        and `marks`, a dict of events. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and for a
+        motion that diverges to non-finite values, Gymnasium's `ResetNeeded` before a reset."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
@@ -271,7 +272,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(episode), reward, terminated, truncated, self._info(episode, state.applied)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The RGB image (480, 640, 3), uint8, of the arm and a translucent ghost of it on the reference; None, with a
+        """RGB image (480, 640, 3), uint8, of the arm now and a translucent ghost of it on the reference; None, with a
         warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("render")
         if self.render_mode is None:
@@ -285,20 +286,20 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
-        """The running episode as an `Episode`, from which `simulate` goes on in native code: the plant and its state,
-        the true inertial parameters, the reference, the random generator, the number of control periods left (0 where
-        it is over), and the function that computes rewards and ends. `take_back` gives the episode back. Raises
-        Gymnasium's `ResetNeeded` before the first reset."""
+        """Running episode as an `Episode`, which the function `simulate` continues in native code: plant and state,
+        true inertial parameters, reference, random generator, number of control periods left (0 where it is over), and
+        the function that computes rewards and ends. The method `take_back` resumes the episode here. Raises Gymnasium's
+        `ResetNeeded` before the first reset."""
         episode = self._running("hand_over")
         left, reference = 0 if episode.over else self.steps - episode.step, episode.preview.reference
         return Episode(self.plant, episode.state, episode.parameters, reference, self.np_random, left, self._judged)
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """The `info`, as `step` returns it (`time`, true `parameters`, `applied_torque`, `energy`, `clipped`, with
-        effects `p`, `v` and `marks`), of an episode that `hand_over` gave away and that is taken back here: it goes on
-        from `state`, the plant's, for `step` to continue. `steps` is the number of control periods it took since,
-        `clipped` that of those with a clipped torque; `terminated` is True if it ended. Nothing is checked. Raises
-        Gymnasium's `ResetNeeded` before the first reset."""
+        """Resume here an episode that was continued elsewhere from what `hand_over` returned, and return its `info`, as
+        `step` does (`time`, true `parameters`, `applied_torque`, `energy`, `clipped`, with effects `p`, `v` and
+        `marks`). `state`, a `PlantState`, is the plant's from which the next `step` goes on; `steps` is the number of
+        control periods taken elsewhere, `clipped` the number of those with a clipped torque, and `terminated` True if
+        the episode ended there. Arguments are not checked; raises Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps
@@ -360,11 +361,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return torque
 
     def true_parameters(self, options: Mapping[str, Any]) -> Array:
-        """The P true inertial parameters (P,), SI units, in the order of `Mechanism.parameter_names`, of an episode
-        with the `options` of its reset, `parameters` and `payload` (kg, a `Payload` or a mapping of its fields `mass`,
-        `center` and `inertia`) included. Raises `InputError` for bad ones: another shape, a payload that no body has,
-        or one on a mechanism with fewer than ten parameters a link; `NonFiniteError` for parameters that are not
-        finite."""
+        """True inertial parameters (P,) of an episode, SI units, in the order of `Mechanism.parameter_names`, for the
+        `options` of its reset: `parameters` (P,), else the mechanism's own, plus `payload` (kg, a `Payload` or a
+        mapping of its fields `mass`, `center` and `inertia`) on the last link that has mass. Raises `InputError` for
+        another shape, a payload of no rigid body, or on a mechanism of fewer than ten parameters a link;
+        `NonFiniteError` for parameters that are not finite."""
         own = finite_numbers(options.get("parameters", self.mechanism.inertial_parameters), "parameters")
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:

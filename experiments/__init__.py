@@ -17,9 +17,10 @@ __all__ = ["EXPERIMENTS", "GROUP", "Entry", "find", "offered"]
 
 
 class Entry(NamedTuple):
-    """Entry of the list of built-in experiments, all that is needed to choose one without importing it: `name`, as the
-    command line takes it, such as "two-arms"; `summary`, one line of words; `module`, the full name of the Python
-    module that defines the experiment; and `kind`, the name of its class there. Nothing is checked at construction."""
+    """Entry of the list of built-in experiments, with all that is needed to choose one without importing it: `name`, as
+    the command line takes it, such as "two-arms"; `summary`, one line of words; `module`, the full name of the Python
+    module that defines the experiment's class; and `kind`, the name of that class. Nothing is checked at
+    construction."""
 
     name: str
     summary: str
@@ -156,16 +157,16 @@ GROUP = "adaptctl.experiments"
 
 
 def offered() -> dict[str, EntryPoint]:
-    """Entry points of installed packages in the group "adaptctl.experiments", by their names: each names a class, an
-    experiment that the package offers. Nothing of the packages is imported here."""
+    """Entry points of installed packages in the group "adaptctl.experiments", a mapping from their names: each names
+    the class of an experiment that a package provides. No package is imported here; nothing is raised."""
     from importlib.metadata import entry_points
 
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def find(name: str) -> type[Experiment]:
-    """Class of the built-in experiment of a `name`, such as "two-arms"; its module is imported here. Raises
-    `NotFoundError`, with the names that exist, for another name."""
+    """Class of the built-in experiment called `name`, such as "two-arms", a subclass of `Experiment`; its module is
+    imported here. Raises `NotFoundError`, with the names that exist, for an unknown name."""
     names = [entry.name for entry in EXPERIMENTS]
     if name not in names:
         close = get_close_matches(name, names, n=1, cutoff=0.4)

@@ -90,19 +90,19 @@ EULER = "gradient-euler"
 
 @dataclass(frozen=True)
 class AdaptationLaws(RoughStart, Learning):
-    """Experiment that compares the `laws` on one arm, reference and seed, all from one rough model, which has every
-    link's parameters off by `parameter_error`, a share: each adaptation law among them in Slotine and Li's control law,
-    each other control law by itself.
+    """Experiment that compares adaptation laws and control laws, `laws`, on one arm, reference and seed. All start from
+    one rough model, which has every link's parameters off by the fraction `parameter_error`: each adaptation law within
+    Slotine and Li's control law, each other control law by itself.
 
     In the settings, s is the sliding variable, the velocity error plus the bandwidth times the position error.
     `leakage` and `sliding_leakage` are the leaks of sigma- and e-modification towards the rough model; `prediction`,
     `cutoff` and `forgetting` belong to laws that learn from errors of predicted, filtered torques. Composite learning
-    returns to its memory at the rate `recall`, does not learn from joints excited by less than `excitation`, and
-    forgets all where the power of the prediction error passes `alarm`. Concurrent learning keeps a stack of `samples`,
-    each new by more than `novelty`. `first_estimate` is in words for the report, `comparing` tells there how laws are
-    compared; `error_bound` (rad or m) is the joint error that ends a run. Raises at construction `NotFoundError` for an
-    unknown law or motion, `InputError` for a law given twice or a setting of the wrong type or out of its bounds,
-    `NonFiniteError` for NaN or infinity.
+    returns to its stored excitation at the rate `recall`, does not learn from joints excited by less than `excitation`,
+    and clears its store where the power of the prediction error passes `alarm`. Concurrent learning keeps a stack of
+    `samples`, each new by more than `novelty`. `first_estimate` describes the initial estimate, `comparing` how laws
+    are compared, both for the report; `error_bound` (rad or m) is the joint error that ends a run. Raises at
+    construction `NotFoundError` for an unknown law or motion, `InputError` for a law given twice or a setting of the
+    wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "adaptation-laws"
@@ -162,8 +162,8 @@ class AdaptationLaws(RoughStart, Learning):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: which adaptation and control laws do best
-        where the arm is known roughly."""
+        """Paragraph of text for the experiment's report that states its question: which adaptation and control laws
+        track and learn best from a rough model of an arm."""
         return (
             "An arm whose links are known within "
             f"{100 * self.parameter_error:.0f} % follows sums of sinusoids that excite it. {self.comparing}"
@@ -177,20 +177,20 @@ class AdaptationLaws(RoughStart, Learning):
     """Sentences on how laws are compared, and by which measure."""
 
     def compare(self, progress: Progress) -> Comparison:
-        """Comparison of the runs of all controllers, its answer with a note on each law that found no excitation above
-        its threshold and so stored nothing to learn from. `progress(what, share)` gets the step's name and the share
-        done, 0 to 1. Ctrl-C keeps the runs begun, as a comparison that is not complete. Raises `InputError` for a robot
-        or reference that does not fit the experiment, among them `NotFoundError` for an unknown robot, `FileError` for
-        a file that cannot be used and `GainError` for gains too large for the control period; `RankError` where the
-        number of fundamental (base) parameters cannot be certified."""
+        """Comparison of the runs of all controllers, a `Comparison`, its answer with a note on each law that found no
+        excitation above its threshold and so stored nothing to learn from. `progress(what, share)` is called with the
+        step's name and the fraction done, 0 to 1. Ctrl-C keeps the runs begun: the comparison is then not complete.
+        Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
+        unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
+        period; `RankError` where the number of fundamental (base) parameters cannot be certified."""
         done = super().compare(progress)
         notes = [*([done.answer] if done.answer else []), *forgotten_notes(done.findings)]
         return replace(done, answer=" ".join(notes) or None)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a mechanism with its reference, torque limits and effects of the plant
-        besides rigid links, such as noise; a joint error above `error_bound` (rad or m) ends a run. Raises `InputError`
-        for a reference that the arm cannot follow."""
+        """Gymnasium tracking environment of a `mechanism` on the experiment's reference, with its torque limits and the
+        plant's effects besides rigid links, such as noise; a joint error above `error_bound` (rad or m) ends a run.
+        Raises `InputError` for a reference that the arm cannot follow."""
         import gymnasium
 
         return gymnasium.make(
@@ -209,13 +209,13 @@ class AdaptationLaws(RoughStart, Learning):
     """rad or m: the error of a joint that ends a run"""
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """Largest torques (r,) that the motors of the r primary (independently moving) joints give, N m (N if
-        prismatic): the mechanism's limits, or, where a joint has none, four times the most that it needs in 200 random
+        """Torque limits (r,) of the motors at the r primary (independently moving) joints of a mechanism, N m (N if
+        prismatic): the mechanism's own, or, where a joint has none, four times the most that it needs in 200 random
         states of up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), 1 N m (N) at least."""
         return finite_torque_limits(mechanism)
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the plant besides rigid links: an encoder with velocity noise of standard deviation
+        """Iterator over the plant's effects besides rigid links: an encoder with velocity noise of standard deviation
         `velocity_noise` (rad/s), none if that is 0."""
         from adaptctl.simulation.effects import Encoder
 
@@ -223,10 +223,10 @@ class AdaptationLaws(RoughStart, Learning):
             yield Encoder(velocity_noise=self.velocity_noise)
 
     def reference(self, mechanism: Mechanism) -> Sinusoids:
-        """Reference of the mechanism's r primary (independently moving) joints, rad (m): a sum of five sinusoids for
-        each, drawn by seed, about a posture with a bent elbow (with closed loops, about the home position), or, where
-        `motion` is "exciting", the most exciting Fourier series. Raises `InputError` for more than six joints and, for
-        the Fourier series, for closed loops."""
+        """Reference of the r primary (independently moving) joints of a `mechanism`, `Sinusoids` in rad (m if
+        prismatic): a sum of five sinusoids for each joint, frequencies and phases uniform by `seed`, about a posture
+        with a bent elbow (with closed loops, about the home configuration); or, where `motion` is "exciting", the most
+        exciting Fourier series. Raises `InputError` for more than six joints and, if "exciting", for loops."""
         if self.motion == EXCITING:
             return most_exciting(mechanism, self.seed)
         if mechanism.dof > len(CENTER):
@@ -238,9 +238,9 @@ class AdaptationLaws(RoughStart, Learning):
         return Sinusoids(center, self.amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Reference:
-        """Reference of the r primary (independently moving) joints, rad (m), that is run: the one that `reference`
-        returns, brought to rest at `halt` (s) unless that is 0. Raises `InputError` where closed loops do not allow all
-        of it, and as `reference` does."""
+        """Reference of the r primary (independently moving) joints that the runs follow, rad (m if prismatic): the one
+        that the method `reference` returns, brought to rest at `halt` (s) unless that is 0. Raises `InputError` where
+        kinematic loops cannot be closed along it, and as `reference` does."""
         moving = self.reference(mechanism)
         reference = Halted(moving, self.halt) if self.halt else moving
         p = reference(np.linspace(0.0, self.duration, REACHES)).p
@@ -253,8 +253,8 @@ class AdaptationLaws(RoughStart, Learning):
         return reference
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings for the report: the reference's form and frequencies, Hz, each with name, value and meaning. `env`,
-        the tracking environment, is not used."""
+        """Iterator over settings for the report, a `Setting` (name, value and meaning) each: the reference's form and
+        its frequencies, Hz. `env`, the tracking environment, is not used."""
         if self.motion == EXCITING:
             yield Setting("reference", "Fourier series of five harmonics of 0.1 Hz a joint", "optimised for condition")
             return
@@ -262,10 +262,10 @@ class AdaptationLaws(RoughStart, Learning):
         yield Setting("reference frequencies", numbers(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: one for each of `laws`, the
-        first the experiment's subject, then one with adaptation off. `basis` has the mechanism's k fundamental (base)
-        parameters, which they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a
-        basis of another geometry than the mechanism's."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: one for each of `laws`, the first the experiment's subject, then one with adaptation off. `basis`, a
+        `FundamentalBasis`, has the k fundamental (base) parameters that they adapt. Raises `GainError` for gains too
+        large for the control period, `InputError` for a basis of another geometry than the mechanism's."""
         model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
         gains, first = self.gains(mechanism), self.first(model)
         knows = f"links within {100 * self.parameter_error:.0f} %"
@@ -353,11 +353,11 @@ class AdaptationLaws(RoughStart, Learning):
         }
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: each law's parameter error at the end, |w (estimate - true)| / |w true| (no unit), w
-        being the RMS torque that each parameter makes along the reference; the share of samples (no unit) whose
-        excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of
-        these, SI units; and the median time, us, of computing one torque on Python's floats. `outcome` has the runs,
-        `basis` the fundamental (base) parameters."""
+        """Iterator over the findings, a `Finding` (named number with unit) each. Each law's parameter error at the end,
+        |w (estimate - true)| / |w true| (no unit), w being the RMS torque that each parameter makes along the
+        reference. The fraction of samples (no unit) whose excitation passed the law's threshold, if it has one, or, of
+        laws on pseudo-inertias, the least eigenvalue of these, SI units. The median time, us, of computing one torque
+        on Python's floats. `outcome` has the runs, `basis` the fundamental (base) parameters."""
         errors = self._errors(outcome, basis)
         contenders = {c.name: c for c in self.contenders(errors.model.mechanism, basis)}
         for run in outcome.runs:
@@ -370,8 +370,8 @@ class AdaptationLaws(RoughStart, Learning):
             yield Finding(f"tick_floats.{run.name}", 1e6 * cost, "us", f"{run.label}: a tick on Python floats")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence with the least and the greatest parameter error (no unit), weighed by torque, of the laws that
-        adapt; None where no law does. `outcome` has the runs, `found` the findings by name."""
+        """Sentence for the report with the least and the greatest parameter error (no unit), weighed by torque, of the
+        laws that adapt; None where no law does. `outcome` has the runs, `found` the findings by name."""
         off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = found.span("parameter_error", adapting)
@@ -379,8 +379,8 @@ class AdaptationLaws(RoughStart, Learning):
         return f"{start} {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure for the report, as a `Drawing`: parameter errors, shares of the torque of all parameters, over time,
-        s. `outcome` has the runs, `basis` the fundamental (base) parameters by which errors are measured."""
+        """Iterator over one figure for the report, a `Drawing`: parameter errors, fractions of the torque of all
+        parameters, over time, s. `outcome` has the runs, `basis` the fundamental (base) parameters."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._errors(outcome, basis)

@@ -35,8 +35,9 @@ PLANTS = ("adaptctl", "mujoco")
 
 @dataclass(frozen=True)
 class AdaptiveTracking(Learning):
-    """Experiment of learning to track on any arm from knowing none of its inertial parameters: reference, gains and
-    integration steps are those that `adaptctl.tuning.tune` chooses for it, and the plant is adaptctl's own or MuJoCo.
+    """Experiment of learning to track on any arm from zero initial estimates of its inertial parameters: reference,
+    gains and integration steps are those that `adaptctl.tuning.tune` chooses for it, and the plant is adaptctl's own or
+    MuJoCo.
 
     In the settings' formulas T_c is the control period, M the mass matrix, B the viscous friction, K the damping, Y the
     regressor, Γ the adaptation gain and λ_max the largest eigenvalue. Raises `InputError` at construction for another
@@ -76,8 +77,8 @@ class AdaptiveTracking(Learning):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: whether an arm learns to track from knowing
-        none of its inertial parameters."""
+        """Paragraph of text for the experiment's report that states its question: whether an adaptive controller learns
+        to track on an arm from zero initial estimates of its inertial parameters."""
         return (
             f"An arm follows sinusoids drawn by seed {self.seed} within its limits of positions, speeds and torques, "
             "and nobody tells the controller its inertial parameters. First those that its motion depends on are "
@@ -93,25 +94,26 @@ class AdaptiveTracking(Learning):
             raise InputError("plant: floating bases are moved by adaptctl only, whose joints they have")
 
     def mechanism(self) -> Mechanism:
-        """Mechanism that is driven, loaded from `robot`, its base fixed or floating; a scene (.xml, .mjcf) that MuJoCo
-        moves is loaded as MuJoCo reads it. Raises `NotFoundError` for an unknown name or root body, `FileError` for a
-        file that cannot be used, `InputError` for settings that do not suit it, such as a floating base of no URDF
-        file."""
+        """The `Mechanism` that the experiment drives, loaded from `robot`, with a fixed or a floating base; a scene
+        (.xml, .mjcf) that MuJoCo moves is loaded as MuJoCo reads it. Raises `NotFoundError` for an unknown name or root
+        body, `FileError` for a file that cannot be used, `InputError` for settings that do not suit it, such as a
+        floating base without a URDF file."""
         root = self.root or None
         if self.plant == "mujoco" and Path(self.robot).suffix.lower() in (".xml", ".mjcf"):
             return load(as_mujoco(self.robot), snap=self.snap, root=root)
         return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
-        """Tuning of a mechanism, `Tuning`: the reference, gains, torque limits and integration steps that
+        """Tuning of a `mechanism`, a `Tuning`: the reference, gains, torque limits and integration steps that
         `adaptctl.tuning.tune` chooses for this experiment's settings; the last four tunings are cached. With MuJoCo,
-        the reference is kept clear of contacts. Raises `InputError` where no gains can hold a joint."""
+        the reference is kept clear of contacts. Raises `InputError` where no gains stabilise a joint under a held
+        torque."""
         return _tuned(self, mechanism)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a mechanism on its tuned reference, with the tuned torque limits, N m (N if
-        prismatic), and first error, rad (m), moved by adaptctl's plant or by MuJoCo. Raises `InputError` where no gains
-        can hold a joint, `FileError` for a MuJoCo scene that cannot be used."""
+        """Gymnasium tracking environment of a `mechanism` on its tuned reference, with the tuned torque limits, N m (N
+        if prismatic), and initial position error, rad (m), moved by adaptctl's plant or by MuJoCo. Raises `InputError`
+        where no gains stabilise a joint under a held torque, `FileError` for a MuJoCo scene that cannot be used."""
         import gymnasium
 
         tuning = self.tuning(mechanism)
@@ -130,26 +132,27 @@ class AdaptiveTracking(Learning):
         )
 
     def scene(self, mechanism: Mechanism) -> Any:
-        """Scene for MuJoCo: the path, a text, of the robot's file if it is one of MuJoCo's (.xml, .mjcf), else the
-        `mechanism`, from whose links a model is made."""
+        """Model that MuJoCo is to simulate: the path, a text, of the robot's file where it is one of MuJoCo's (.xml,
+        .mjcf), else the `mechanism` itself, from whose links a MuJoCo model is made. Nothing is raised."""
         return self.robot if Path(self.robot).suffix.lower() in (".xml", ".mjcf") else mechanism
 
     @property
     def scene_settings(self) -> dict[str, Any]:
-        """Arguments of MuJoCo's environment, by name: `body`, the name of the body that the arm begins with, None for
-        the one that moves; and `servos_off`, True to switch off actuators that are no torques."""
+        """Keyword arguments of MuJoCo's tracking environment, by name: `body`, the name of the arm's root body, None
+        for the only one that moves; and `servos_off`, True to switch off actuators that are no torques."""
         return {"body": self.root or None, "servos_off": self.servos_off}
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Tuned gains of Slotine and Li's law for the r primary (independently moving) joints: the bandwidth Lambda
-        (r,), 1/s, and the damping K (r,), N m s/rad (N s/m if prismatic). Raises `InputError` where no gains can hold a
-        joint."""
+        """Tuned gains, a `Gains`, of Slotine and Li's law for the r primary (independently moving) joints of a
+        `mechanism`: the bandwidth Lambda (r,), 1/s, and the damping K (r,), N m s/rad (N s/m if prismatic). Raises
+        `InputError` where no gains stabilise a joint under a held torque."""
         return self.tuning(mechanism).gains
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Tuned adaptation gain Gamma, in the parameters' SI units squared per J: its diagonal (P,) for a model of all
-        P parameters or, mapped from these, the matrix (k, k) for one of k fundamental (base) parameters. Raises
-        `InputError` where no gains can hold a joint of the model's mechanism."""
+        """Tuned adaptation gain Gamma for the parameters of a reduced `model`, in their SI units squared per J: the
+        diagonal (P,) for a model of all P parameters or, mapped from these, the matrix (k, k) for one of k fundamental
+        (base) parameters. Raises `InputError` where no gains stabilise a joint of the model's mechanism under a held
+        torque."""
         tuning = self.tuning(model.mechanism)
         everything = len(model.columns) == len(model.mechanism.parameter_names)
         return tuning.adaptation if everything else tuning.gain_on(model)
@@ -157,41 +160,43 @@ class AdaptiveTracking(Learning):
     def slotine_li(
         self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
     ) -> SlotineLi:
-        """Slotine and Li's control law on a `model` of k parameters, with the tuned gains. `adaptation` is an
-        adaptation law, or the gain Gamma, (k,) or (k, k), in the parameters' SI units squared per J, or None to switch
-        adaptation off; `first` (k,) is the first estimate in SI units, zeros where None. Raises `GainError` for gains
-        too large for the control period along the tuned reference, `InputError` for other shapes and where no gains can
-        hold a joint."""
+        """Slotine and Li's control law, a `SlotineLi`, on a reduced `model` of k parameters, with the tuned gains.
+        `adaptation` is an adaptation law, or the gain Gamma, its diagonal (k,) or the matrix (k, k), in the parameters'
+        SI units squared per J, or None to switch adaptation off; `first` (k,) is the initial estimate in SI units,
+        zeros where None. Raises `GainError` for gains too large for the control period along the tuned reference,
+        `InputError` for arrays of other shapes and where no gains stabilise a joint under a held torque."""
         tuning = self.tuning(model.mechanism)
         gains, given = tuning.gains, (first, self.control_period, tuning.workspace, tuning.torque_limits)
         return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, *given)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run, the first being the
-        experiment's subject: Slotine and Li's law on the k fundamental (base) parameters in `basis`; with adaptation
-        off; computed torque with true parameters, with wrong ones (every link's off by `parameter_error`, a share) and
-        with none; and Slotine and Li's law on all parameters. Each controller is made when first asked for, which
-        raises `GainError` for gains too large for the control period. Raises `InputError` for a basis of another
-        geometry than the mechanism's."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: Slotine and Li's law on the k fundamental (base) parameters in `basis`, the experiment's subject; the
+        same with adaptation off; computed torque with true parameters, with wrong ones (every link's off by the
+        fraction `parameter_error`) and with zeros; and Slotine and Li's law on all parameters. Each controller is made
+        when first asked for, which raises `GainError` for gains too large for the control period. Raises `InputError`
+        for a basis of another geometry than the mechanism's."""
         return [contender for contender in super().contenders(mechanism, basis) if contender.name != MAPPED]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Finding on whether adapting the fundamental (base) parameters and adapting all are one controller: the
-        largest difference of their commanded torques, N m (N if prismatic); none where either was not run. `outcome`
-        has the runs; `basis` is not used."""
+        """Iterator over one `Finding` (named number with unit): the largest difference between the commanded torques, N
+        m (N if prismatic), of adapting the fundamental (base) parameters and of adapting all, which are one controller
+        if it is round-off; none where either was not run. `outcome`, an `Outcome`, has the runs; `basis` is not
+        used."""
         return one_controller(outcome, ADAPTIVE)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text for the report on the adaptation gain Gamma of a mechanism: its rule, and the adaptation number that was
-        tuned, the largest eigenvalue of T_c K^-1 Y Gamma Y' along the reference (no unit; T_c the control period, K the
-        damping, Y the regressor). Raises `InputError` where no gains can hold a joint."""
+        """Text for the report on how the adaptation gain Gamma of a `mechanism` is chosen: its rule, and the tuned
+        value of the largest eigenvalue of T_c K^-1 Y Gamma Y' along the reference (no unit; T_c the control period, K
+        the damping, Y the regressor, Y' its transpose). Raises `InputError` where no gains stabilise a joint under a
+        held torque."""
         number = self.tuning(mechanism).adaptation_number
         return f"as the prior ranges of typical inertias and reach, up to an adaptation number of {number:.3g}, mapped"
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings for the report: centre and amplitude (rad or m) and frequency (Hz) of the drawn reference, one a
-        joint; what limits each joint's gains; and notes on the tuning. `env`, the tracking environment, is reset with
-        the experiment's seed."""
+        """Iterator over settings for the report, a `Setting` (name, value and meaning) each: centre and amplitude (rad,
+        m if prismatic) and frequency (Hz) of the drawn reference, one a joint; what limits each joint's gains; and
+        notes on the tuning. `env`, the tracking environment, is reset with the experiment's seed."""
         env.reset(seed=self.seed)
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):

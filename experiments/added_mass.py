@@ -30,10 +30,11 @@ class AddedMassStudy(Experiment):
     every link change the arm's energy over random states, and where a mass makes it smaller; Sheu and Walker (1991)
     leave the question open.
 
-    The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
-    joint to the next. The study also counts the fewest essential components (parts of the inertial parameters along the
-    right singular vectors of the energies) whose energy is off by at most `energy_error` (%). Raises `InputError` at
-    construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
+    The setting `speed` is a multiple (no unit) of sqrt(g/L), in 1/s, g being gravity (m/s^2) and L (m) the largest
+    distance from a joint to the next. The study also counts the fewest essential components (parts of the inertial
+    parameters along the right singular vectors of the energies) whose energy is off by at most `energy_error` (%).
+    Raises `InputError` at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN
+    or infinity.
     """
 
     name: ClassVar[str] = "added-mass"
@@ -47,22 +48,24 @@ class AddedMassStudy(Experiment):
     share: float = setting(0.2, "largest counterweight over its link's mass", low=0.0, high=10.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the study: its outcome in words, facts (questions with answers), and a function that writes its
-        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `NotFoundError` for an
-        unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm whose energy does not vary,
-        or that has linear constraints between its inertial parameters, `RankError` where its number of base parameters
-        cannot be certified."""
+        """Result of the study of added masses, a `Result`: its outcome in words, facts (questions with answers), an
+        empty verdict, since no controller runs, and a function that writes summary, figures, recording and report into
+        a folder that it is given. `progress(what, share)` is called with the step's name and the fraction done, 0 to 1.
+        Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm
+        whose energy does not vary, or that has linear constraints between its inertial parameters, `RankError` where
+        its number of base parameters cannot be certified."""
         from adaptctl.recording.designed.wording import facts, outcome_words
 
         study = self.study(progress)
         return Result(True, outcome_words(study), tuple(facts(study)), Verdict(), partial(self._write, study))
 
     def study(self, progress: Progress) -> DesignStudy:
-        """Design study of the robot, a `DesignStudy`: effects of masses added to every link, optimal counterweights and
-        removable parameters, over random states within the joints' limits. `progress(what, share)` gets the step's name
-        and the share done, 0 to 1. Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be
-        used, `InputError` for an arm whose energy does not vary, or that has linear constraints between its inertial
-        parameters, `RankError` where its number of base parameters cannot be certified."""
+        """Design study of the arm that `robot` names, a `DesignStudy`: effects of masses added to every link, optimal
+        counterweights and removable parameters, over random states within the joints' limits. `progress(what, share)`
+        is called with the step's name and the fraction done, 0 to 1. Raises `NotFoundError` for an unknown robot,
+        `FileError` for a file that cannot be used, `InputError` for an arm whose energy does not vary, or that has
+        linear constraints between its inertial parameters, `RankError` where its number of base parameters cannot be
+        certified."""
         progress(STAGE, 0.0)
         task = DesignTask.within_limits(load(self.robot), self.samples, self.seed, self.speed)
         found = design_study(task, self.mass, share=self.share, percent=self.energy_error, seed=self.seed)
@@ -89,9 +92,10 @@ class AddedMassStudy(Experiment):
 
 
 def bodies(study: DesignStudy) -> dict[str, dict[str, float]]:
-    """Relative changes (no unit, 0.1 for 10 % more) of an arm's root mean square energy when a gripper, a camera or a
-    motor is added to a link, its centre of mass at the link's: a dict by the body's name of dicts by the link's.
-    `study` has the arm and its states. Nothing is checked."""
+    """Relative changes (no unit, 0.1 for 10 % more) of an arm's energy when a gripper, a camera or a motor is added to
+    one of its links, its centre of mass at the link's: a dict by the body's name of dicts by the link's. The energy,
+    kinetic plus potential, is its root mean square about the mean over the states of `study`, a `DesignStudy` of the
+    arm. Arguments are not checked; raises what `added_mass` raises, such as `RankError`."""
     links = [places.link for places in study.within]
     return {
         name: {
@@ -102,8 +106,9 @@ def bodies(study: DesignStudy) -> dict[str, dict[str, float]]:
 
 
 def bodies_figure(study: DesignStudy) -> Figure:
-    """Matplotlib figure of the changes, %, of an arm's root mean square energy by a gripper, a camera and a motor on
-    each of its links, as bars, for the arm and states of a design `study`."""
+    """Matplotlib figure, of bars, of the changes, %, of an arm's root mean square energy by a gripper, a camera and a
+    motor on each of its links. `study`, a `DesignStudy`, has the arm and its states. Arguments are not checked; raises
+    what `added_mass` raises, such as `RankError`."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

@@ -35,10 +35,10 @@ MANY, FEW = 600_000, 30_000
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """Contender of a contest, which is a comparison of controllers on one environment: `name`, short, fit for a file
-    and no other contender's; `label`, for legends; `knows`, in words what the controller knows of the arm beforehand;
-    and `make`, a function without arguments that makes the controller, called once, when it is first asked for. Nothing
-    is checked at construction."""
+    """A controller to compare with others on one environment, with its names: `name`, short, fit for a file and unique
+    among those compared; `label`, for legends; `knows`, in words what the controller knows of the arm beforehand; and
+    `make`, a function without arguments that makes the controller, called once, when it is first asked for. Nothing is
+    checked at construction."""
 
     name: str
     label: str
@@ -47,22 +47,23 @@ class Contender:
 
     @classmethod
     def of(cls, name: str, label: str, knows: str, controller: Controller[Any]) -> Contender:
-        """Contender of a contest whose `controller` is made already: `name`, short and fit for a file; `label`, for
-        legends; and `knows`, in words what the controller knows of the arm beforehand. Nothing is checked."""
+        """The `Contender`, a controller to compare with its names, for a `controller` that is made already: `name`,
+        short and fit for a file; `label`, for legends; and `knows`, in words what the controller knows of the arm
+        beforehand. Nothing is checked."""
         return cls(name, label, knows, lambda: controller)
 
     @cached_property
     def controller(self) -> Controller[Any]:
-        """Controller of the contender, made by `make` when first asked for, and then the same. Raises what `make`
-        raises, such as `GainError` for gains too large for the control period."""
+        """Controller to compare, a `Controller`, made by the field `make` when first asked for and then cached. Raises
+        what `make` raises, such as `GainError` for gains too large for the control period."""
         return self.make()
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of a contest of controllers: the `mechanism` that they drove; `runs`, one for each controller, in their
-    order; and `complete`, False where the contest was interrupted: `runs` are then those that were begun. Nothing is
-    checked at construction."""
+    """Outcome of a contest, a comparison of controllers on one environment: the `mechanism` that they drove; `runs`, a
+    `ControllerRun` for each controller, in their order; and `complete`, False where the contest was interrupted: `runs`
+    are then those that had begun. Nothing is checked at construction."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -77,16 +78,16 @@ def contest(
     progress: Progress,
     options: Mapping[str, Any] = MappingProxyType({}),
 ) -> Outcome:
-    """Outcome of a contest: each of the `contenders` (controllers with names) drives the environment `env`, whose arm
-    is `mechanism`, one after the other, from the same `seed` and `options` of the environment's reset, such as a
-    payload.
+    """Outcome, an `Outcome`, of a contest: each of the `contenders` (controllers with names) drives the environment
+    `env`, whose arm is `mechanism`, one after the other, from the same `seed` and `options` of the environment's reset,
+    such as a payload.
 
-    `progress(label, share)` gets the contender's label and the share of its run that is done, 0 to 1. All controllers
-    are made before anything runs, so that what their making raises, such as `GainError`, comes first. Where all runs
-    together have more than 600 000 control periods, at most about 30 000 of them, evenly spaced, are recorded. Raises
-    `InputError` for an environment that a controller cannot drive, `NonFiniteError` where a motion runs away. Ctrl-C
-    ends the contest: the runs that were begun are returned, as not complete; `KeyboardInterrupt` is raised where there
-    are none, and for an environment that gives no sample.
+    `progress(label, share)` is called with the contender's label and the fraction of its run that is done, 0 to 1. All
+    controllers are made before anything runs, so that what their making raises, such as `GainError`, comes first. Where
+    all runs together have more than 600 000 control periods, at most about 30 000 of them, evenly spaced, are recorded.
+    Raises `InputError` for an environment that a controller cannot drive, `NonFiniteError` where a motion diverges to
+    non-finite values. Ctrl-C ends the contest: the runs that had begun are returned, as not complete;
+    `KeyboardInterrupt` is raised where there are none, and for an environment that gives no sample.
     """
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
@@ -107,18 +108,19 @@ def contest(
 
 
 def thinning(samples: int) -> int:
-    """Number of control periods for each recorded sample, at least 1, where all runs together have `samples` control
-    periods: 1 for at most 600 000 of them, and else the least that leaves at most 30 000 samples."""
+    """Number of control periods per recorded sample, at least 1, where all runs together have `samples` control
+    periods: 1 for at most 600 000 of them, else the least number that leaves at most 30 000 samples. Nothing is
+    checked."""
     return -(-samples // FEW) if samples > MANY else 1
 
 
 def live_subject(
     env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int, options: Mapping[str, Any]
 ) -> LiveArm | str:
-    """Closed loop of an environment and a controller as a `LiveArm`, a WebAssembly module that a report's page runs in
-    the browser, from the state in which `env` begins with `seed` and `options` of its reset; or the reason, a text, why
-    it cannot be made, such as a plant of another simulator, effects such as a payload, or a reference that is no sum of
-    sinusoids."""
+    """Closed loop of an environment and a `controller` as a `LiveArm`, a WebAssembly module that a report's page runs
+    in the browser, from the state in which `env` begins with the `seed` and `options` of its reset; or, as text, the
+    reason why it cannot be made, such as a plant of another simulator, effects such as a payload, or a reference that
+    is no sum of sinusoids. Raises what the environment's reset raises."""
     if not hasattr(env.unwrapped, "hand_over"):
         return f"{type(env.unwrapped).__name__} does not tell what it is made of"
     if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
@@ -157,11 +159,11 @@ def _run(
 
 @contextmanager
 def shown_live(env: gymnasium.Env[Any, Any], mechanism: Mechanism) -> Iterator[gymnasium.Env[Any, Any]]:
-    """Context manager that gives the environment to drive: `env` itself, or, within
-    `adaptctl.recording.live.streaming`, where the live viewer named there can be reached, a wrapper of `env` that also
-    shows the motion of its arm, `mechanism`, there. Where no viewer can be reached a `LiveViewWarning` is given. Raises
-    `InputError` for an address other than a port of this computer or a file .rrd, and for a mechanism that cannot be
-    drawn, `FileError` for a file in no place to write to."""
+    """Context manager that gives the environment to drive: `env` itself or, within `adaptctl.recording.live.streaming`
+    and where the viewer at the address set there can be reached, a wrapper of `env` that also shows the motion of its
+    arm, `mechanism`, in that viewer. Gives a `LiveViewWarning` where no viewer can be reached. Raises `InputError` for
+    an address other than a port of this computer or a file .rrd, and for a mechanism that cannot be drawn, `FileError`
+    for a file in a folder that cannot be written to."""
     from adaptctl.recording.live import CURRENT, Live
 
     if (to := CURRENT.get()) is None:
@@ -187,11 +189,11 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 
 def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
-    """Cost of a control tick, the computation of one torque, over 1000 states spread over a run of a controller: the
-    median time of a call from Python, s; the mean time in a loop of native code over all these states, s, the least of
-    30 such loops; and the number of floating-point operations. The last two are None where the control law is not
-    compiled; the native time is None also beyond 20 000 operations, which take too long to compile. Raises `IndexError`
-    for a run without samples."""
+    """Cost of a control tick, the computation of one torque, a `TickCost`, over 1000 states evenly spread over a `run`
+    of a `controller`: the median time of a call from Python, s; the mean time in a loop of native code over all these
+    states, s, the least of 30 such loops; and the number of floating-point operations. The last two are None where the
+    control law is not compiled; the native time is None also beyond 20 000 operations, which take too long to compile.
+    Raises `IndexError` for a run without samples."""
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
     states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
     called, kernel = _called(controller, states), controller.kernel

@@ -34,10 +34,11 @@ EVERY, FEW, HELD = "all", "few", "held"
 
 
 class Burden(NamedTuple):
-    """Burden of a run on the arm: root mean square tracking errors of all joints (rad or m), `rms_error` of the whole
-    run and `final_rms_error` of its last two seconds (None where it was shorter); `rms_torque` (no unit), the root of
-    the mean over time of the sum over joints of (torque / its limit)^2; `work`, the motors', the integral of |torque
-    times velocity| summed over joints, J; the `duration`, s; and `stopped`, True where an error passed its bound.
+    """Named tuple of what one closed-loop run asked of an arm and its motors. Tracking errors are positions less the
+    reference's, rad (m if prismatic), as root mean squares over all joints and samples: `rms_error` of the whole run
+    and `final_rms_error` of its last two seconds (None where it was shorter). `rms_torque` (no unit) is the root of the
+    mean over time of the sum over joints of (torque / its limit)^2; `work`, J, the motors', the integral over time of
+    |torque times velocity| summed over joints; `duration`, s; and `stopped`, True where an error passed its bound.
     Nothing is checked at construction."""
 
     rms_error: float
@@ -56,17 +57,17 @@ class Burden(NamedTuple):
 
 @dataclass(frozen=True)
 class CounterweightedTracking(ClosedLoopExperiment):
-    """Experiment on counterweights in closed loop: an arm tracks one reference as it is described and then with optimal
-    counterweights, each time with Slotine and Li's law adapting all parameters, adapting only the `components`
-    essential components that carry most energy, and holding their true values. Essential components are the parts of
-    the inertial parameters along the right singular vectors of the arm's energies over random states, by falling
-    energy.
+    """Experiment on counterweights in closed loop: an arm tracks one reference as its file describes it and then with
+    optimal counterweights. Each time Slotine and Li's law runs thrice: adapting all parameters, adapting only the
+    `components` essential components of most energy, and with their true values and adaptation off. Essential
+    components are the parts of the inertial parameters along the right singular vectors of the arm's energies over
+    random states.
 
-    The setting `speed` is a share (no unit) of sqrt(g/L), g being gravity (m/s^2) and L (m) the largest distance from a
-    joint to the next. A link's counterweight lies in the box around its joints and centre of mass, widened on all sides
-    by `beyond` (a share) of the box's diagonal, 0.1 m at least. `energy_error` (%) is the energy error at which the
-    design counts essential components. Raises `InputError` at construction for a setting of the wrong type or out of
-    its bounds, `NonFiniteError` for NaN or infinity.
+    The setting `speed` is a multiple (no unit) of sqrt(g/L), in 1/s, g being gravity (m/s^2) and L (m) the largest
+    distance from a joint to the next. A link's counterweight lies in the box around its joints and centre of mass,
+    widened on all sides by `beyond` (a fraction) of the box's diagonal, 0.1 m at least. `energy_error` (%) is the
+    energy error at which the design counts essential components. Raises `InputError` at construction for a setting of
+    the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "counterweight"
@@ -83,13 +84,14 @@ class CounterweightedTracking(ClosedLoopExperiment):
     energy_error: float = setting(1.0, "at which components are counted, %", low=0.0, high=100.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison: outcome in words, facts (questions with answers), and a function that writes its
-        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C during a run keeps what
-        was run; before the first sample of an arm `KeyboardInterrupt` passes. Raises `NotFoundError` for an unknown
-        robot, `FileError` for a file that cannot be used, `InputError` for an arm with friction or linear constraints
-        between its inertial parameters, for more `components` than the arm has essential (identifiable) parameters, for
-        an unknown link or objective and for joints that no gains can hold, `RankError` where the number of essential
-        parameters cannot be certified."""
+        """Result of comparing an arm with and without counterweights, a `Result`: outcome in words, facts (questions
+        with answers), and a function that writes summary, figures, recording and report into a folder that it is given.
+        `progress(what, share)` is called with the step's name and the fraction done, 0 to 1. Ctrl-C during a run keeps
+        what was run; before the first sample of an arm `KeyboardInterrupt` is raised. Raises `NotFoundError` for an
+        unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm with friction or linear
+        constraints between its inertial parameters, for more `components` than the arm has essential (identifiable)
+        parameters, for an unknown link or objective and for joints that no gains stabilise under a held torque,
+        `RankError` where the number of essential parameters cannot be certified."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:
@@ -212,8 +214,8 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
 
 def burden(run: ControllerRun, limits: Array) -> Burden:
-    """Burden of a run of r joints on its arm, a `Burden`: tracking errors, torque, work and duration; torques are
-    shares of `limits` (r,), N m (N if prismatic). Nothing is checked."""
+    """Tracking errors, torque, work and duration of one closed-loop `run` of r joints, a `Burden`; torques are divided
+    by `limits` (r,), N m (N if prismatic). Nothing is checked."""
     rollout = run.rollout
     shares = rollout.applied / limits
     power = np.sum(np.abs(rollout.applied * rollout.v), axis=1)
@@ -228,9 +230,9 @@ def burden(run: ControllerRun, limits: Array) -> Burden:
 
 
 def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
-    """Matplotlib figure of the root mean square tracking error of all joints, in mrad (mm), over the 0.25 s that end at
-    each time (s): a line for each of the `runs`, on a logarithmic scale, solid with counterweights (runs whose names
-    end in "after") and dashed without. `mechanism` gives the unit."""
+    """Matplotlib figure of the root mean square tracking error of all joints, in mrad (mm), over the 0.25 s before each
+    time (s): a line for each of the `runs`, on a logarithmic scale, solid with counterweights (runs whose names end in
+    "after") and dashed without. `mechanism` gives the unit by the kinds of its joints."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -28,10 +28,10 @@ WEIGHT, CUTOFF = 5.0, 25.0
 
 @dataclass(frozen=True)
 class EnergyDifferences(Experiment):
-    """Experiment on two estimators of inertial parameters on a real robot's log: how errors of the torques become
-    errors of the torques that they predict. One is energy differences, by which the change of energy over a window of
-    `window` (s) is the joints' work; the other is filtered dynamics, the equations of motion behind a low-pass filter.
-    Torques are taken without errors, with noise, and as measured.
+    """Experiment that compares two estimators of inertial parameters on a real robot's log, by how errors of the logged
+    torques become errors of the torques that the estimates predict. One is energy differences, by which the change of
+    energy over a window of `window` (s) equals the joints' work; the other is filtered dynamics, the equations of
+    motion behind a low-pass filter. Torques are taken without errors, with noise, and as measured.
 
     Raises `InputError` at construction for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN
     or infinity.
@@ -44,22 +44,23 @@ class EnergyDifferences(Experiment):
     window: float = setting(0.1, "length of an energy difference, s", low=0.01, high=2.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison of the two estimators, energy differences and filtered dynamics: outcome in words,
-        facts (questions with answers), and a function that writes its folder. `progress(what, share)` gets the step's
-        name and the share done, 0 to 1. Raises `NotFoundError` for a `robot` that is not the name of an example with a
-        log."""
+        """Result of comparing the two estimators of inertial parameters, energy differences and filtered dynamics, a
+        `Result`: outcome in words, facts (questions with answers), an empty verdict, since no controller runs, and a
+        function that writes the result files into a folder that it is given. `progress(what, share)` is called with the
+        step's name and the fraction done, 0 to 1. Raises `NotFoundError` for a `robot` that is not the name of an
+        example with a log."""
         found = self.compare(progress)
         return Result(found.complete, found.headline(), tuple(found.facts()), Verdict(), found.write)
 
     def compare(self, progress: Progress) -> Amplification:
-        """Errors of the two estimators, energy differences and filtered dynamics, as an `Amplification`. A model fitted
-        to the whole log stands for the truth; each estimator is fitted to the first 60 % of the log and predicts the
-        torques tau of the rest, with the error |predicted tau - true tau| / |true tau| (no unit), tau being those of
-        all joints and samples in one vector, low-pass filtered at 25 Hz. This is done with five kinds of torques in the
-        log: the true ones; these with white noise of 1 % and of 5 % of each joint's RMS torque; these with a tenth of
-        the residual, measured less true torques; and the measured ones. `progress(what, share)` gets the step's name
-        and the share done, 0 to 1. Raises `NotFoundError` for a `robot` that is not the name of an example with a
-        log."""
+        """Errors of two estimators of inertial parameters, energy differences and filtered dynamics, an
+        `Amplification`. A model fitted to the whole log is taken as the truth; each estimator is fitted to the first 60
+        % of the log and predicts the torques tau of the rest, with the error |predicted tau - true tau| / |true tau|
+        (no unit), tau being those of all joints and samples in one vector, low-pass filtered at 25 Hz. This is done
+        with five kinds of torques in the log: the true ones; these with white noise of 1 % and of 5 % of each joint's
+        RMS torque; these with a tenth of the residual, measured less true torques; and the measured ones.
+        `progress(what, share)` is called with the step's name and the fraction done, 0 to 1. Raises `NotFoundError` for
+        a `robot` that is not the name of an example with a log."""
         progress(STAGE, 0.0)
         evidence, log = _evidence(self.robot)
         model = _model(evidence)

@@ -19,11 +19,11 @@ FAR = 100.0
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
     """Dataclass field for a setting of an experiment, with the `default` given. Its values must be of the type of
-    `default`, but whole numbers may stand for floats; if `default` is a tuple, every entry must be of the type of its
-    first one, or a number if it is empty; an empty value is refused. `meaning` says in words what the setting is, with
-    its unit; `symbol` is its letter in formulas, put before the meaning in the command line's help, empty for none;
-    `low` and `high` are the inclusive bounds of every number in it, infinite unless given. Nothing is checked here;
-    constructing the experiment checks its values."""
+    `default`, except that whole numbers are accepted as floats; if `default` is a tuple, every entry must be of the
+    type of its first one, or a number if it is empty; an empty value is refused. `meaning` says in words what the
+    setting is, with its unit; `symbol` is its letter in formulas, put before the meaning in the command line's help,
+    empty, the default, for none; `low` and `high` are the inclusive bounds of every number in it, infinite by default.
+    Nothing is checked here; constructing the experiment checks its values."""
     text = f"{symbol}: {meaning}" if symbol else meaning
     metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)
@@ -32,9 +32,9 @@ def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.
 @dataclass(frozen=True)
 class CheckedSettings:
     """Base class of an experiment's settings: a frozen dataclass whose fields are made by `setting(default, meaning,
-    low=..., high=...)`. `name` is the experiment's name on the command line, `seed` (0 to 2^31 - 1) that of all random
-    numbers. Raises `InputError` at construction for a value of another type than its default or out of its bounds,
-    `NonFiniteError` for NaN or infinity."""
+    low=..., high=...)`. `name` is the experiment's name on the command line, `seed` (0 to 2^31 - 1, 0 by default) that
+    of all random numbers. Raises `InputError` at construction for a value of another type than its default or out of
+    its bounds, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str]
 
@@ -48,20 +48,21 @@ class CheckedSettings:
 @dataclass(frozen=True)
 class Experiment(CheckedSettings, ABC):
     """Abstract base class of experiments: settings, and the method `run`, which computes a `Result` from them. A
-    subclass gives `name`, as the command line has it, and `title`, for report and recording, in which "{robot}" may
-    stand for the robot's name. Raises `InputError` at construction for a setting of the wrong type or out of its
+    subclass gives `name`, as the command line has it, and `title`, for report and recording, in which "{robot}" is
+    replaced by the robot's name. Raises `InputError` at construction for a setting of the wrong type or out of its
     bounds, `NonFiniteError` for NaN or infinity."""
 
     title: ClassVar[str]
 
     @abstractmethod
     def run(self, progress: Progress) -> Result:
-        """Result of the experiment, which an implementation must return: the outcome in words, facts (questions with
-        answers), a verdict on its controllers, and a function that writes the folder of results. It should call
-        `progress(what, share)` with what is being computed and the share of it that is done, 0 to 1.
+        """Result of the experiment, a `Result`, which an implementation must return: the outcome in words, facts
+        (questions with answers), a verdict on its controllers, and a function that writes the result files into a
+        folder. It should call `progress(what, share)` with what is being computed and the fraction of it that is done,
+        0 to 1.
 
-        Ctrl-C (`KeyboardInterrupt`) ends it early: what was computed until then is returned, marked as not complete;
-        where nothing was, the exception passes. An implementation raises `InputError` for settings that do not suit
+        Ctrl-C (`KeyboardInterrupt`) ends it early: what was computed until then is returned, with `complete` False;
+        where nothing was, the exception is raised. An implementation raises `InputError` for settings that do not suit
         each other or the robot.
         """
 
@@ -69,9 +70,9 @@ class Experiment(CheckedSettings, ABC):
 @dataclass(frozen=True)
 class ClosedLoopExperiment(Experiment):
     """Base class of experiments that run controllers in closed loop: each run lasts `duration` (s), and a torque is
-    held for the control period T_c, `control_period` (s). A subclass gives `name`, `title` and the method `run`. Raises
-    `InputError` at construction for more than 300 000 control periods a run, and for a setting of the wrong type or out
-    of its bounds, `NonFiniteError` for NaN or infinity."""
+    held (zero-order hold) for the control period T_c, `control_period` (s). A subclass gives `name`, `title` and the
+    method `run`. Raises `InputError` at construction for more than 300 000 control periods a run, and for a setting of
+    the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity."""
 
     duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
     control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
@@ -86,23 +87,26 @@ class ClosedLoopExperiment(Experiment):
 
 
 def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
-    """Raise `InputError` unless the experiment's settings in `names`, tuples, have `count` entries each; `meaning` says
-    in its message what the entries are, such as "one a joint". Raises `AttributeError` for a name of no setting."""
+    """Raise `InputError` unless each setting of the `experiment` that is named in `names`, a tuple, has `count`
+    entries. `meaning` says in the message what the entries are, such as "one a joint". Nothing is returned. Raises
+    `AttributeError` for a name that is no setting."""
     for name in names:
         if (given := len(getattr(experiment, name))) != count:
             raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")
 
 
 def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
-    """Dataclass fields of all settings of an experiment, or of its class: its own first, then those that every
-    closed-loop experiment has (seed, duration, control period), each group in the order of definition."""
+    """Iterator over the dataclass fields of all settings of an `experiment`, or of its class: its own first, then those
+    that every closed-loop experiment has (seed, duration, control period), each group in the order of definition.
+    Nothing is raised."""
     common = {entry.name for entry in fields(ClosedLoopExperiment)}
     yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
 
 
 def stated(experiment: Experiment) -> Iterator[Setting]:
-    """Settings of an experiment as its summary and report state them, own ones first: each a `Setting` with the name of
-    its command line flag, such as "--control-period", its value as text, and its meaning in words with the unit."""
+    """Iterator over the settings of an `experiment` as its summary and report state them, its own ones first: each a
+    `Setting` with the name of its command line flag, such as "--control-period", its value as text, and its meaning in
+    words with the unit. Nothing is raised."""
     for entry in settings(experiment):
         name = f"--{entry.name.replace('_', '-')}"
         yield Setting(name, text(getattr(experiment, entry.name)), entry.metadata["meaning"])

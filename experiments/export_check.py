@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExportCheck(Experiment):
-    """Experiment on exported control laws: each of `laws` (names of control laws, by default all that can be exported
-    by name) is exported as C for each kind of number in `scalars` ("double", "float"), built by every compiler that is
-    found, and run on test vectors recorded from Python. Raises `InputError` at construction for a setting of the wrong
-    type or out of its bounds, `NonFiniteError` for NaN or infinity."""
+    """Experiment on exported control laws: each of `laws` (names of control laws, by default all that have a name) is
+    exported as C for each kind of number in `scalars` ("double", "float"), built by every compiler that is found, and
+    run on test vectors (states and torques) recorded from Python. Raises `InputError` at construction for a setting of
+    the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "export-check"
     title: ClassVar[str] = "{robot}: exported controllers, compiled and compared"
@@ -44,13 +44,14 @@ class ExportCheck(Experiment):
     control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
 
     def run(self, progress: Progress) -> Result:
-        """Result of all builds: outcome in words, facts (questions with answers), a verdict with each build that
-        differs from Python, and a function that writes the folder. `progress(what, share)` gets the step's name and the
-        share done, 0 to 1; Ctrl-C keeps the builds done; where there are none, `KeyboardInterrupt` passes. Raises
-        `InputError` where no compiler is found, a kind of number is unknown or no gains can hold a joint,
-        `NotFoundError` for an unknown law or robot, `FileError` for a robot's file that cannot be used, `RankError`
-        where the number of base parameters cannot be certified, `subprocess.TimeoutExpired` for a compiler or program
-        that takes more than 300 s."""
+        """Result of all builds of exported control laws, a `Result`: outcome in words, facts (questions with answers),
+        a verdict with each build that differs from Python, and a function that writes summary, figure, recording and
+        report into a folder that it is given. `progress(what, share)` is called with the step's name and the fraction
+        done, 0 to 1. Ctrl-C keeps the builds done; where there are none, `KeyboardInterrupt` is raised. Raises
+        `InputError` where no compiler is found, a kind of number is unknown or no gains stabilise a joint under a held
+        torque, `NotFoundError` for an unknown law or robot, `FileError` for a robot's file that cannot be used,
+        `RankError` where the number of base parameters cannot be certified, `subprocess.TimeoutExpired` for a compiler
+        or program that takes more than 300 s."""
         compilers = found_compilers()
         if not compilers:
             raise InputError(f"export-check: no compiler is found; install one of: {', '.join(COMPILERS)}")
@@ -84,9 +85,9 @@ class ExportCheck(Experiment):
 
 @dataclass(frozen=True, eq=False)
 class Checked:
-    """Data of an export check: `of`, the experiment with its settings; `compilers`, the version of each compiler found,
-    by its name; `builds`, in the order in which they were run; and `complete`, False where the experiment was
-    interrupted. Nothing is checked at construction."""
+    """Data of a finished check of exported control laws: `of`, the `ExportCheck`, the experiment with its settings;
+    `compilers`, the version of each compiler found, by its name; `builds`, a `Build` each, in the order in which they
+    were run; and `complete`, False where the experiment was interrupted. Nothing is checked at construction."""
 
     of: ExportCheck
     compilers: dict[str, str]
@@ -95,23 +96,23 @@ class Checked:
 
     @property
     def experiment(self) -> str:
-        """Name of the experiment, as the command line has it."""
+        """Name of the experiment, "export-check", as the command line takes it."""
         return self.of.name
 
     @property
     def title(self) -> str:
-        """Title of the experiment's report and recording, with the robot's name or file as set."""
+        """Title of the export check's report and recording, with the robot's name or file as set."""
         return self.of.title.format(robot=self.of.robot)
 
     @property
     def seed(self) -> int:
-        """Seed of all random numbers of the experiment."""
+        """Seed of all random numbers of the export check, its setting `seed`."""
         return self.of.seed
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict on all builds: a fault for each that does not compile, or does not repeat Python's torques within its
-        test's tolerance."""
+        """Verdict on all builds of exported control laws, a `Verdict`: a fault for each build that does not compile, or
+        does not reproduce Python's torques within the tolerance of its own test."""
         wrong = [build for build in self.builds if not build.passed]
         return Verdict.of((Failure.DIFFERS, f"{b.law} ({b.scalar}) by {b.compiler}: {b.message}.") for b in wrong)
 
@@ -121,16 +122,17 @@ class Checked:
         return [name for name in COMPILERS if name not in self.compilers]
 
     def result(self) -> Result:
-        """Result of the experiment, as the command line shows it: outcome in words, facts (questions with answers),
-        verdict, and a function that writes the folder; marked as failed where a build differs."""
+        """Result of the export check, a `Result`, as the command line shows it: outcome in words, facts (questions with
+        answers), verdict, and a function that writes the result files into a folder; its `failed` is True where a build
+        differs from Python."""
         verdict = self.verdict
         return Result(
             self.complete, self.headline(), self.facts(), verdict, self.write, failed=not verdict.passed
         )  # fmt: skip
 
     def headline(self) -> str:
-        """Outcome of the check in a sentence or two, failures first: how many builds repeat Python's torques, and to
-        within how many N m."""
+        """Outcome of the export check in a sentence or two, failures first: how many builds of exported laws reproduce
+        Python's torques, and the largest difference for each kind of number, N m (N if prismatic)."""
         repeated = f"{self._passed} of {len(self.builds)} builds repeat Python's torques"
         off = " and ".join(f"{scientific(worst, 2)} N m ({scalar})" for scalar, worst in self._worst().items())
         largest = max((build.largest or 0.0 for build in self.builds), default=0.0)
@@ -139,9 +141,9 @@ class Checked:
         )
 
     def facts(self) -> tuple[Fact, ...]:
-        """Facts of the check, questions with answers, for terminal and report: how many builds agree with Python, the
-        largest difference of these builds' torques (N m) for each kind of number, the number of laws, and the compilers
-        found and not found."""
+        """Facts of the export check, questions with answers, a `Fact` each, for terminal and report: how many builds
+        agree with Python, the largest difference of these builds' torques (N m) for each kind of number, the number of
+        laws, and the compilers found and not found."""
         worst = [Fact(f"Off at most, {scalar}", f"{scientific(off, 2)} N m") for scalar, off in self._worst().items()]
         return (
             Fact("Builds that agree", f"{self._passed} of {len(self.builds)}"),
@@ -164,9 +166,9 @@ class Checked:
         return found
 
     def write(self, folder: Path, progress: Progress) -> None:
-        """Write summary.json, the figure, report.html and recording.rrd into a `folder` that is there, each file whole
-        or not at all; `progress(what, share)` is called when all is done. Raises `FileError` where a file cannot be
-        written."""
+        """Write summary.json, the figure, report.html and recording.rrd of the export check into an existing `folder`,
+        each file whole or not at all; nothing is returned. `progress(what, share)` is called when all is done. Raises
+        `FileError` where a file cannot be written."""
         from adaptctl.recording.drawing import write_drawings
         from adaptctl.recording.illustrated import write_illustrated
 
@@ -188,24 +190,25 @@ class Checked:
         progress("Recording and report", 1.0)
 
     def summary(self) -> dict[str, Any]:
-        """Summary of the check in JSON's types: "schema", "experiment" (its name), "robot", "seed", "complete",
-        "passed" (of all builds), the versions of "compilers" found by name, "missing" ones, and "builds", a dict for
-        each with "law", "scalar", "compiler", "passed", "message", "difference" (the largest of its torques from
-        Python's, N m) and "largest" (of Python's torques, N m), these two None where not known."""
+        """Summary of the export check as a dict in JSON's types: "schema", "experiment" (its name), "robot", "seed",
+        "complete", "passed" (of all builds), the versions of "compilers" found by name, "missing" ones, and "builds", a
+        dict for each with "law", "scalar", "compiler", "passed", "message", "difference" (the largest of its torques
+        from Python's, N m) and "largest" (of Python's torques, N m), these two None where not known."""
         told = [{**asdict(b), "difference": b.difference, "largest": b.largest} for b in self.builds]
         about = {"schema": "adaptctl/export-check/2", "experiment": self.of.name, "robot": self.of.robot}
         passed = {"seed": self.of.seed, "complete": self.complete, "passed": self.verdict.passed}
         return {**about, **passed, "compilers": self.compilers, "missing": self.missing, "builds": told}
 
     def markdown(self) -> str:
-        """Text of the recording, in Markdown: the outcome, the facts as a table, and the compilers' versions."""
+        """Text of the export check's recording, in Markdown: the outcome, the facts as a table, and the compilers'
+        versions."""
         rows = "\n".join(f"| {fact.question} | **{fact.answer}** |" for fact in self.facts())
         versions = "\n".join(f"- {name}: {version}" for name, version in self.compilers.items())
         return f"{self.headline()}\n\n| | |\n|---|---|\n{rows}\n\n{versions}\n"
 
     def drawing(self) -> Drawing:
-        """Drawing for the report, a `Drawing` with name, caption and figure: a grid of laws and compilers that shows
-        which builds repeat Python's torques."""
+        """Drawing for the export check's report, a `Drawing` with name, caption and a function that makes the figure: a
+        grid of laws and compilers that shows which builds reproduce Python's torques."""
         from adaptctl.recording.drawing import Drawing
 
         caption = (

@@ -26,9 +26,10 @@ TOLD = re.compile(r"torques within (\S+) of (\S+) N m")
 
 @dataclass(frozen=True)
 class Build:
-    """Build of an exported control law, compiled and run: `law`, its name; `scalar`, the kind of number ("double" or
-    "float"); `compiler`, its name; `passed`, True if the program repeated the torques recorded from Python within its
-    tolerance; and `message`, what the program printed, or the compiler's error. Nothing is checked at construction."""
+    """Outcome of building one exported control law and running its test program: `law`, the law's name; `scalar`, the
+    kind of number ("double" or "float"); `compiler`, the compiler's name; `passed`, True if the program reproduced the
+    torques recorded from Python within its tolerance; and `message`, what the program printed, or the compiler's error.
+    Nothing is checked at construction."""
 
     law: str
     scalar: str
@@ -39,13 +40,13 @@ class Build:
     @property
     def difference(self) -> float | None:
         """Largest difference of the build's torques from those recorded from Python, N m (N for a prismatic joint);
-        None where its message has none, or NaN."""
+        None where the program's message states no such number, or NaN."""
         return self._told(1)
 
     @property
     def largest(self) -> float | None:
-        """Largest of the torques recorded from Python, N m (N for a prismatic joint); None where the build's message
-        has none, or NaN."""
+        """Largest of the torques recorded from Python, N m (N for a prismatic joint); None where the program's message
+        states no such number, or NaN."""
         return self._told(2)
 
     def _told(self, group: int) -> float | None:
@@ -55,9 +56,9 @@ class Build:
 
 
 def found_compilers() -> dict[str, str]:
-    """C compilers found on this computer, of those that the export check knows (cc, clang, tcc, zig cc): the first line
-    of each one's version text, by its name. Raises `subprocess.TimeoutExpired` for one that does not tell within 300
-    s."""
+    """C compilers found on this computer, a mapping from their names, of those that the export check knows (cc, clang,
+    tcc, zig cc), to the first line of each one's version text. Raises `subprocess.TimeoutExpired` for one that does not
+    print its version within 300 s."""
     told = {name: _version(command) for name, command in COMPILERS.items()}
     return {name: version for name, version in told.items() if version}
 
@@ -73,11 +74,11 @@ def _version(command: tuple[str, ...]) -> str:
 
 
 def built(done: Exported, law: str, scalar: str, compiler: str) -> Build:
-    """Build of an exported package's own test program, compiled by `compiler` ("cc", "clang", "tcc" or "zig cc") in the
-    package's folder and then run. `done` is the exported package; `law` and `scalar`, the law's name and the kind of
-    number, are for the result. A program that does not compile, or fails, is a build that did not pass. Raises
-    `KeyError` for another compiler, `FileNotFoundError` for cc, clang or tcc where it is not installed,
-    `subprocess.TimeoutExpired` after 300 s."""
+    """Outcome, a `Build`, of compiling an exported package's own test program with `compiler` ("cc", "clang", "tcc" or
+    "zig cc") in the package's folder and then running it. `done` is the exported package, an `Exported`; `law` and
+    `scalar`, the law's name and the kind of number, are copied to the `Build`. A program that does not compile, or
+    fails, gives a build that did not pass. Raises `KeyError` for another compiler, `FileNotFoundError` for cc, clang or
+    tcc where it is not installed, `subprocess.TimeoutExpired` after 300 s."""
     sources = [f"{done.name}.c", f"test_{done.name}.c"]
     program = done.directory / f"test_{compiler.replace(' ', '_')}"
     flags = FLAGS if compiler != "tcc" else FLAGS[:1]

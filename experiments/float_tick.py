@@ -15,8 +15,8 @@ FLOAT_TICKS = 20
 
 
 def float_tick(controller: Controller[Any], run: ControllerRun) -> float:
-    """Median time, s, in which a controller computes one torque on Python's floats, not compiled: over 20 states spread
-    evenly over a run, each with the controller's memory before its first tick. Raises `IndexError` for a run without
+    """Median time, s, in which a `controller` computes one torque on Python's floats, not compiled: over 20 states
+    spread evenly over a `run`, each with the controller's initial internal state. Raises `IndexError` for a run without
     samples."""
     o, on_floats = run.rollout, controller.on_floats
     kept = leaves(controller.init(o.p[0], o.v[0]))

@@ -35,11 +35,11 @@ class FrictionInJoints(OnRealPlant):
     """Experiment on joint friction: Slotine and Li's law with and without friction among its adapted parameters, and
     computed torque with and without it.
 
-    Viscous and Coulomb friction of the drives are parameters like the others, first estimated as zero. The plant also
-    has Stribeck's excess of static friction, for which no parameter stands, so that an error remains even for a law
-    that learns. `first_estimate` is in words for the report. Raises `InputError` at construction where a setting that
-    it inherits, the reference's `center`, `amplitude` or `frequency`, has not six entries, one a joint, and for
-    settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    Viscous and Coulomb friction of the drives are parameters like the others, with initial estimates of zero. The plant
+    also has Stribeck's excess of static friction, which no parameter describes, so that an error remains even for a law
+    that learns. `first_estimate` describes the initial estimate, for the report. Raises `InputError` at construction
+    where a setting that it inherits, the reference's `center`, `amplitude` or `frequency`, has not six entries, one a
+    joint, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "friction"
@@ -58,8 +58,8 @@ class FrictionInJoints(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: whether friction should be among the adapted
-        parameters."""
+        """Paragraph of text for the experiment's report that states its question: whether friction should be among the
+        adapted parameters."""
         return (
             "Gears rub. Viscous and Coulomb friction are two more columns of the regressor a joint: the controller "
             "that has them starts from zero friction and learns it with the rest. Another has the same gains and no "
@@ -68,10 +68,10 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: in each joint Stribeck's excess of static over Coulomb friction,
-        against the motion and in magnitude `stribeck` F_c / (1 + (v/`stribeck_speed`)^2), F_c being the joint's Coulomb
-        friction, N m (N if prismatic), and v its velocity, rad/s (m/s). Raises `InputError` for an arm without friction
-        in its joints."""
+        """Effects of the plant besides rigid links: in each joint Stribeck's excess of static over Coulomb friction, a
+        torque against the motion of magnitude c F_c / (1 + (v/v_s)^2). c is the setting `stribeck` (a fraction), v_s
+        the setting `stribeck_speed`, rad/s, F_c the joint's Coulomb friction, N m (N if prismatic), and v its velocity,
+        rad/s (m/s). Raises `InputError` for a `mechanism` without friction in its joints."""
         from adaptctl.simulation.effects import Friction
 
         coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
@@ -84,27 +84,28 @@ class FrictionInJoints(OnRealPlant):
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of a deviation. For parameters of links and rotors this is the standard deviation
-        where they are off by `parameter_error` (a share) of their size; for Coulomb friction it is `friction_range` (a
-        share) times the joint's torque limit, N m, and for viscous friction the same number in N m s/rad."""
+        `rate` (1/J) times the square of a deviation. For parameters of links and rotors that is the standard deviation
+        where they are off by the fraction `parameter_error` of their size. For Coulomb friction it is `friction_range`
+        (a fraction) times the joint's torque limit, N m, and for viscous friction the same number in N m s/rad."""
         gain, ranges = super().adaptation(model), self.friction_range * self.torque_limits(model.mechanism)
         for k, joint in _friction_columns(model):
             gain[k] = self.rate * ranges[joint] ** 2
         return gain
 
     def first(self, model: ReducedModel) -> Array:
-        """First estimate (k,) of a model's k parameters in SI units: those of the rough model, every link's parameters
-        off by `parameter_error` (a share), with zero viscous and Coulomb friction."""
+        """Initial estimate (k,) of a reduced model's k parameters in SI units: that of the rough model, with every
+        link's parameters off by the fraction `parameter_error`, and zero for viscous and Coulomb friction."""
         estimate = super().first(model)
         estimate[[k for k, _ in _friction_columns(model)]] = 0.0
         return estimate
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law with
-        friction parameters, the experiment's subject; the same with adaptation off; without friction parameters; and
-        computed torque with true friction and with none. `basis` has the mechanism's k fundamental (base) parameters.
-        Raises `GainError` for gains too large for the control period, `InputError` for a basis of another geometry than
-        the mechanism's, `RankError` where the number of base parameters cannot be certified."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: Slotine and Li's law with friction parameters, the experiment's subject; the same with adaptation off;
+        the same law without friction parameters; and computed torque with true friction and with none. `basis`, a
+        `FundamentalBasis`, has the mechanism's k fundamental (base) parameters. Raises `GainError` for gains too large
+        for the control period, `InputError` for a basis of another geometry than the mechanism's, `RankError` where the
+        number of base parameters cannot be certified."""
         model, smooth = ReducedModel(mechanism, basis), without_friction(mechanism)
         bare = ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=self.seed)))
         bandwidth, knows = self.gains(mechanism).bandwidth, f"links within {100 * self.parameter_error:.0f} %"
@@ -124,9 +125,9 @@ class FrictionInJoints(OnRealPlant):
         ]
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences, never None here, with the RMS tracking errors of all joints in the last two seconds, mrad, with
-        friction among the parameters, without, and by computed torque, a dash for a run that is missing or shorter;
-        `outcome` has the runs; `found`, the findings by name, is not used."""
+        """Sentences for the report, never None here, with the RMS tracking errors of all joints in the last two
+        seconds, mrad, with friction among the parameters, without, and by computed torque, a dash for a run that is
+        missing or shorter; `outcome` has the runs; `found`, the findings by name, is not used."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "
@@ -134,11 +135,11 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the RMS tracking error of all joints in the last two seconds with friction
-        parameters, divided by that without (no unit; left out where either run is missing or shorter), and each
-        friction parameter as learned at the end, in its SI unit, its meaning telling the true one. `outcome` has the
-        runs, `basis` the mechanism's fundamental (base) parameters. Raises `KeyError` where the run with friction
-        parameters is missing."""
+        """Iterator over the findings, a `Finding` (named number with unit) each: the RMS tracking error of all joints
+        in the last two seconds with friction parameters, divided by that without (no unit; left out where either run is
+        missing or shorter), and each friction parameter as learned at the end, in its SI unit, its meaning telling the
+        true one. `outcome`, an `Outcome`, has the runs, `basis` the mechanism's fundamental (base) parameters. Raises
+        `KeyError` where the run with friction parameters is missing."""
         from adaptctl.recording.trace import parameter_unit
 
         runs = {run.name: run for run in outcome.runs}
@@ -155,8 +156,9 @@ class FrictionInJoints(OnRealPlant):
             yield Finding(f"learned.{model.names[k]}", float(final[k]), unit, meaning)
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure for the report, as a `Drawing`: true and learned friction of every joint, N m, over speed, rad/s.
-        `outcome` has the runs, `basis` the mechanism's fundamental (base) parameters."""
+        """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): true and
+        learned friction of every joint, N m, over speed, rad/s. `outcome`, an `Outcome`, has the runs, `basis` the
+        mechanism's fundamental (base) parameters."""
         from adaptctl.recording.drawing import Drawing
 
         yield Drawing(
@@ -186,7 +188,8 @@ def _final(outcome: Outcome, name: str) -> str:
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:
-    """Mechanism equal to the given one but without viscous and Coulomb friction in its joints; rotor inertias stay."""
+    """Mechanism equal to the given `mechanism` but without viscous and Coulomb friction in its joints; rotor inertias
+    stay. Nothing is raised."""
     return mechanism.with_drives([Drive(link.joint.drive.rotor_inertia) for link in mechanism.links])
 
 

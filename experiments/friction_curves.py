@@ -17,9 +17,10 @@ COLUMNS = 3
 
 
 class Curve(NamedTuple):
-    """Friction curve of a `joint`, given by its name; `true` and `learned`, pairs of viscous (N m s) and Coulomb (N m)
-    friction; `stribeck`, the excess of static over Coulomb friction, N m; `speed`, rad/s, at which half of that is
-    gone; and `speeds` (T,), rad/s, the joint's velocities at T samples of a run. Nothing is checked at construction."""
+    """Named tuple of the data of one joint's friction over speed: `joint`, its name; `true` and `learned`, pairs of
+    viscous (N m s/rad) and Coulomb (N m) friction; `stribeck`, the excess of static over Coulomb friction, N m;
+    `speed`, rad/s, at which half of that is gone; and `speeds` (T,), rad/s, the joint's velocities at T samples of a
+    run. Nothing is checked at construction."""
 
     joint: str
     true: tuple[float, float]
@@ -36,8 +37,8 @@ class Curve(NamedTuple):
 
 def friction_curves(curves: Sequence[Curve]) -> Figure:
     """Matplotlib figure of friction (N m) over speed (rad/s), a panel for each of the `curves`, at least one, of a
-    joint: the true friction with Stribeck's excess, the learned one of viscous and Coulomb friction, and in shade how
-    often the joint moved how fast."""
+    joint: the true friction with Stribeck's excess, the learned one of viscous and Coulomb friction, and a shaded
+    histogram of the speeds at which the joint moved."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, TRUTH, run_color
 

@@ -30,9 +30,9 @@ BEGINNING = 2.0
 
 @dataclass(frozen=True)
 class IdentifyThenAdapt(OnRealPlant):
-    """Experiment on first estimates identified from a real arm's log: Slotine and Li's law adapts on a simulated arm
-    from zero, from the links' parameters in the arm's URDF file, and from what is identified from the log's first part,
-    a share of `known`.
+    """Experiment on initial estimates identified from a real arm's log: Slotine and Li's law adapts on a simulated arm
+    from zero, from the links' parameters in the arm's URDF file, and from what is identified from the first part of the
+    log, the fraction `known` of it.
 
     The simulated arm has the parameters that are identified from the whole log. Raises `InputError` at construction for
     a `center`, `amplitude` or `frequency` of the reference that has not six entries, one a joint, and for settings of
@@ -68,8 +68,9 @@ class IdentifyThenAdapt(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: how much an estimate identified from a log is
-        worth as the first one."""
+        """Paragraph of text for the experiment's report that states its question: how much an adaptive controller's
+        first tracking errors are reduced by an initial estimate of an arm's parameters that is identified from a log,
+        against initial estimates of zero and from a URDF file."""
         return (
             "A log of a real arm, motor positions and torques, is worth a first estimate. The simulated arm has the "
             "parameters that the whole log shows, rotors, friction and the wrist's coupling included. Slotine and Li's "
@@ -78,29 +79,30 @@ class IdentifyThenAdapt(OnRealPlant):
         )
 
     def mechanism(self) -> Mechanism:
-        """Mechanism that is driven, the arm as identified from the whole log of the example that `robot` names. Raises
-        `NotFoundError` for a name of no example with a log."""
+        """The `Mechanism` that the experiment drives: the arm as identified from the whole log of the example that
+        `robot` names. Raises `NotFoundError` for a name of no example with a log."""
         return identified_from(self.robot, 1.0)
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: none, an empty sequence, since the mechanism itself has the
-        identified rotors and friction."""
+        """Effects of the plant besides rigid links: an empty sequence, since the `mechanism` itself has the identified
+        rotors and friction."""
         return ()
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
         `rate` (1/J) times the square of each one's standard deviation where the true parameters of links and drives are
-        off by `parameter_error`, a share of their size; the size of a link's first moments and inertias is the most
+        off by the fraction `parameter_error` of their size; the size of a link's first moments and inertias is the most
         that its mass and second moments allow, of other parameters their magnitude."""
         true = model.mechanism.inertial_parameters
         return np.asarray(self.rate * deviations(model, true, self.parameter_error) ** 2)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law from the
-        identified estimate, the experiment's subject; the same with adaptation off; from the URDF; and from zero.
-        `basis` has the mechanism's k fundamental (base) parameters. Raises `GainError` for gains too large for the
-        control period, `InputError` for a basis of another geometry than the mechanism's and a first part of the log
-        that is too short."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: Slotine and Li's law from the identified initial estimate, the experiment's subject; the same with
+        adaptation off; from the URDF file's parameters; and from zero. `basis`, a `FundamentalBasis`, has the
+        mechanism's k fundamental (base) parameters. Raises `GainError` for gains too large for the control period,
+        `InputError` for a basis of another geometry than the mechanism's and a first part of the log that is too
+        short."""
         model = ReducedModel(mechanism, basis)
         part = _parameters(mechanism, identified_from(self.robot, self.known))
         file = _parameters(mechanism, robot_file(self.robot))
@@ -116,8 +118,9 @@ class IdentifyThenAdapt(OnRealPlant):
         return self.slotine_li(model, self.adaptation(model) if adapting else None, model.regrouping @ parameters)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence on the RMS tracking errors of all joints in the first two seconds, mrad, from each first estimate;
-        None where one of the adapting runs in `outcome` is missing. `found`, the findings by name, is not used."""
+        """Sentence for the report with the RMS tracking errors of all joints in the first two seconds, mrad, from each
+        initial estimate; None where one of the adapting runs in `outcome` is missing. `found`, the findings by name, is
+        not used."""
         first = {run.name: 1e3 * (run.rms_error(stop=BEGINNING) or np.nan) for run in outcome.runs}
         if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
             return None
@@ -127,9 +130,9 @@ class IdentifyThenAdapt(OnRealPlant):
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the RMS tracking error of all joints in each run's first two seconds, rad, and the
-        ratio of two of these (no unit), that of the run from zero divided by that of the run from the identified
-        estimate. `outcome` has the runs; `basis` is not used."""
+        """Iterator over the findings, a `Finding` (named number with unit) each: the RMS tracking error of all joints
+        in each run's first two seconds, rad, and the ratio of two of these (no unit), that of the run from zero divided
+        by that of the run from the identified estimate. `outcome`, an `Outcome`, has the runs; `basis` is not used."""
         first = {run.name: run.rms_error(stop=BEGINNING) or np.nan for run in outcome.runs}
         for name, value in first.items():
             yield Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {BEGINNING:g} s, {name}")
@@ -141,8 +144,9 @@ class IdentifyThenAdapt(OnRealPlant):
 @cache
 def identified_from(name: str, share: float) -> Mechanism:
     """Mechanism whose parameters, those of drives (rotor inertias, friction) included, are identified from the first
-    part, a `share` (0 to 1), of the log that the example called `name` has; cached. Raises `NotFoundError` for a name
-    of no example, `InputError` for a part that is too short to identify from."""
+    part of a log, the fraction `share` (0 to 1) of it; the log is that of the example called `name`. Results are
+    cached. Raises `NotFoundError` for a name of no example, `InputError` for a part that is too short to identify
+    from."""
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import identified
@@ -159,8 +163,9 @@ def identified_from(name: str, share: float) -> Mechanism:
 
 
 def robot_file(name: str) -> Mechanism:
-    """Mechanism of an example's robot as its URDF file describes it, before any identification. Raises `NotFoundError`
-    for a name of no example."""
+    """Mechanism of the robot of the example called `name` as its URDF file describes it, before any identification;
+    angles between joint axes within 1e-3 rad of right ones are made exact. Raises `NotFoundError` for a name of no
+    example."""
     from adaptctl.identification.examples import example
 
     with example(name) as files:

@@ -43,16 +43,16 @@ OFFLINE = "Independent parameters from energies"
 
 @dataclass(frozen=True)
 class Learning(ClosedLoopExperiment):
-    """Abstract base class of experiments in which Slotine and Li's adaptive law learns from estimates of zero on the k
-    fundamental (base) parameters of an arm, against other controllers of the same arm.
+    """Abstract base class of experiments in which Slotine and Li's adaptive law learns from initial estimates of zero
+    on the k fundamental (base) parameters of an arm, against other controllers of the same arm.
 
-    The others are the same law with adaptation off; computed torque with true, wrong and no parameters; the law on all
-    P parameters, whose adaptation gain is Gamma_D (P, P); and the law on the k with the gain mapped from that,
-    Gamma_beta = R Gamma_D R', R (k, P) being the regrouping matrix that takes all parameters to the k. The last two are
-    one controller to round-off, so that only their cost differs.
+    The others are the same law with adaptation off; computed torque with true, wrong and zero parameters; the law on
+    all P parameters, whose adaptation gain is Gamma_D (P, P); and the law on the k with the gain mapped from that,
+    Gamma_beta = R Gamma_D R', R (k, P) being the regrouping matrix from all parameters to the k and R' its transpose.
+    The last two are one controller to round-off, so that only their cost differs.
 
     A subclass gives `name`, `title`, the property `purpose` and the methods `environment`, `gains`, `adaptation`,
-    `adaptation_setting` and `reference_settings`. `first_estimate` is, for the report, the first estimate in words;
+    `adaptation_setting` and `reference_settings`. `first_estimate` describes the initial estimate, for the report;
     `expected` maps failures of the first controller that the experiment is meant to show to the reasons why. Raises
     `InputError` at construction for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or
     infinity.
@@ -79,52 +79,54 @@ class Learning(ClosedLoopExperiment):
     @property
     @abstractmethod
     def purpose(self) -> str:
-        """Text of the question that the experiment answers, a paragraph for its report, which an implementation must
-        return."""
+        """Paragraph of text for the experiment's report that states the question it answers, which an implementation
+        must return."""
 
     def mechanism(self) -> Mechanism:
-        """Mechanism that is driven, loaded from `robot` unless a subclass makes another. Raises `NotFoundError` for an
-        unknown name, `FileError` for a file that cannot be used, `LoopError` where its closed loops do not fit
-        together."""
+        """The `Mechanism` that the experiment drives, loaded from `robot` unless a subclass makes another. Raises
+        `NotFoundError` for an unknown name, `FileError` for a file that cannot be used, `LoopError` where its kinematic
+        loops cannot be closed."""
         return load(self.robot)
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment with the mechanism as its arm, in which all controllers run: an implementation
-        must make it of the experiment's settings, with finite torque limits, N m (N if prismatic), as the bounds of its
-        actions. Implementations raise `InputError` for a mechanism that the experiment is not for."""
+        """Gymnasium tracking environment with the `mechanism` as its arm, in which all controllers run: an
+        implementation must make it of the experiment's settings, with finite torque limits, N m (N if prismatic), as
+        the bounds of its actions. Implementations raise `InputError` for a mechanism that the experiment is not for."""
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset, by name, such as a payload: empty, as here, unless a subclass gives
-        some."""
+        """Options of the reset of the experiment's environment, by name, such as a payload: empty, as here, unless a
+        subclass gives some."""
         return {}
 
     @abstractmethod
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop, `Gains`, which an implementation must return for the r primary (independently
-        moving) joints of a mechanism: the bandwidth Lambda (r,), 1/s, and the damping K (r,), N m s/rad (N s/m if
+        """Gains of the tracking loop, a `Gains`, which an implementation must return for the r primary (independently
+        moving) joints of a `mechanism`: the bandwidth Lambda (r,), 1/s, and the damping K (r,), N m s/rad (N s/m if
         prismatic). Implementations raise `InputError` where no such gains can be found."""
 
     @abstractmethod
     def adaptation(self, model: ReducedModel) -> Array:
-        """Adaptation gain Gamma for a model's k parameters, which an implementation must return: its diagonal (k,), or
-        the whole matrix (k, k), in the parameters' SI units squared per J."""
+        """Adaptation gain Gamma for the k parameters of a reduced `model`, in their SI units squared per J, which an
+        implementation must return: its diagonal (k,) or the whole matrix (k, k)."""
 
     @abstractmethod
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text for the report on how the adaptation gain Gamma of a mechanism is chosen, which an implementation must
-        return."""
+        """Text for the report that says how the adaptation gain Gamma of a `mechanism` is chosen, which an
+        implementation must return."""
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings for the report that state the reference where the experiment's own settings do not, each a `Setting`
-        with name, value and meaning: an implementation must yield them. `env` is the tracking environment."""
+        """Iterator over settings for the report, a `Setting` (name, value and meaning) each, that state the reference
+        where the experiment's own settings do not; an implementation must return it. `env` is the tracking
+        environment."""
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison: outcome in words, facts (questions with answers), verdict, and a function that
-        writes the folder of results. `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C
-        keeps the runs begun; where there are none, `KeyboardInterrupt` passes.
+        """Result of comparing all controllers of the experiment, a `Result`: outcome in words, facts (questions with
+        answers), verdict, and a function that writes summary, figures, recording and report into a folder that it is
+        given. `progress(what, share)` is called with the step's name and the fraction done, 0 to 1. Ctrl-C keeps the
+        runs begun; where there are none, `KeyboardInterrupt` is raised.
 
         Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
         unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
@@ -133,9 +135,10 @@ class Learning(ClosedLoopExperiment):
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Comparison:
-        """Comparison of the runs of all controllers with findings on them, after the fundamental (base) parameters are
-        found from energies. `progress(what, share)` gets the step's name and the share done, 0 to 1. Ctrl-C keeps the
-        runs begun, as a comparison that is not complete; where there are none, `KeyboardInterrupt` passes.
+        """Comparison, a `Comparison`, of the runs of all controllers with findings on them, for which the fundamental
+        (base) parameters are first found from energies. `progress(what, share)` is called with the step's name and the
+        fraction done, 0 to 1. Ctrl-C keeps the runs begun, as a comparison that is not complete; where there are none,
+        `KeyboardInterrupt` is raised.
 
         Raises `InputError` for a robot or reference that does not fit the experiment, among them `NotFoundError` for an
         unknown robot, `FileError` for a file that cannot be used and `GainError` for gains too large for the control
@@ -175,43 +178,46 @@ class Learning(ClosedLoopExperiment):
     def outcome(
         self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
-        """Outcome of the contest: the runs of all `contenders` (controllers with names) on the environment `env` with
-        the arm `mechanism`, in turn, from one seed. `progress(label, share)` gets a contender's label and the share of
-        its run done, 0 to 1. Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises
-        `GainError` for gains too large for the control period, `NonFiniteError` where a motion runs away."""
+        """Outcome of the contest, an `Outcome`: the runs of all `contenders` (controllers with names) on the
+        environment `env` with the arm `mechanism`, in turn, from one seed. `progress(label, share)` is called with a
+        contender's label and the fraction of its run done, 0 to 1. Ctrl-C keeps the runs begun; where there are none,
+        `KeyboardInterrupt` is raised. Raises `GainError` for gains too large for the control period, `NonFiniteError`
+        where a motion diverges to non-finite values."""
         return contest(env, mechanism, contenders, self.seed, progress, self.options)
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers besides the runs: the largest difference of commanded torques, N m (N if prismatic),
-        between adapting the fundamental (base) parameters and adapting all, where both were run; a subclass may give
-        others. `outcome` has the runs, `basis` the mechanism's fundamental parameters."""
+        """Iterator over the findings, a `Finding` (named number with unit) each: here one, the largest difference of
+        commanded torques, N m (N if prismatic), between adapting the fundamental (base) parameters and adapting all,
+        where both were run; a subclass may give others. `outcome`, an `Outcome`, has the runs, `basis` the mechanism's
+        fundamental parameters."""
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Text of the outcome in a sentence or two, for the report: `outcome` has the runs, `found` the findings by
-        name. None, as here, leaves the text to the report, which then says how much smaller errors are with adaptation
-        than without."""
+        """Text for the report that states the outcome in a sentence or two. None, as here, leaves it to the report,
+        which then says how much smaller errors are with adaptation than without. `outcome`, an `Outcome`, has the runs,
+        `found` the findings by name."""
         return None
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """Errors that recording and report show before the joints' errors, as a `Leading`, such as a tool's distance
-        from its path: their meaning, the unit that they are shown in, and an array (T,) for each run in `outcome`, T
-        its samples; None, as here, where there are no others."""
+        """Errors that recording and report show before the joints' errors, a `Leading`, such as a tool's distance from
+        its path: their meaning, the unit in which they are shown, and an array (T,) for each run in `outcome`, T its
+        samples; None, as here, where there are no others."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figures for the report besides those of every comparison, each a `Drawing` (a name, a caption and a function
-        that draws it); none unless a subclass gives some. `outcome` has the runs, `basis` the mechanism's fundamental
-        (base) parameters."""
+        """Iterator over figures for the report besides those of every comparison, a `Drawing` (name, caption and
+        function that draws it) each; none unless a subclass gives some. `outcome`, an `Outcome`, has the runs, `basis`
+        the mechanism's fundamental (base) parameters."""
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law on the k
-        fundamental (base) parameters in `basis`, the experiment's subject; with adaptation off; computed torque with
-        true parameters, with wrong ones (every link's off by `parameter_error`, a share) and with none; Slotine and
-        Li's law on all parameters; and on the k with the gain mapped from that on all. Each controller is made when
-        first asked for, which raises `GainError` for gains too large for the control period. Raises `InputError` for a
-        basis of another geometry than the mechanism's."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: Slotine and Li's law on the k fundamental (base) parameters in `basis`, the experiment's subject; the
+        same with adaptation off; computed torque with true parameters, with wrong ones (every link's off by the
+        fraction `parameter_error`) and with zeros; Slotine and Li's law on all parameters; and on the k with the
+        adaptation gain mapped from that on all. Each controller is made when first asked for, which raises `GainError`
+        for gains too large for the control period. Raises `InputError` for a basis of another geometry than the
+        mechanism's."""
         model, full = models(mechanism, basis)
         k, everything = len(basis.columns), len(mechanism.parameter_names)
         true, wrong = mechanism.inertial_parameters, f"{100 * self.parameter_error:.0f} % off"
@@ -252,10 +258,11 @@ class Learning(ClosedLoopExperiment):
     def slotine_li(
         self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
     ) -> SlotineLi:
-        """Slotine and Li's control law on a `model` of k parameters, with this experiment's gains and control period.
-        `adaptation` is an adaptation law, or the gain Gamma, (k,) or (k, k), in the parameters' SI units squared per J,
-        or None to switch adaptation off; `first` (k,) is the first estimate in SI units, zeros where None. Raises
-        `GainError` for gains too large for the control period, `InputError` for other shapes."""
+        """Slotine and Li's control law, a `SlotineLi`, on a reduced `model` of k parameters, with this experiment's
+        gains and control period. `adaptation` is an adaptation law, or the gain Gamma, its diagonal (k,) or the matrix
+        (k, k), in the parameters' SI units squared per J, or None to switch adaptation off; `first` (k,) is the initial
+        estimate in SI units, zeros where None. Raises `GainError` for gains too large for the control period,
+        `InputError` for arrays of other shapes."""
         gains = self.gains(model.mechanism)
         return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period)
 
@@ -271,23 +278,23 @@ class Learning(ClosedLoopExperiment):
 
 @lru_cache(maxsize=8)
 def models(mechanism: Mechanism, basis: FundamentalBasis) -> tuple[ReducedModel, ReducedModel]:
-    """Reduced models (equations of motion on some of the parameters) of a mechanism, two: first that on the k
-    parameters of a fundamental `basis` and all friction parameters, then that on all P inertial and friction
-    parameters. The last eight pairs are cached, so that all who ask share compiled code. Raises `InputError` for a
-    basis of another geometry than the mechanism's."""
+    """Pair of reduced models (equations of motion on some of the parameters), a `ReducedModel` each, of a `mechanism`:
+    that on the k parameters of a fundamental (base) `basis` and all friction parameters, then that on all P inertial
+    and friction parameters. The last eight pairs are cached, so that their compiled code is shared. Raises `InputError`
+    for a basis of another geometry than the mechanism's."""
     return ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
 
 
 class Found:
-    """Findings (named numbers that an experiment found) by name, and texts of them. It is made of a sequence of
-    findings; its attribute `of` maps the name of each to its value, in the finding's own unit; of two with one name the
-    last counts. Nothing is checked."""
+    """Findings of an experiment, named numbers, by name, with texts made of them. `findings`, the constructor's
+    argument, is a sequence of `Finding`; the attribute `of` maps the name of each to its value, in the finding's own
+    unit; of two with one name the last counts. Nothing is checked."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.of = {finding.name: finding.value for finding in findings}
 
     def text(self, name: str, scale: float = 1.0) -> str:
-        """Text of the value of the finding `name`, times `scale` (no unit, 1 by default), with three significant
+        """Text of the value of the finding called `name`, times `scale` (no unit, 1 by default), with three significant
         digits; a dash where there is no such finding."""
         return wording.number(scale * self.of[name] if name in self.of else None)
 
@@ -309,15 +316,15 @@ class Found:
 
 
 def numbers(values: Array) -> str:
-    """Text of the numbers in `values` (n,): four significant digits each, with commas between."""
+    """Text of the numbers in `values` (n,), four significant digits each, separated by commas."""
     return ", ".join(f"{value:.4g}" for value in values)
 
 
 def one_controller(outcome: Outcome, mapped: str = MAPPED) -> Iterator[Finding]:
-    """Finding on whether adapting the fundamental (base) and adapting all parameters are one controller: the largest
-    difference of their commanded torques, N m (N if prismatic), in two runs of `outcome`, "adaptive-full" on all
-    parameters and `mapped`, "adaptive-mapped" unless given, on the fundamental ones with the adaptation gain mapped
-    from that on all; none where either is missing."""
+    """Iterator over one `Finding` (named number with unit): the largest difference between the commanded torques, N m
+    (N if prismatic), of two runs in `outcome`, an `Outcome`. They are "adaptive-full", which adapts all parameters, and
+    `mapped`, by default "adaptive-mapped", which adapts the fundamental (base) ones with the adaptation gain mapped
+    from that on all; the two are one controller if the difference is round-off. None where either run is missing."""
     runs = {run.name: run for run in outcome.runs}
     if mapped not in runs or FULL not in runs:
         return

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 class Marked(NamedTuple):
-    """Curve of a `run` of T samples for a figure: `error` (T,), its parameter error, no unit; `marked` (T,), positive
-    where an event held, such as a torque at its limit; and `place`, the index from 0 of its colour in the palette.
-    Nothing is checked at construction."""
+    """Curve of a `run`, a `ControllerRun` of T samples, for a figure: `error` (T,), its parameter error, no unit;
+    `marked` (T,), positive at samples at which an event held, such as a torque at its limit; and `place`, the index,
+    from 0, of its colour in the palette. Nothing is checked at construction."""
 
     run: ControllerRun
     error: Array
@@ -29,8 +29,8 @@ class Marked(NamedTuple):
 
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
     """Matplotlib figure of the parameter errors (no unit, logarithmic) of the runs in `curves`, at least one, over
-    time, s, and below them a bar for each run, filled while its event held; `meaning`, the title of the bars, says what
-    the event is."""
+    time, s, and below them a bar for each run, filled while an event held, such as a torque at its limit. `meaning`,
+    the title of the bars, says what the event is."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
@@ -51,8 +51,9 @@ def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
 
 
 def spans(time: Array, marked: Array) -> list[tuple[float, float]]:
-    """Spans of time in which `marked` (T,) is positive, as a list of pairs (start, length), s, in order. `time` (T,),
-    s, is that of the T evenly spaced samples, each of which counts until the next. Nothing is checked."""
+    """Intervals of time in which `marked` (T,) is positive, as a list of pairs (start, length), s, in order. `time`
+    (T,), s, is that of the T evenly spaced samples, each of which counts until the next; the last counts as long as the
+    others. Nothing is checked."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], (marked > 0.0).astype(int), [0]))))
     period = float(time[1] - time[0]) if len(time) > 1 else 0.0
     starts, stops = edges[::2], edges[1::2]

@@ -15,10 +15,11 @@ from adaptctl.recording import ControllerRun, Finding
 
 
 def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
-    """Findings, named numbers, on the memory of a controller's adaptation law in a run: for laws with a threshold of
-    excitation (composite and concurrent learning), the share of samples (no unit) in which it was passed; for natural
-    adaptation and the consistent lift, the least eigenvalue, SI units, of the estimated pseudo-inertia (4, 4) of any
-    link of `mechanism`; none for other laws."""
+    """Iterator over findings, a `Finding` (named number with unit) each, on what the adaptation law of a `controller`
+    stored or kept in a `run`. For laws with a threshold of excitation (composite and concurrent learning): the fraction
+    of samples (no unit) in which it was passed. For natural adaptation and the consistent lift: the least eigenvalue,
+    SI units, of the estimated pseudo-inertia (4, 4) of any link of `mechanism` over all samples. None for other
+    laws."""
     law, learning = getattr(getattr(controller, "of", controller), "adaptation_law", None), run.rollout.learning
     if isinstance(law, Natural):
         yield smallest_eigenvalue(mechanism, run, run.rollout.estimate)
@@ -31,8 +32,8 @@ def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: 
 
 
 def forgotten_notes(findings: tuple[Finding, ...]) -> list[str]:
-    """Sentences, one for each of the `findings` which tells that a law's excitation never passed its threshold, so that
-    nothing was stored for learning."""
+    """List of sentences for the report, one for each of the `findings` that states that a law's excitation never passed
+    its threshold, so that nothing was stored for learning."""
     found = (f for f in findings if f.name.startswith("remembered.") and f.value == 0.0)
     return [
         f"{f.meaning.split(':')[0]} remembered nothing: no excitation passed its threshold; a smaller one would."
@@ -41,10 +42,10 @@ def forgotten_notes(findings: tuple[Finding, ...]) -> list[str]:
 
 
 def smallest_eigenvalue(mechanism: Mechanism, run: ControllerRun, parameters: Array) -> Finding:
-    """Finding of the least eigenvalue, SI units, of the pseudo-inertia (4, 4) of any of the mechanism's links over the
-    T samples of a run, positive where all links stayed physically consistent. `parameters` (T, P) are, at each sample,
+    """Least eigenvalue, as a `Finding` in SI units, of the pseudo-inertia (4, 4) of any link of `mechanism` over the T
+    samples of a `run`, positive where all links stayed physically consistent. `parameters` (T, P) are, at each sample,
     of every link m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), then those of drives,
-    which are not used. Raises `ValueError` for no samples."""
+    which are not used. Raises `ValueError` for a run without samples."""
     bodies = len(mechanism.description.bodies)
     tens = parameters[:, : 10 * bodies].reshape(-1, bodies, 10)
     value = float(np.linalg.eigvalsh(pseudos(tens))[..., 0].min())

@@ -15,11 +15,11 @@ EXCITING = "exciting"
 
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """Fourier series of joint positions, rad (m if prismatic), of five harmonics of 0.1 Hz, within 0.8 of the limits of
-    positions, speeds and torques, on which a mechanism's regressor of base parameters has the least condition number,
-    found by `exciting_reference` with `seed`; the last four are cached. Raises `InputError` for a mechanism with closed
-    loops, and where torques pass these limits even at rest, `RankError` where the number of base parameters cannot be
-    certified."""
+    """Most exciting motion of a `mechanism`, `Sinusoids`: a Fourier series of joint positions, rad (m if prismatic), of
+    five harmonics of 0.1 Hz, on which the regressor of the base parameters has the least condition number, found by
+    `exciting_reference` with `seed`. It keeps within 0.8 of the limits of positions, speeds and torques; the last four
+    are cached. Raises `InputError` for a mechanism with kinematic loops, and where torques pass these limits even at
+    rest, `RankError` where the number of base parameters cannot be certified."""
     from adaptctl.control import exciting_reference
 
     if mechanism.description.loops is not None:

@@ -42,15 +42,16 @@ TELLING, TELLING_LOOPS = 0.25, 0.1
 
 @dataclass(frozen=True)
 class NoiseAndDelay(AdaptationLaws):
-    """Experiment without excitation: adaptation laws hold an arm still on a plant with encoders, delay, lag and weak
-    motors, where only noise can be learned.
+    """Experiment without excitation: adaptation laws stabilise an arm at rest on a plant with encoders, delay, lag and
+    weak motors, so that only noise can be learned.
 
-    Velocities are filtered differences of encoder counts; torques are late, lag and are limited. The same noise enters
-    the regressor and the sliding variable s (velocity error plus bandwidth times position error): the mean of their
-    product is not zero, and estimates that nothing bounds drift (Ioannou and Kokotovic 1984). `error_bound` (100 rad or
-    m) is the joint error that ends a run; `expected` maps failures of the first controller that the experiment is meant
-    to show to the reasons why. Raises at construction `NotFoundError` for unknown laws, `InputError` for a law given
-    twice and settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    Velocities are filtered differences of encoder counts; torques are delayed, filtered by a lag and limited. The same
+    noise enters the regressor and the sliding variable s (velocity error plus bandwidth times position error): the mean
+    of their product is not zero, and estimates that nothing bounds drift (Ioannou and Kokotovic 1984). `error_bound`
+    (100 rad or m) is the joint error that ends a run; `expected` maps failures of the first controller that the
+    experiment is meant to show to the reasons why. Raises at construction `NotFoundError` for unknown laws,
+    `InputError` for a law given twice and settings of the wrong type or out of their bounds, `NonFiniteError` for NaN
+    or infinity.
     """
 
     name: ClassVar[str] = "noise-and-delay"
@@ -70,8 +71,8 @@ class NoiseAndDelay(AdaptationLaws):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: which estimates drift where nothing but noise
-        excites the arm."""
+        """Paragraph of text for the experiment's report that states its question: which estimates drift where nothing
+        but noise excites the arm."""
         return (
             f"For {self.duration:g} s an arm, its links known within {100 * self.parameter_error:.0f} %, is to hold "
             f"still, seen through encoders of {self.resolution:g} rad with {self.noise:g} rad of noise. Its torques "
@@ -88,15 +89,15 @@ class NoiseAndDelay(AdaptationLaws):
     }
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """Largest torques (r,) of the weak motors of the r primary (independently moving) joints, N m (N if prismatic):
-        `strength`, a share, of the arm's torque limits, or, where a joint has none, of four times the most that it
-        needs in 200 random states of up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), 1 N m (N) at least."""
+        """Torque limits (r,) of the weak motors at the r primary (independently moving) joints of a `mechanism`, N m (N
+        if prismatic): the fraction `strength` of the arm's own limits, or, where a joint has none, of four times the
+        most that it needs in 200 random states of up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), 1 N m (N) at least."""
         return self.strength * super().motors(mechanism)
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the plant besides rigid links: encoders of a `resolution` with `noise` (rad), velocities that are
-        differences of their positions filtered at `filter` (Hz), a `delay` in control periods, and a `lag` of the
-        drives (s) unless it is 0."""
+        """Iterator over the plant's effects besides rigid links: encoders of a `resolution` with `noise` (rad),
+        velocities that are differences of their positions filtered at `filter` (Hz), a `delay` in control periods, and
+        a `lag` of the drives (s) unless it is 0."""
         from adaptctl.simulation.effects import ActuatorLag, ControlDelay, Encoder, FilteredDifferences
 
         yield Encoder(self.resolution, self.noise, self.velocity_noise)
@@ -106,11 +107,11 @@ class NoiseAndDelay(AdaptationLaws):
             yield ActuatorLag(self.lag)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run, one for each of `laws`, the
-        first the experiment's subject, then one with adaptation off: each behind guards that keep its torque within the
-        motors' limits and let nothing be learned while a torque is held back. `basis` has the k fundamental (base)
-        parameters that they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a
-        basis of another geometry than the mechanism's."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run, one for each of `laws`, the first the experiment's subject, then one with adaptation off: each within
+        a `Guarded`, which limits its torque to the motors' limits and stops adaptation while a torque is limited.
+        `basis`, a `FundamentalBasis`, has the k fundamental (base) parameters that they adapt. Raises `GainError` for
+        gains too large for the control period, `InputError` for a basis of another geometry than the mechanism's."""
         from adaptctl.control import Guarded
 
         limits = self.motors(mechanism)
@@ -122,14 +123,15 @@ class NoiseAndDelay(AdaptationLaws):
         return list(map(guarded, super().contenders(mechanism, basis)))
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers. Of each law: its parameter error at the end, |w (estimate - true)| / |w true| (no
-        unit), w being the RMS torque that each parameter makes along a motion that excites; its drift, |w change| / |w
-        true| a minute (1/min), between the third and the fourth quarter of the run; its RMS tracking error over all
-        joints and the run, rad; the share of periods with a limited torque (no unit); and the share of samples (no
-        unit) whose excitation passed its threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue
-        of these, SI units. Then, in s, the delay that the tracking loop tolerates and the delay that there is, of
-        control periods, drives and velocity filter. `outcome` has the runs, `basis` the fundamental (base) parameters
-        of which the errors are."""
+        """Iterator over the findings, a `Finding` (named number with unit) each. Of each run whose controller has an
+        estimate: its parameter error at the end, |w (estimate - true)| / |w true| (no unit), w being the RMS torque
+        that each parameter makes along a motion that excites; its drift, |w change| / |w true| a minute (1/min),
+        between the estimate's means over the third and the fourth quarter of the run; its RMS tracking error over all
+        joints and the run, rad; the fraction of control periods with a limited torque (no unit); and the fraction of
+        samples (no unit) whose excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias,
+        the least eigenvalue of these, SI units. Then, in s, the delay margin of the tracking loop and its actual delay,
+        of control periods, drives and velocity filter. `outcome`, an `Outcome`, has the runs, `basis` the fundamental
+        (base) parameters of which the errors are."""
         errors = self._errors(outcome, basis)
         contenders = {one.name: one for one in self.contenders(outcome.mechanism, basis)}
         for run in outcome.runs:
@@ -145,9 +147,9 @@ class NoiseAndDelay(AdaptationLaws):
         yield from self._loop(outcome.mechanism)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the least and the greatest parameter error at the end and drift in the second half of the run
-        (1/min) of the laws that adapt, both shares (no unit) of the torque of all parameters; None where no law does.
-        `outcome` has the runs, `found` the findings by name."""
+        """Sentences for the report with the least and the greatest parameter error at the end and drift in the second
+        half of the run (1/min) of the laws that adapt, both fractions (no unit) of the torque of all parameters; None
+        where no law does. `outcome`, an `Outcome`, has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
         ended = super().answer(outcome, found)

@@ -31,9 +31,9 @@ JOINTS = 6
 @dataclass(frozen=True)
 class OnRealPlant(RoughStart, Learning):
     """Abstract base class of experiments in which laws learn on an arm of six joints whose plant has more effects than
-    rigid links, such as friction or a payload, from a rough model with every link's parameters off by
-    `parameter_error`, a share. A subclass gives `name`, `title`, the property `purpose` and the method `effects`. In
-    the setting `ratio` a joint's typical inertia is the median of its entry of the mass matrix's diagonal over random
+    rigid links, such as friction or a payload, from a rough model with every link's parameters off by the fraction
+    `parameter_error`. A subclass gives `name`, `title`, the property `purpose` and the method `effects`. In the setting
+    `ratio` a joint's typical inertia is the median of its entry of the mass matrix's diagonal over 200 random
     configurations. Raises `InputError` at construction for a `center`, `amplitude` or `frequency` that has not six
     entries, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
 
@@ -68,13 +68,14 @@ class OnRealPlant(RoughStart, Learning):
 
     @abstractmethod
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links, such as friction or a payload, for the mechanism that is driven: an
-        implementation must return them, and may raise `InputError` for a mechanism that they do not suit."""
+        """Effects of the plant besides rigid links, such as friction or a payload, for the `mechanism` that is driven,
+        a sequence of `Effect` that an implementation must return. It may raise `InputError` for a mechanism that they
+        do not suit."""
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of an arm on one sinusoid a joint, with the plant's effects besides rigid
-        links; a run ends early only at an error of 100 rad (m), so that all can be compared. Raises `InputError` for
-        another number of joints than six."""
+        """Gymnasium tracking environment of the arm `mechanism` on one sinusoid a joint, with the plant's effects
+        besides rigid links; a run ends early only at a joint error of 100 rad (m), so that all can be compared. Raises
+        `InputError` for another number of joints than six."""
         import gymnasium
 
         if mechanism.dof != JOINTS:
@@ -95,18 +96,18 @@ class OnRealPlant(RoughStart, Learning):
         )
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of the torques of the r primary (independently moving) joints, N m (N if prismatic): the
-        mechanism's own, or, where a joint has none, four times the most that it needs in 200 random states of up to 2
-        rad/s and 10 rad/s^2 (m/s, m/s^2), 1 N m (N) at least."""
+        """Torque limits (r,) of the r primary (independently moving) joints of a `mechanism`, N m (N if prismatic): its
+        own, or, where a joint has none, four times the most that it needs in 200 random states of up to 2 rad/s and 10
+        rad/s^2 (m/s, m/s^2), 1 N m (N) at least."""
         return finite_torque_limits(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Setting for the report that states the reference's formula, sinusoids faded in over 2 s; `env`, the tracking
-        environment, is not used."""
+        """Iterator over one `Setting` (name, value and meaning) for the report, which states the reference's formula,
+        sinusoids faded in over 2 s. `env`, the tracking environment, is not used."""
         yield Setting("reference", "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", "faded in over 2 s")
 
     def from_rough(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:
-        """Slotine and Li's control law on a `model` of k parameters, its first estimate (k,) that of a rough model of
-        the arm, every link's parameters off by `parameter_error`, a share; with adaptation off if not `adapting`.
-        Raises `GainError` for gains too large for the control period."""
+        """Slotine and Li's control law, a `SlotineLi`, on a reduced `model` of k parameters, its initial estimate (k,)
+        that of a rough model of the arm, every link's parameters off by the fraction `parameter_error`; with adaptation
+        off if not `adapting` (True by default). Raises `GainError` for gains too large for the control period."""
         return self.slotine_li(model, self.adaptation(model) if adapting else None, self.first(model))

@@ -13,9 +13,9 @@ from adaptctl.experiments.experiment import Experiment
 
 
 def from_entry_point(point: EntryPoint) -> type[Experiment]:
-    """Class of the experiment that an installed package's entry point names, a subclass of `Experiment`; the package is
-    imported. Raises `InputError` where the import fails, for anything else than such a class, and for one without a
-    `name` and a `title`, texts."""
+    """Class of the experiment that the entry point `point` of an installed package names, a subclass of `Experiment`;
+    the package is imported. Raises `InputError` where the import fails, where the entry point names anything else, and
+    for a class without a `name` and a `title`, texts."""
     try:
         found = point.load()
     except Exception as error:  # whatever the other package raises when it is imported
@@ -24,7 +24,7 @@ def from_entry_point(point: EntryPoint) -> type[Experiment]:
 
 
 def from_file(path: str | Path) -> type[Experiment]:
-    """Class of the experiment, a subclass of `Experiment`, that a Python file at `path` defines; the file is run.
+    """Class of the experiment, a subclass of `Experiment`, that the Python file at `path` defines; the file is run.
     Raises `FileError` where there is no such file, where it cannot be imported, and where it defines no such class or
     several; `InputError` for a class without a `name` and a `title`, texts."""
     file = Path(path)

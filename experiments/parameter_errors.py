@@ -24,9 +24,9 @@ NAME_HEIGHT = 0.062
 
 @dataclass(frozen=True, eq=False)
 class ParameterErrors:
-    """Measure of the errors of estimates of a `model`'s k parameters, each weighed by the root mean square torque, over
-    the motion's samples and all joints, that it makes along a motion: `weights` (k,), N m for each SI unit of the
-    parameter. Nothing is checked at construction."""
+    """Measure of the errors of estimates of the k parameters of a reduced `model`: each error is weighed by the root
+    mean square torque that one SI unit of its parameter makes along a motion, over the motion's samples and all joints.
+    `weights` (k,) are in N m for each SI unit of the parameter. Nothing is checked at construction."""
 
     model: ReducedModel
     weights: Array
@@ -34,26 +34,26 @@ class ParameterErrors:
 
     @classmethod
     def along(cls, model: ReducedModel, p: Array, v: Array, a: Array) -> ParameterErrors:
-        """Measure of estimates' errors, weighed by each parameter's root mean square torque, N m a unit, over all
-        joints and samples of a motion: T samples of the r joints of a `model`, positions p, rad (m), velocities v,
-        rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), (T, r) each. Raises `InputError` for other shapes,
-        `NonFiniteError` for NaN or infinity."""
+        """Measure of estimates' errors, a `ParameterErrors`, weighed along a motion: by each parameter's root mean
+        square torque, N m a unit, over all joints and T samples. The motion of the r joints of a reduced `model` is
+        given by positions `p`, rad (m if prismatic), velocities `v`, rad/s (m/s), and accelerations `a`, rad/s^2
+        (m/s^2), (T, r) each. Raises `InputError` for other shapes, `NonFiniteError` for NaN or infinity."""
         rows = model.torque_regressor(p, v, a)
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
     def of(self, run: ControllerRun) -> Array | None:
-        """Parameter error (T,) of a run at its T samples, |w (estimate - true)| / |w true| (no unit), w (k,) being the
-        `weights` of the model's k parameters; None for a run whose controller estimates none. Estimates of all P
-        parameters are regrouped into the k first. Raises `ValueError` for estimates of another number of parameters
-        than k or P."""
+        """Parameter error (T,) of a `run` at its T samples, |w (estimate - true)| / |w true| (no unit), w (k,) being
+        this object's `weights` of the model's k parameters; None for a run whose controller has no estimate. Estimates
+        of all P parameters are regrouped into the k first. Raises `ValueError` for estimates of another number of
+        parameters than k or P."""
         if run.rollout.estimate.shape[1] == 0:
             return None
         return self._apart(self._reduced(run.rollout.estimate), self.model.fundamental_parameters)
 
     def apart(self, one: Array, other: Array) -> float:
-        """Distance |w (one - other)| / |w true| (no unit) between two estimates, (k,) each in SI units, w (k,) being
-        the `weights` of the model's k parameters. Estimates (P,) of all parameters are regrouped into the k first.
-        Raises `ValueError` for another number of parameters."""
+        """Distance |w (one - other)| / |w true| (no unit) between two estimates, `one` and `other`, (k,) each in SI
+        units, w (k,) being this object's `weights` of the model's k parameters. Estimates (P,) of all parameters are
+        regrouped into the k first. Raises `ValueError` for another number of parameters."""
         return float(self._apart(self._reduced(one), self._reduced(other)))
 
     def _reduced(self, estimate: Array) -> Array:
@@ -69,7 +69,7 @@ class ParameterErrors:
 def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
     """Matplotlib figure of parameter errors (no unit, logarithmic) over time, s, a line for each of `curves`, at least
     one: triples of the colour's index from 0 in the palette, the run, and its errors (T,) at T samples. Each line's
-    last value and label stand at its end."""
+    label and last value are written at its end."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 class PayloadDrop(AdaptationLaws):
     """Experiment on a payload that an arm picks up and drops in motion: the time that each adaptation and control law
     takes, from one rough model, until its RMS tracking error over 2 s is below twice that of the 2 s before the pickup.
-    The run is cut into `times` equal parts; in each the payload is held from `start` to `stop`, s from the part's
-    beginning. In the settings, s as a letter is the sliding variable, the velocity error plus the bandwidth times the
-    position error. `error_bound` (100 rad or m) is the joint error that ends a run.
+    The run is divided into `times` equal parts; in each the last link holds the payload from `start` to `stop`, s from
+    the part's beginning. In the settings, s as a letter is the sliding variable, the velocity error plus the bandwidth
+    times the position error. `error_bound` (100 rad or m) is the joint error that ends a run.
 
     Raises `InputError` at construction for a payload that is not picked up 2 s or more after the start and dropped
     later within its part of the run, for a law given twice, and for settings of the wrong type or out of their bounds,
-    `NotFoundError` for unknown laws, `NonFiniteError` for NaN or infinity.
+    `NotFoundError` for an unknown law or motion, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "payload-drop"
@@ -77,8 +77,8 @@ class PayloadDrop(AdaptationLaws):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: how fast each law recovers when a payload is
-        picked up and dropped."""
+        """Paragraph of text for the experiment's report that states its question: how fast the tracking error under
+        each law recovers when a payload is picked up and dropped."""
         return (
             f"An arm picks up {self.payload:g} kg at {self.start:g} s and drops it at {self.stop:g} s, and nobody "
             "tells its controller. "
@@ -92,9 +92,9 @@ class PayloadDrop(AdaptationLaws):
     error_bound: ClassVar[float] = FAR
 
     def effects(self) -> Iterator[Effect]:
-        """Effects of the plant besides rigid links: for each of `times` equal parts of the run, the payload on the last
-        link from `start` to `stop` (s from the part's beginning); and the noise of measured velocities, rad/s, unless
-        it is 0."""
+        """Iterator over the plant's effects besides rigid links: for each of `times` equal parts of the run, the
+        payload on the last link from `start` to `stop` (s from the part's beginning); and the noise of measured
+        velocities, rad/s, unless it is 0."""
         from adaptctl.simulation.effects import PayloadHeld
 
         for k in range(self.times):
@@ -102,14 +102,15 @@ class PayloadDrop(AdaptationLaws):
         yield from super().effects()
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: each law's time, s, from each event (pickup and drop, with more `times` the last of
-        each too) until its RMS tracking error over 2 s is less than twice that of the 2 s before the pickup or, where
-        it never is, the ratio of its error in the 2 s before the next event, or the run's end, to that one (no unit);
-        the error before the pickup, mrad; its parameter error at the end, |w (estimate - true)| / |w true| (no unit), w
-        being the RMS torque that each parameter makes along the reference; the share of samples (no unit) whose
-        excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of
-        these, SI units; and the median time, us, of computing one torque. `outcome` has the runs, `basis` the
-        fundamental (base) parameters of which the errors are."""
+        """Iterator over the findings, a `Finding` (named number with unit) each. For each law and each event (pickup
+        and drop, with more `times` the last of each too): the time, s, until its RMS tracking error over 2 s is less
+        than twice that of the 2 s before the first pickup; where it never is, the ratio of its error in the 2 s before
+        the next event, or the run's end, to that one (no unit). For each law: the error before the pickup, mrad; its
+        parameter error at the end, |w (estimate - true)| / |w true| (no unit), w being the RMS torque that each
+        parameter makes along the reference; the fraction of samples (no unit) whose excitation passed the law's
+        threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of these, SI units; and the
+        median time, us, of computing one torque. `outcome`, an `Outcome`, has the runs, `basis` the fundamental (base)
+        parameters."""
         for one in self._recoveries(outcome):
             name, event = one.run.name, one.event.replace(" ", "_")
             if one.time is not None:
@@ -125,9 +126,9 @@ class PayloadDrop(AdaptationLaws):
         yield from super().findings(outcome, basis)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences with the shortest and the longest time, s, after pickup and after drop until the errors of the laws
-        that adapt are back below twice the earlier ones, and how many never are; None where no law adapts. `outcome`
-        has the runs, `found` the findings by name."""
+        """Sentences for the report with the shortest and the longest time, s, after pickup and after drop until the
+        tracking errors of the laws that adapt are back below twice the error before the pickup, and how many never are;
+        None where no law adapts. `outcome`, an `Outcome`, has the runs, `found` the findings by name."""
         adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
         events = ("pickup", "drop", *(("last pickup", "last drop") if self.times > 1 else ()))
         return " ".join(self._event_words(event, adapting, found) for event in events) if adapting else None
@@ -143,9 +144,10 @@ class PayloadDrop(AdaptationLaws):
         return f"After the {event} {', and '.join(parts) or 'no law came so far'}."
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figures for the report, as Drawings: the times, s, until errors have come back, then the parameter errors,
-        shares (no unit) of the torque of all parameters, over time, s. `outcome` has the runs, `basis` the fundamental
-        (base) parameters by which errors are measured."""
+        """Iterator over figures for the report, a `Drawing` (name, caption and function that draws it) each: the times,
+        s, until tracking errors are back below twice that before the pickup, then the parameter errors, fractions (no
+        unit) of the torque of all parameters, over time, s. `outcome`, an `Outcome`, has the runs, `basis` the
+        fundamental (base) parameters by which errors are measured."""
         from adaptctl.recording.drawing import Drawing
 
         found = list(self._recoveries(outcome))
@@ -192,9 +194,9 @@ class PayloadDrop(AdaptationLaws):
         return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
 
     def deviations(self, model: ReducedModel) -> Array:
-        """Standard deviations (k,) of a model's k parameters from their first estimates, in SI units: sqrt(a^2 + b^2)
-        for each, a being its deviation where links and drives are off by `parameter_error`, a share of their size, and
-        b the size of what the payload adds to it while the last link holds it."""
+        """Standard deviations (k,) of the k parameters of a reduced `model` from their initial estimates, in SI units:
+        sqrt(a^2 + b^2) for each, a being its deviation where links and drives are off by the fraction `parameter_error`
+        of their size, and b the size of what the payload adds to it while the last link holds it."""
         nothing = np.zeros(len(model.mechanism.parameter_names))
         loaded = self._body().added_to(nothing, len(model.mechanism.description.bodies) - 1)
         return np.hypot(super().deviations(model), deviations(model, loaded, 1.0))

@@ -11,9 +11,9 @@ from adaptctl.experiments.stated_task import StatedTask
 
 @dataclass(frozen=True)
 class Puma560Adaptive(StatedTask):
-    """Experiment of learning to track on the PUMA 560 from knowing none of its inertial parameters, on one sinusoid a
-    joint: by default each of the six joints swings by 0.4 rad or more at 0.1 Hz or more. Raises `InputError` at
-    construction for settings of the wrong type, out of their bounds, or not one a joint, `NonFiniteError` for NaN or
+    """Experiment of learning to track on the PUMA 560 from zero initial estimates of its inertial parameters, on one
+    sinusoid a joint: by default each of the six joints swings by 0.4 rad or more at 0.1 Hz or more. Raises `InputError`
+    at construction for settings of the wrong type, out of their bounds, or not one a joint, `NonFiniteError` for NaN or
     infinity."""
 
     name: ClassVar[str] = "puma560-adaptive"
@@ -37,8 +37,8 @@ class Puma560Adaptive(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: whether the PUMA 560 learns to track from
-        knowing none of its inertial parameters."""
+        """Paragraph of text for the experiment's report that states its question: whether an adaptive controller learns
+        to track on the PUMA 560 from zero initial estimates of its inertial parameters."""
         return (
             "The PUMA 560 follows sinusoids in all six joints, and nobody tells the controller a single mass, centre "
             "of mass or inertia. First the parameters that its motion depends on are found, from energies alone. "

@@ -20,18 +20,20 @@ class RangedGain:
 
     @property
     def ranges(self) -> PriorRanges:
-        """Prior ranges (greatest plausible errors) of parameters by kind, as set: of masses (kg), first moments (kg m)
-        and inertias (kg m^2). Raises `InputError` for ranges that are not positive and finite."""
+        """Prior ranges (greatest plausible errors) of inertial parameters by kind, a `PriorRanges`, as set: of masses
+        (kg), first moments (kg m) and inertias (kg m^2). Raises `InputError` for ranges that are not positive and
+        finite."""
         return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in their SI units squared per J:
-        `rate` (1/J) times the square of each parameter's prior range (its greatest plausible error). Raises
-        `InputError` for ranges or a rate that are not positive and finite."""
+        """Diagonal (k,) of the adaptation gain Gamma for the k parameters of a reduced `model`, in their SI units
+        squared per J: this object's `rate` (1/J) times the square of each parameter's prior range (its greatest
+        plausible error). Raises `InputError` for ranges or a rate that are not positive and finite."""
         return adaptation_gain(model, self.ranges, self.rate)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text for the report on the adaptation gain Gamma: `rate` (1/J) times the squared prior range (greatest
-        plausible error) of masses, kg, first moments, kg m, and inertias, kg m^2; `mechanism` is not used."""
+        """Text for the report that says how the adaptation gain Gamma is chosen: `rate` (1/J) times the squared prior
+        range (greatest plausible error) of masses, kg, first moments, kg m, and inertias, kg m^2; `mechanism` is not
+        used."""
         of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)

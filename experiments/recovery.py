@@ -21,11 +21,11 @@ TWICE = 2.0
 
 @dataclass(frozen=True)
 class Recovery:
-    """Recovery of the tracking error of a `run` after an `event`, such as a payload's drop: `earlier`, the RMS error of
-    all joints (rad or m) over the 2 s before the first event; `time`, s from the event until the RMS error over the
-    next 2 s is below twice `earlier`, None if it never is; and `left`, the RMS error of the last 2 s before the next
-    event or the run's end, but from the event on, divided by `earlier` (no unit). Nothing is checked at
-    construction."""
+    """Recovery of the tracking error of a `run`, a `ControllerRun`, after an `event`, such as a payload's drop.
+    `earlier` is the RMS error of all joints (rad, m if prismatic) over the 2 s before the first event; `time`, s, that
+    from the event until the RMS error over the next 2 s is below twice `earlier`, None if it never is; and `left` the
+    RMS error of the last 2 s before the next event or the run's end, but not from before the event, divided by
+    `earlier` (no unit). Nothing is checked at construction."""
 
     run: ControllerRun
     event: str
@@ -38,18 +38,19 @@ class Recovery:
 
 
 def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
-    """Recovery of a run's tracking error between an event at `begin` (s) and the next at `end` (s, or the run's end), a
-    `Recovery`; `event` is the first one's name, `earlier` the RMS error (rad or m) before the first event of the run,
-    not zero. Without samples in the last 2 s before `end` its `left` is NaN. Nothing is checked."""
+    """Recovery, a `Recovery`, of the tracking error of a `run` between an event called `event` at `begin` (s) and the
+    next at `end` (s, or the run's end). `earlier` is the RMS error (rad, m if prismatic) before the first event of the
+    run, not zero. Without samples in the last 2 s before `end`, the recovery's `left` is NaN. Nothing is checked."""
     end = min(end, run.duration)
     left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
     return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)
 
 
 def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
-    """Time, s, from `begin` (s) to the first sample t of a run with RMS < `below`: RMS is the root mean square tracking
-    error of all joints (rad or m) from t to t + 2 s, `below` a bound in its unit. Only samples from `begin` on with t +
-    2 s up to `end` (s) count; None if there is none. Nothing is checked."""
+    """Time, s, from `begin` (s) to the first sample at which a run's tracking error is back below a bound: the first t
+    at which the root mean square error of all joints (rad, m if prismatic) from t to t + 2 s is less than `below`, in
+    its unit. Only samples from `begin` on with t + 2 s up to `end` (s) count; None if there is none. Nothing is
+    checked."""
     length = round(WINDOW / run.rollout.spacing)
     coming = run.moving_rms_error(WINDOW)[length - 1 :]
     time = run.rollout.time[: len(coming)]
@@ -58,9 +59,9 @@ def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -
 
 
 def recovery_times(found: Sequence[Recovery]) -> Figure:
-    """Matplotlib figure of the times, s, until errors have come back after events, from recoveries `found`: a panel for
-    each event, with a bar for each run; for a run whose error did not come back, the ratio of its last RMS error to
-    that before the events is written instead."""
+    """Matplotlib figure of the times, s, that the tracking errors of runs took to recover after events, from the
+    recoveries `found`: a panel for each event, with a bar for each run. For a run whose error did not recover, the text
+    of the ratio of its last RMS error to that before the events replaces the bar."""
     from adaptctl.recording.drawing import sheet
 
     events = list(dict.fromkeys(one.event for one in found))

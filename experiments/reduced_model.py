@@ -37,15 +37,15 @@ ADAPTIVE, FIXED = "adaptive", "fixed"
 
 @dataclass(frozen=True)
 class ReducedModelTracking(Puma560Adaptive):
-    """Experiment on tracking with reduced models: controllers whose models have only the s essential components of the
-    parameters with the most energy, as in Table 3 of Sheu and Walker (1991), but in adaptive control.
+    """Experiment on tracking with reduced models: adaptive controllers whose models have only the s essential
+    components of the parameters with the most energy, as in Table 3 of Sheu and Walker (1991).
 
     Essential components are the parts alpha_j v_j, alpha_j being numbers, of the P inertial parameters along
     orthonormal directions v_j (P,), those that change energies, sorted by the energy that they make over sampled
     states. For each count s in `components`, Slotine and Li's law adapts s numbers from zero, along the first s of the
-    v_j; and, with adaptation off, holds the first s components of the truth. Raises `InputError` at construction for
-    settings of the wrong type or out of their bounds, and for a `damping`, `center`, `amplitude` or `frequency`, which
-    are inherited, that has not one number a joint, `NonFiniteError` for NaN or infinity.
+    v_j; and, with adaptation off, uses the first s components of the true parameters. Raises `InputError` at
+    construction for settings of the wrong type or out of their bounds, and for a `damping`, `center`, `amplitude` or
+    `frequency`, which are inherited, that has not one number a joint, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "reduced-model"
@@ -60,9 +60,9 @@ class ReducedModelTracking(Puma560Adaptive):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: how well a controller tracks whose model has
-        only those essential components (parts of the parameters along the directions that change energies) that make
-        the most energy."""
+        """Paragraph of text for the experiment's report that states its question: how well a controller tracks whose
+        model has only those essential components (parts of the parameters along the directions that change energies)
+        that make the most energy."""
         return (
             "Sheu and Walker sort the components of the essential parameters by the energy that each carries, and "
             "tell how little energy is lost when only the first s are kept. Here the controller carries only these: "
@@ -72,12 +72,12 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: for each count s in
-        `components` one that adapts s numbers from zero, along the s directions of parameters that make most energy,
-        the first being the experiment's subject; for each s one that holds the true values along these; then one with
-        adaptation off that holds zeros. `basis` has the k fundamental (base) parameters. Raises `InputError` for an arm
-        with friction, a count above the arm's k, or one given twice, `GainError` for gains too large for the control
-        period, `RankError` where k cannot be certified."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: for each count s in `components` one that adapts s numbers from zero, along the s directions of
+        parameters that make most energy, the first being the experiment's subject; for each s one with adaptation off
+        and the true values along these; then one with adaptation off and zeros. `basis`, a `FundamentalBasis`, has the
+        k fundamental (base) parameters. Raises `InputError` for an arm with friction, a count above the arm's k, or one
+        given twice, `GainError` for gains too large for the control period, `RankError` where k cannot be certified."""
         model, reduction, space_basis = ReducedModel(mechanism, basis), *self._reduction(mechanism)
         self._require_counts(mechanism, model, len(reduction.weights))
 
@@ -98,10 +98,10 @@ class ReducedModelTracking(Puma560Adaptive):
         return [*found, contender(ADAPTATION_OFF, "Adaptation off", "nothing", nothing)]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the energy error, %, of keeping each count of essential components (parts of the
-        parameters along the directions that make most energy), as in Table 3 of Sheu and Walker (1991), and each run's
-        RMS tracking error of all joints in the last two seconds, mrad, left out for a shorter run. `outcome` has the
-        runs; `basis` is not used."""
+        """Iterator over the findings, a `Finding` (named number with unit) each: the energy error, %, with each number
+        of essential components (parts of the parameters along the directions that make most energy) kept, as in Table 3
+        of Sheu and Walker (1991), and each run's RMS tracking error of all joints in the last two seconds, mrad, left
+        out for a shorter run. `outcome`, an `Outcome`, has the runs; `basis` is not used."""
         errors = self._reduction(outcome.mechanism)[0].percent_errors
         for s in self.components:
             yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
@@ -110,10 +110,11 @@ class ReducedModelTracking(Puma560Adaptive):
                 yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence, never None here, with three RMS tracking errors of all joints in the last two seconds, mrad: of the
-        controller that adapts the most essential components (parts of the parameters along the directions that make
-        most energy), of that which adapts the fewest, and of that which holds the true values of the fewest; a dash for
-        an error that was not found. `found` has the findings by name; `outcome`, the runs, is not used."""
+        """Sentence for the report, never None here, with three RMS tracking errors of all joints in the last two
+        seconds, mrad: of the controller that adapts the most essential components (parts of the parameters along the
+        directions that make most energy), of that which adapts the fewest, and of that which uses the true values of
+        the fewest with adaptation off; a dash for a missing error. `found` has the findings by name; `outcome`, with
+        the runs, is not used."""
         least, most = min(self.components), max(self.components)
         few, many = (found.text(f"final_rms_error.{ADAPTIVE}-{s}") for s in (least, most))
         return (
@@ -123,9 +124,10 @@ class ReducedModelTracking(Puma560Adaptive):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure for the report, as a `Drawing`: tracking errors, mrad, and energy errors, %, over the number of
-        essential components (parts of the parameters along the directions that make most energy) in a controller's
-        model. `outcome` has the runs; `basis` is not used."""
+        """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): tracking
+        errors, mrad, and energy errors, %, over the number of essential components (parts of the parameters along the
+        directions that make most energy) in a controller's model. `outcome`, an `Outcome`, has the runs; `basis` is not
+        used."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._reduction(outcome.mechanism)[0].percent_errors
@@ -158,11 +160,11 @@ class ReducedModelTracking(Puma560Adaptive):
 
 
 def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array) -> Figure:
-    """Matplotlib figure over the number of essential components (parts of the parameters along the directions that make
-    most energy) in a controller's model, errors on logarithmic scales: the RMS tracking errors of the last two seconds
-    of the `runs`, mrad, and the energy errors `percent_errors` (k + 1,), %, with 0 to k components; `counts` are the
-    numbers of components that were run, and runs are taken by name, "adaptive-10" or "fixed-10" for 10 of them;
-    those that are missing or shorter have no point."""
+    """Matplotlib figure of errors, on logarithmic scales, over the number of essential components (parts of the
+    parameters along the directions that make most energy) in a controller's model: the RMS tracking errors of all
+    joints in the last two seconds of the `runs`, mrad, and the energy errors `percent_errors` (k + 1,), %, with 0 to k
+    components; `counts` are the numbers of components that were run, and runs are taken by name, "adaptive-10" or
+    "fixed-10" for 10 of them; runs that are missing or shorter have no point."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 

@@ -11,13 +11,14 @@ from adaptctl.identifiability import ReducedModel
 
 
 def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:
-    """Standard deviations (k,) of a model's k parameters, in SI units, where the P inertial and drive parameters that
-    they are regrouped from, `parameters` (P,), are off by a `share` (no unit) of their size.
+    """Standard deviations (k,) of the k parameters of a reduced `model`, in SI units, where the P inertial and drive
+    parameters that are regrouped into them, `parameters` (P,), have standard deviations of a fraction `share` (no unit)
+    of their sizes.
 
-    A link of mass m and second moments I = tr Sigma about its frame has first moments of at most sqrt(m I) and inertias
-    of at most I, which are taken as sizes; Sigma (3, 3) is its second-moment matrix. The size of a drive's parameter is
-    its magnitude. Deviations of parameters that are regrouped into one add as independent ones do, by squares. Nothing
-    is checked.
+    The size of a link's mass is the mass m, that of its first moments sqrt(m I) and that of its inertias I, the most
+    that m and I allow; I = tr Sigma, Sigma (3, 3) being its second-moment matrix about its frame's origin. The size of
+    a drive's parameter is its magnitude. The variances of parameters that are regrouped into one add, as those of
+    independent ones do. Nothing is checked.
     """
     values, bodies = np.asarray(parameters, dtype=np.float64), len(model.mechanism.description.bodies)
     sizes = np.abs(values)

@@ -32,14 +32,14 @@ WITHOUT_FREEZE = "without-freeze"
 
 @dataclass(frozen=True)
 class Saturation(OnRealPlant):
-    """Experiment on saturated motors: an arm holds, for a while, a payload that its weak motors cannot carry, under
-    Slotine and Li's law with adaptation frozen while a torque is held back, never frozen, and off.
+    """Experiment on saturated motors: an arm carries, for a while, a payload that is too heavy for its weak motors,
+    under Slotine and Li's law with adaptation frozen while a torque is limited, never frozen, and off.
 
-    The question is which error is left when the payload is gone. `first_estimate` is in words for the report;
-    `expected` maps failures of the first controller that the experiment is meant to show to the reasons why. Raises
-    `InputError` at construction for a payload that is not dropped after it is picked up and within the run, where a
-    setting that it inherits, the reference's `center`, `amplitude` or `frequency`, has not six entries, and for
-    settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    The question is which tracking error is left when the payload is gone. `first_estimate` describes the initial
+    estimate, for the report; `expected` maps failures of the first controller that the experiment is meant to show to
+    the reasons why. Raises `InputError` at construction for a payload that is not dropped after it is picked up and
+    within the run, where a setting that it inherits, the reference's `center`, `amplitude` or `frequency`, has not six
+    entries, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "saturation"
@@ -66,8 +66,8 @@ class Saturation(OnRealPlant):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: whether adaptation should be frozen while
-        motors saturate."""
+        """Paragraph of text for the experiment's report that states its question: whether adaptation should be frozen
+        while motors saturate."""
         return (
             f"An arm whose motors have {100 * self.strength:.0f} % of their strength holds {self.payload:g} kg from "
             f"{self.start:g} to {self.stop:g} s, more than it can carry. While a motor saturates, the error says "
@@ -76,26 +76,27 @@ class Saturation(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: a payload, a point of mass `payload` (kg), held in the origin of
-        the last link that has mass from `start` to `stop` (s), and the limit `rate_limit` of the torques' rate, N m/s
-        (N/s for a prismatic joint). `mechanism` is not used."""
+        """Effects of the plant besides rigid links: a payload, a point of mass `payload` (kg) at the origin of the
+        frame of the last link that has mass, from `start` to `stop` (s), and a limit of the torques' rate of change,
+        `rate_limit`, N m/s (N/s for a prismatic joint). `mechanism` is not used."""
         from adaptctl.simulation.effects import PayloadHeld, TorqueRateLimit
 
         return (PayloadHeld(self.payload, self.start, self.stop), TorqueRateLimit(self.rate_limit))
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of the weak motors' torques at the r primary (independently moving) joints, N m (N if prismatic):
-        `strength`, a share, of the arm's own."""
+        """Torque limits (r,) of the weak motors at the r primary (independently moving) joints of a `mechanism`, N m (N
+        if prismatic): the fraction `strength` of the arm's own."""
         return self.strength * super().torque_limits(mechanism)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law with
-        adaptation frozen while a torque is held back, the experiment's subject; with adaptation off; and never frozen.
-        `basis` has the mechanism's k fundamental (base) parameters.
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: Slotine and Li's law with adaptation frozen while a torque is limited, the experiment's subject; with
+        adaptation off; and never frozen. `basis`, a `FundamentalBasis`, has the mechanism's k fundamental (base)
+        parameters.
 
-        Torques are limited by `Guarded`, which is put around the law: the law itself has no limits, for with them it
-        would always stop learning at a limit. Raises `GainError` for gains too large for the control period,
-        `InputError` for a basis of another geometry than the mechanism's.
+        Torques are limited by a `Guarded` around the law: the law itself has no limits, since with them it would always
+        stop learning at a limit. Raises `GainError` for gains too large for the control period, `InputError` for a
+        basis of another geometry than the mechanism's.
         """
         model = ReducedModel(mechanism, basis)
         law, off = (
@@ -109,11 +110,11 @@ class Saturation(OnRealPlant):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers. Of each run: the RMS tracking error of all joints from the payload's drop on, rad
-        (NaN for a run that ended before); the share of samples with a torque held back (no unit); and the largest
-        magnitude of any estimated parameter, SI units. Once: the RMS error of all joints over the whole run with
-        adaptation frozen, divided by that with it never frozen (no unit). `outcome` has the runs; `basis` is not
-        used."""
+        """Iterator over the findings, a `Finding` (named number with unit) each. Of each run: the RMS tracking error of
+        all joints from the payload's drop on, rad (NaN for a run that ended before); the fraction of samples (no unit)
+        with a limited torque; and the largest magnitude of any estimated parameter, SI units. Once: the RMS error of
+        all joints over the whole run with adaptation frozen, divided by that with it never frozen (no unit). `outcome`,
+        an `Outcome`, has the runs; `basis` is not used."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"
@@ -129,9 +130,10 @@ class Saturation(OnRealPlant):
             )
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences, never None here: the RMS tracking errors of all joints, mrad, of the whole run with adaptation
-        frozen and never frozen, and of its last two seconds with adaptation frozen and off. `outcome` has the runs;
-        `found`, the findings by name, is not used. Raises `KeyError` where one of the three runs is missing."""
+        """Sentences for the report, never None here, with the RMS tracking errors of all joints, mrad, of the whole run
+        with adaptation frozen and never frozen, and of its last two seconds with adaptation frozen and off. `outcome`,
+        an `Outcome`, has the runs; `found`, the findings by name, is not used. Raises `KeyError` where one of the three
+        runs is missing."""
         runs = {run.name: run for run in outcome.runs}
         frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
         return (
@@ -142,10 +144,10 @@ class Saturation(OnRealPlant):
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure for the report, as a `Drawing`: the parameter error |w (estimate - true)| / |w true| (no unit) of each
-        run over time, s, w being the RMS torque that each parameter makes along the first run's motion, and when a
-        torque was held back. `outcome` has the runs, `basis` the fundamental (base) parameters of which the errors
-        are."""
+        """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): the
+        parameter error |w (estimate - true)| / |w true| (no unit) of each run over time, s, w being the RMS torque that
+        each parameter makes along the first run's motion, and when a torque was limited. `outcome`, an `Outcome`, has
+        the runs, `basis` the fundamental (base) parameters of which the errors are."""
         from adaptctl.recording.drawing import Drawing
 
         points = outcome.runs[0].rollout
@@ -163,7 +165,7 @@ class Saturation(OnRealPlant):
 
 
 def held_back(run: ControllerRun) -> Array:
-    """Indicators (T,) for the T samples of a run: 1 where limits of the torque or of its rate, or the plant, held back
-    a torque that the law wanted, else 0."""
+    """Flags (T,) for the T samples of a `run`: 1 where the limits of the torque or of its rate of change, or the plant,
+    reduced a torque that the control law asked for, else 0."""
     marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
     return np.asarray(np.max([run.rollout.clipped, *marks], axis=0))

@@ -11,10 +11,10 @@ from adaptctl.experiments.stated_task import StatedTask
 
 @dataclass(frozen=True)
 class SemiDirectDriveAdaptive(StatedTask):
-    """Experiment of learning to track on the semi-direct-drive arm, a five-bar linkage (closed loop) on a turning
-    pillar, from knowing none of its inertial parameters: by default each of its three driven joints swings by 0.4 rad
-    or more at 0.15 Hz or more. Raises `InputError` at construction for settings of the wrong type, out of their bounds,
-    or not one a joint, `NonFiniteError` for NaN or infinity."""
+    """Experiment of learning to track on the semi-direct-drive arm, a five-bar linkage (closed loop) behind a vertical
+    joint, from zero initial estimates of its inertial parameters: by default each of its three driven joints swings by
+    0.4 rad or more at 0.15 Hz or more. Raises `InputError` at construction for settings of the wrong type, out of their
+    bounds, or not one a joint, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "semi-direct-drive-adaptive"
     title: ClassVar[str] = "Semi-direct-drive arm: learning to track through a closed loop"
@@ -34,8 +34,8 @@ class SemiDirectDriveAdaptive(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: whether an arm with a closed loop learns to
-        track from knowing none of its inertial parameters."""
+        """Paragraph of text for the experiment's report that states its question: whether an adaptive controller learns
+        to track on an arm with a closed loop from zero initial estimates of its inertial parameters."""
         return (
             "Two motors on a turning pillar move a five-bar linkage, whose forearm follows through a closed loop. "
             "Nobody tells the controller a single mass, centre of mass or inertia. The parameters that the motion "

@@ -20,9 +20,9 @@ STAGE = "Tables and figures"
 @dataclass(frozen=True)
 class SheuWalker1991(Experiment):
     """Experiment that replicates Sheu and Walker (1991), "Identifying the independent inertial parameter space of robot
-    manipulators": every table and figure of its PUMA 560 and semi-direct-drive arm is computed again and judged. Raises
-    at construction `NotFoundError` for an unknown table or figure in `only`, `InputError` for a setting of the wrong
-    type or out of its bounds, `NonFiniteError` for NaN or infinity."""
+    manipulators": every table and figure of its PUMA 560 and semi-direct-drive arm is computed again and compared with
+    what the paper prints. Raises at construction `NotFoundError` for an unknown table or figure in `only`, `InputError`
+    for a setting of the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "sheu-walker-1991"
     title: ClassVar[str] = "Sheu and Walker (1991), replicated"
@@ -50,17 +50,18 @@ class SheuWalker1991(Experiment):
         chosen(self.only)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the replication: outcome in words, facts (questions with answers), and a function that writes the
-        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C (`KeyboardInterrupt`)
-        keeps the tables and figures done, and is raised where there are none. Raises `RankError` where an arm's number
-        of independent parameters cannot be certified."""
+        """Result of replicating Sheu and Walker (1991), a `Result`: outcome in words, facts (questions with answers),
+        an empty verdict, since no controller runs, and a function that writes the result files into a folder that it is
+        given. `progress(what, share)` is called with the step's name and the fraction done, 0 to 1; Ctrl-C
+        (`KeyboardInterrupt`) keeps the tables and figures done, and is raised where there are none. Raises `RankError`
+        where an arm's number of independent parameters cannot be certified."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Replication:
-        """Replication, a `Replication`, of the tables and figures asked for, in the paper's order. `progress(what,
-        share)` gets the step's name and the share done, 0 to 1; Ctrl-C (`KeyboardInterrupt`) keeps those done, as a
-        replication that is not complete, and is raised where there are none. Raises `RankError` where an arm's number
-        of independent parameters cannot be certified."""
+        """Data of replicating Sheu and Walker (1991), a `Replication`: the tables and figures that `only` asks for, in
+        the paper's order. `progress(what, share)` is called with the step's name and the fraction done, 0 to 1; Ctrl-C
+        (`KeyboardInterrupt`) keeps those done, as a replication that is not complete, and is raised where there are
+        none. Raises `RankError` where an arm's number of independent parameters cannot be certified."""
         started, names = time.perf_counter(), chosen(self.only)
         study, items = self._study(), list[Item]()
         try:

@@ -30,17 +30,17 @@ Named: TypeAlias = tuple[tuple[str, Any], ...]
 
 
 class SinusoidTask(NamedTuple):
-    """Task of a tracking environment on sinusoids, as data, so that equal tasks compare equal: `environment_id`, the
-    Gymnasium environment's; `reference`, the arguments of `Sinusoids` as pairs of name and value, SI units (Hz for
-    frequencies); and `settings`, other arguments of the environment as such pairs, SI units. Nothing is checked at
-    construction."""
+    """Named tuple of what defines a tracking environment on sinusoids, as plain data, so that equal tasks compare
+    equal: `environment_id`, the Gymnasium environment's; `reference`, the arguments of `Sinusoids` as pairs of name and
+    value, SI units (Hz for frequencies); and `settings`, other arguments of the environment as such pairs, SI units.
+    Nothing is checked at construction."""
 
     environment_id: str
     reference: Named
     settings: Named
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a mechanism on this task's sinusoids. Raises `InputError` for arguments
+        """Gymnasium tracking environment of a `mechanism` on this task's sinusoids. Raises `InputError` for arguments
         that do not suit the mechanism, such as another number of joints."""
         import gymnasium
 
@@ -52,11 +52,12 @@ class SinusoidTask(NamedTuple):
 
 @dataclass(frozen=True)
 class StatedTask(RangedGain, Learning):
-    """Base class of experiments of learning to track on sinusoids in an arm's own environment, every number of the task
-    a setting. A subclass gives `name`, `title` and the property `purpose`; `joints`, the number of the arm's primary
-    (independently moving) joints; `environment_id`, the Gymnasium environment's; and defaults of `damping`, `center`,
-    `amplitude` and `frequency`, which have one number a joint. Raises `InputError` at construction for another number
-    of these, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
+    """Base class of experiments of learning to track sinusoids in an arm's own environment, in which every number of
+    the task is a setting. A subclass gives `name`, `title` and the property `purpose`; `joints`, the number of the
+    arm's primary (independently moving) joints; `environment_id`, the Gymnasium environment's; and defaults of
+    `damping`, `center`, `amplitude` and `frequency`, which have one number a joint. Raises `InputError` at construction
+    for another number of these, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or
+    infinity."""
 
     joints: ClassVar[int]
     environment_id: ClassVar[str]
@@ -77,8 +78,9 @@ class StatedTask(RangedGain, Learning):
         require_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a mechanism, on the sinusoids that the settings state. Raises `InputError`
-        for a mechanism whose number of primary (independently moving) joints is not `joints`."""
+        """Gymnasium tracking environment of a `mechanism`, on the sinusoids that the settings state. Raises
+        `InputError` for a mechanism whose number of primary (independently moving) joints is not this experiment's
+        `joints`."""
         if mechanism.dof != self.joints:
             raise InputError(
                 f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
@@ -87,10 +89,10 @@ class StatedTask(RangedGain, Learning):
         return self.task(mechanism).environment(mechanism)
 
     def task(self, mechanism: Mechanism) -> SinusoidTask:
-        """Task of the tracking environment as data in SI units: the reference's sinusoids, the run's duration, the
-        control period, the joints' first error, and the torque limits that the method `torque_limits` returns for the
-        `mechanism`, which is not used otherwise. A subclass's `torque_limits` may raise `InputError`; else nothing is
-        checked."""
+        """Data that define the experiment's tracking environment, a `SinusoidTask` in SI units: the reference's
+        sinusoids, the run's duration, the control period, the joints' initial error, and the torque limits that the
+        method `torque_limits` returns for the `mechanism`, which is not used otherwise. Raises what a subclass's
+        `torque_limits` raises; else nothing is checked."""
         limits = self.torque_limits(mechanism)
         limited = ("torque_limits", None if limits is None else tuple(limits.tolist()))
         return SinusoidTask(self.environment_id, self._named(REFERENCE), (*self._named(ENVIRONMENT), limited))
@@ -100,23 +102,23 @@ class StatedTask(RangedGain, Learning):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset, by name: `payload`, the mass, kg, of a point in the origin of the last
-        link that has mass, where it is not 0, else none."""
+        """Options of the reset of the experiment's environment, by name: `payload`, the mass, kg, of a point at the
+        origin of the frame of the last link that has mass, where it is above 0, else none."""
         return {"payload": self.payload} if self.payload > 0.0 else {}
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:
-        """Limits (r,) of the torques of the mechanism's r primary (independently moving) joints, N m (N if prismatic),
-        for the environment; None, as here, for those that the environment takes by itself."""
+        """Torque limits (r,) of the r primary (independently moving) joints of a `mechanism`, N m (N if prismatic), for
+        the environment; None, as here, for the environment's own."""
         return None
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop as set: the bandwidth Lambda (r,), 1/s, the same for all of the r joints, and the
-        damping K (r,), N m s/rad. `mechanism` is not used."""
+        """Gains of the tracking loop, a `Gains`, from the settings: the bandwidth Lambda (r,), 1/s, the same for all of
+        the r joints, and the damping K (r,), N m s/rad. `mechanism` is not used."""
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Setting for the report that states the reference's formula, sinusoids faded in from rest over `start_time`
-        (s); `env`, the tracking environment, is not used."""
+        """Iterator over one `Setting` (name, value and meaning) for the report, which states the reference's formula,
+        sinusoids faded in from rest over `start_time` (s). `env`, the tracking environment, is not used."""
         yield Setting(
             "reference",
             "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)",

@@ -41,14 +41,14 @@ SAMPLES = 600
 @dataclass(frozen=True)
 class TaskSpaceTracking(TipPath, Learning):
     """Experiment on control in task space: the tool of an arm of three degrees of freedom tracks a path in the world,
-    from estimates of zero.
+    from zero initial estimates of the arm's parameters.
 
     The laws are Slotine and Li's in task space, with the gradient, with composite adaptation, with a damped Jacobian
     and with adaptation off; in joints, on the same path by inverse kinematics; and computed torque with the true
     parameters. In the settings Λ is the bandwidth (1/s) and I a joint's typical inertia (the median of its entry of the
-    mass matrix's diagonal over random configurations). Raises `InputError` at construction for a `center`, `amplitude`,
-    `frequency` or `phase` that has not three entries (x, y, z), and for settings of the wrong type or out of their
-    bounds, `NonFiniteError` for NaN or infinity.
+    mass matrix's diagonal over 200 random configurations). Raises `InputError` at construction for a `center`,
+    `amplitude`, `frequency` or `phase` that has not three entries (x, y, z), and for settings of the wrong type or out
+    of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "task-space"
@@ -76,8 +76,8 @@ class TaskSpaceTracking(TipPath, Learning):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: how control in task space compares with
-        control in joints on a tool's path."""
+        """Paragraph of text for the experiment's report that states its question: how control in task space compares
+        with control in joints on a tool's path."""
         return (
             "A tool follows a path in the world, and nobody tells the controller the arm's inertial parameters. The "
             "task-space law takes the tool's error and chooses joint velocities through the Jacobian; the law in "
@@ -86,7 +86,7 @@ class TaskSpaceTracking(TipPath, Learning):
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a mechanism on the tool's path, turned into joint positions (rad). Raises
+        """Gymnasium tracking environment of a `mechanism` on the tool's path, turned into joint positions (rad). Raises
         `InputError` for a robot whose tool is not known and for a path that is out of reach."""
         import gymnasium
 
@@ -101,30 +101,32 @@ class TaskSpaceTracking(TipPath, Learning):
 
     @property
     def arm(self) -> ArmWithTip:
-        """Arm that `robot` names, with the point that is its tool. Raises `InputError` for a robot whose tool is not
-        known."""
+        """Arm that the setting `robot` names, with the point that is its tool, an `ArmWithTip`. Raises `InputError` for
+        a robot whose tool is not known."""
         known = {arm.robot: arm for arm in ARMS}
         if self.robot not in known:
             raise InputError(f"robot: expected one whose tool is known, {' or '.join(known)}, got {self.robot!r}")
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
-        """Tool of a mechanism, as a `Tip`: a point fixed to one of its links. Raises `InputError` for a `robot` whose
+        """Tool of a `mechanism`, a `Tip`: a point fixed to one of its links. Raises `InputError` for a `robot` whose
         tool is not known, or a mechanism without that link."""
         return self.arm.on(mechanism)
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings for the report: the path's formula, how it is turned into joint positions, and the tool's place (m)
-        in its link's frame; `env`, the tracking environment, is not used."""
+        """Iterator over settings for the report, a `Setting` (name, value and meaning) each: the path's formula, how it
+        is turned into joint positions, and the tool's position (m) in its link's frame. `env`, the tracking
+        environment, is not used. Raises `InputError` for a `robot` whose tool is not known."""
         yield from self.path_settings("tool")
         yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law in task
-        space with the gradient, the experiment's subject; with adaptation off; with composite adaptation; with a damped
-        Jacobian; in joints; and computed torque with the true parameters. `basis` has the k fundamental (base)
-        parameters that they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a
-        robot whose tool is not known and a basis of another geometry than the mechanism's."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: Slotine and Li's law in task space with the gradient, the experiment's subject; the same with
+        adaptation off, with composite adaptation, and with a damped Jacobian; Slotine and Li's law in joints; and
+        computed torque with the true parameters. `basis`, a `FundamentalBasis`, has the k fundamental (base) parameters
+        that they adapt. Raises `GainError` for gains too large for the control period, `InputError` for a robot whose
+        tool is not known and a basis of another geometry than the mechanism's."""
         model, gains = ReducedModel(mechanism, basis), self.gains(mechanism)
         gain, tool = self.adaptation(model), np.array(self.arm.tip)
         composite = Composite(gain, self.prediction / finite_torque_limits(mechanism) ** 2)
@@ -153,8 +155,9 @@ class TaskSpaceTracking(TipPath, Learning):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the RMS distance, mm, of each run's tool from its path in the first second and in
-        the last two. `outcome` has the runs; `basis` is not used."""
+        """Iterator over the findings, a `Finding` (named number with unit) each: the RMS distance, mm, between the tool
+        and its desired position on the path, of each run in the first second and in the last two. `outcome`, an
+        `Outcome`, has the runs; `basis` is not used."""
         for run in outcome.runs:
             errors, time = self._tool_errors(outcome.mechanism, run), run.rollout.time
             for what, inside in (("first", time < BEGINNING), ("final", time >= run.duration - END)):
@@ -163,24 +166,24 @@ class TaskSpaceTracking(TipPath, Learning):
                 yield Finding(f"{what}_tool_error.{run.name}", 1e3 * rms, "mm", meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences, never None here, with the tool's RMS distances from its path in the last two seconds, mm: the
-        subject's, that with adaptation off, and the least of all. `outcome` has the runs, `found` the findings by
-        name."""
+        """Sentences for the report, never None here, with the tool's RMS distances from its path in the last two
+        seconds, mm: under the experiment's subject, with adaptation off, and the least of all controllers. `outcome`,
+        an `Outcome`, has the runs, `found` the findings by name."""
         subject, off = (found.text(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
         text = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
         least = found.each("final_tool_error", outcome.runs, "mm", rising=True)[:1]
         return " ".join((text, *(f"The least of all controllers is {one}." for one in least)))
 
     def leading(self, outcome: Outcome) -> Leading | None:
-        """Errors that recording and report show first, as a `Leading`, never None here: the distances (T,), m and shown
-        in mm, of the tool from its path at the T samples of each run in `outcome`. Raises `InputError` for a robot
-        whose tool is not known."""
+        """Errors that recording and report show before the joints' errors, a `Leading`, never None here: the distances
+        (T,), m and shown in mm, of the tool from its path at the T samples of each run in `outcome`. Raises
+        `InputError` for a robot whose tool is not known."""
         errors = {run.name: self._tool_errors(outcome.mechanism, run) for run in outcome.runs}
         return Leading("Distance of the tool from its path", "mm", errors)
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
-        """Figure for the report, as a `Drawing`: the tool's distance from its path, mm, over time, s. `outcome` has the
-        runs; `basis` is not used."""
+        """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): the tool's
+        distance from its path, mm, over time, s. `outcome`, an `Outcome`, has the runs; `basis` is not used."""
         from adaptctl.recording.drawing import Drawing
 
         places = color_places(outcome.runs)

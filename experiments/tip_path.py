@@ -21,10 +21,11 @@ AHEAD = 1.0
 
 @dataclass(frozen=True)
 class ArmWithTip:
-    """Arm of three degrees of freedom with its tip: `name`, short and fit for a file; `label`, for legends; `robot`,
-    the built-in's name; `link` and `tip`, the point (x, y, z), m, in that link's frame; `start`, joint positions (rad)
-    from which inverse kinematics starts, which decide between elbow up and elbow down; and `printed_rank`, the number
-    of independent parameters in Table 13 of Sheu and Walker (1991). Nothing is checked at construction."""
+    """Arm of three degrees of freedom and the point on it, its tip, that is to follow a path: `name`, short and fit for
+    a file; `label`, for legends; `robot`, the built-in's name; `link`, the name of the tip's link, and `tip`, the point
+    (x, y, z), m, in that link's frame; `start`, joint positions (rad) from which inverse kinematics starts, which
+    select one of its solutions, such as elbow up; and `printed_rank`, the number of independent parameters in Table 13
+    of Sheu and Walker (1991). Nothing is checked at construction."""
 
     name: str
     label: str
@@ -38,8 +39,8 @@ class ArmWithTip:
     """number of independent parameters in Table 13 of Sheu and Walker (1991)"""
 
     def on(self, mechanism: Mechanism) -> Tip:
-        """Tip of the arm on a mechanism, as a `Tip`: a point fixed to the link named `link`. Raises `InputError` where
-        the mechanism has no such link."""
+        """Tip of this arm on a `mechanism`, a `Tip`: a point fixed to the link that the field `link` names. Raises
+        `InputError` where the mechanism has no such link."""
         return Tip(mechanism, self.link, np.array(self.tip))
 
 
@@ -53,12 +54,13 @@ ARMS = (
 
 class TipPath(RangedGain):
     """Base class of experiments in which an arm's tip follows a sinusoid along each world axis and its controllers
-    learn from parameter estimates of zero. `center`, `amplitude` (m), `frequency` (Hz) and `phase` (rad) have three
-    entries, x, y and z; `duration` (s) is the run's, `start_time` (s) that of the smooth start, 2 s by default. Errors
-    decay at the rate `bandwidth` (1/s). Each joint's damping is K = `stiffness` `bandwidth` I, `stiffness` having no
-    unit and I being the joint's typical inertia, the median of its entry of the mass matrix's diagonal over random
-    configurations. A subclass has these as settings (`start_time` where it is to be one), besides `mass_range`,
-    `first_moment_range`, `inertia_range` and `rate` for the adaptation gain. Nothing is checked at construction."""
+    learn from zero initial estimates of the parameters. `center`, `amplitude` (m), `frequency` (Hz) and `phase` (rad)
+    have three entries, x, y and z; `duration` (s) is the run's, `start_time` (s) that of the smooth start, 2 s by
+    default. `bandwidth` (1/s) is the rate at which errors decay. Each joint's damping is K = `stiffness` `bandwidth` I,
+    `stiffness` having no unit and I being the joint's typical inertia, the median of its entry of the mass matrix's
+    diagonal over 200 random configurations. A subclass has these as settings (`start_time` where it is to be one),
+    besides `mass_range`, `first_moment_range`, `inertia_range` and `rate` for the adaptation gain. Nothing is checked
+    at construction."""
 
     duration: float
     bandwidth: float
@@ -71,30 +73,31 @@ class TipPath(RangedGain):
 
     @property
     def path(self) -> Sinusoids:
-        """Desired path of the tip in the world, `Sinusoids`: a function of times (s) that gives positions x, y, z in m,
-        velocities in m/s and accelerations in m/s^2. Raises `InputError` for settings of different lengths or not
-        finite."""
+        """Desired path of the arm's tip in the world, a `Sinusoids`: a function of times (T,), s, that gives positions
+        x, y, z in m, velocities in m/s and accelerations in m/s^2, (T, 3) each. Raises `InputError` for settings of
+        different lengths or not finite."""
         center, amplitude, frequency = np.array(self.center), np.array(self.amplitude), np.array(self.frequency)
         return Sinusoids(center, amplitude, frequency, np.array(self.phase), self.start_time)
 
     def in_joints(self, tip: Tip, arm: ArmWithTip) -> Spline:
-        """Reference of the three joints, positions in rad, that moves the tip along its path, by inverse kinematics
-        every 0.02 s and a spline of degree 5 through these, from 0 to 1 s after the run's `duration`. `tip` is the
-        point that follows the path; `arm` gives the joint positions where inverse kinematics starts. Raises
-        `InputError` for a path that is out of reach or passes a singularity."""
+        """Reference of the arm's three joints, a `Spline` of positions in rad, that moves its tip along the path, by
+        inverse kinematics every 0.02 s and a spline of degree 5 through these, from 0 to 1 s after the run's
+        `duration`. `tip` is the point that follows the path; `arm` gives the joint positions where inverse kinematics
+        starts. Raises `InputError` for a path that is out of reach or passes a singularity."""
         times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
         return Spline(tip.joints(self.path(times).p, np.array(arm.start)), times)
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop for the mechanism's r primary (independently moving) joints: Lambda (r,), 1/s, the
-        bandwidth as set, and K (r,), N m s/rad (N s/m if prismatic), `stiffness` times Lambda times the joint's typical
-        inertia (the median of its entry of the mass matrix's diagonal over random configurations). Raises `InputError`
-        where a joint's typical inertia is not positive."""
+        """Gains of the tracking loop, a `Gains`, for the r primary (independently moving) joints of a `mechanism`:
+        Lambda (r,), 1/s, this object's `bandwidth`, and K (r,), N m s/rad (N s/m if prismatic), `stiffness` times
+        Lambda times the joint's typical inertia, the median of its entry of the mass matrix's diagonal over 200 random
+        configurations. Raises `InputError` where a joint's typical inertia is not positive."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
 
     def path_settings(self, tip: str) -> Iterator[Setting]:
-        """Settings for the report, each a `Setting` with name, value and meaning, that state the path's formula and how
-        it is turned into joint positions; `tip` is what the point is called there, such as "tool"."""
+        """Iterator over settings for the report, a `Setting` (name, value and meaning) each, that state the path's
+        formula and how it is turned into joint positions. `tip` is the word for the point that follows it, such as
+        "tool"."""
         law = "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)"
         yield Setting("path", law, f"of the {tip}, in the world")
         yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")

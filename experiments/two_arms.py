@@ -37,9 +37,10 @@ class TwoArms(StatedTask):
     """Experiment of learning to track with two arms whose hands are welded to one rod: one mechanism of twelve links
     with a closed loop (six closure conditions) and six degrees of freedom.
 
-    The left arm's six joints are the coordinates. A torque in them is what the motors of both arms give together,
-    however shared: the motion is the same. Raises `InputError` at construction for settings of the wrong type, out of
-    their bounds, or not one for each of the six, `NonFiniteError` for NaN or infinity.
+    The left arm's six joints are the primary (independently moving) ones. A torque at them is equivalent to the torques
+    of both arms' motors together, whose distribution over the motors does not change the motion. Raises `InputError` at
+    construction for settings of the wrong type, out of their bounds, or not one for each of the six, `NonFiniteError`
+    for NaN or infinity.
     """
 
     name: ClassVar[str] = "two-arms"
@@ -63,8 +64,8 @@ class TwoArms(StatedTask):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: whether two arms that hold one rod learn to
-        track as one mechanism."""
+        """Paragraph of text for the experiment's report that states its question: whether an adaptive controller learns
+        to track on two arms that hold one rod, as one mechanism."""
         return (
             "Two PUMAs stand face to face and hold one rod. Together they are one mechanism of twelve links with a "
             "closed loop, which moves with six degrees of freedom. Nobody tells the controller a single mass, centre "
@@ -75,22 +76,25 @@ class TwoArms(StatedTask):
         )
 
     def mechanism(self) -> Mechanism:
-        """Mechanism of the two arms and their rod, each arm as `robot` describes it. Raises `InputError` for a robot of
-        another number of links than six or with loops, `NotFoundError` for an unknown name, `FileError` for a file that
-        cannot be used, `LoopError` where the arms cannot hold the rod."""
+        """The `Mechanism` that the experiment drives: two arms that hold one rod, each arm as `robot` describes it.
+        Raises `InputError` for a robot of another number of links than six or with loops, `NotFoundError` for an
+        unknown name, `FileError` for a file that cannot be used, `LoopError` where the arms cannot hold the rod."""
         return two_arms(self.robot)
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Limits (r,) of the torques, N m, that both arms' motors give together in the left arm's r = 6 joints, at the
-        reference configuration. Raises `InputError` for joints without a torque limit."""
+        """Torque limits (6,), N m, of the left arm's six joints, the primary (independently moving) ones of the
+        `mechanism`, equivalent to those of both arms' motors at the reference configuration. The limit of primary joint
+        i is the sum over all twelve joints j of |dq_j/dp_i| times joint j's own torque limit, with dq_j/dp_i (no unit)
+        the velocity of joint j per velocity of joint i while the other primary joints are at rest. Raises `InputError`
+        for joints without a torque limit."""
         limits = np.array([link.joint.limits.effort for link in mechanism.links])
         if not np.isfinite(limits).all():
             raise InputError(f"robot: {self.robot} has joints without a torque limit: give each an effort")
         return np.abs(_slopes(mechanism)) @ limits
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings for the report: the reference's formula, the rod's length (m), and what the torque limits are;
-        `env`, the tracking environment, is not used."""
+        """Iterator over settings for the report, a `Setting` (name, value and meaning) each: the reference's formula,
+        the rod's length (m), and what the torque limits are. `env`, the tracking environment, is not used."""
         yield from super().reference_settings(env)
         yield Setting("rod", f"{ROD:g} m", f"from hand to hand, between bases {APART:g} m apart; part of both hands")
         yield Setting("torque limits", "of both arms' motors together", "in the left arm's joints, at the centre")
@@ -100,9 +104,9 @@ def two_arms(robot: str) -> Mechanism:
     """Mechanism of two equal arms of six joints, face to face with bases 1.1 m apart, and a rod of 0.3 m welded to both
     hands; `robot` is a built-in's name or a file.
 
-    The rod has no parameters of its own: its ten are part of those of both hands. Raises `InputError` for an arm of
-    another number of links than six or with loops, `NotFoundError` for an unknown name, `FileError` for a file that
-    cannot be used, `LoopError` where the arms cannot hold the rod.
+    The rod has no parameters of its own: its inertia is part of that of both hands' links. Raises `InputError` for an
+    arm of another number of links than six or with loops, `NotFoundError` for an unknown name, `FileError` for a file
+    that cannot be used, `LoopError` where the arms cannot hold the rod.
     """
     arm = load(robot).description
     if len(arm.links) != len(LEFT) or arm.loops is not None:

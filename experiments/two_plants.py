@@ -55,8 +55,8 @@ class TwoPlants(AdaptiveTracking):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: how far motions simulated by MuJoCo and by
-        adaptctl are apart, and why."""
+        """Paragraph of text for the experiment's report that states its question: how much motions simulated by MuJoCo
+        and by adaptctl differ, and why."""
         return (
             "The same adaptive controller, from estimates of zero and on the same reference, drives the arm as MuJoCo "
             "moves it and as adaptctl's own plant does. Where only integration differs, the motions come together as "
@@ -64,10 +64,10 @@ class TwoPlants(AdaptiveTracking):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Contenders (controllers to compare, with names) in the order in which they run: Slotine and Li's law on
-        MuJoCo, the experiment's subject, and the same with adaptation off. `basis` has the k fundamental (base)
-        parameters that it adapts. Raises `GainError` for gains too large for the control period, `InputError`
-        for a basis of another geometry than the mechanism's."""
+        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
+        they run: Slotine and Li's law on MuJoCo, the experiment's subject, and the same with adaptation off. `basis`, a
+        `FundamentalBasis`, has the k fundamental (base) parameters that it adapts. Raises `GainError` for gains too
+        large for the control period, `InputError` for a basis of another geometry than the mechanism's."""
         model = ReducedModel(mechanism, basis)
         return [
             Contender.of(ADAPTIVE, "Slotine-Li on MuJoCo", "nothing", self.slotine_li(model, self.adaptation(model))),
@@ -77,12 +77,12 @@ class TwoPlants(AdaptiveTracking):
     def outcome(
         self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
-        """Outcome of the contest: runs of the `contenders` (controllers with names) on the environment `env`, then of
-        the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the arm
-        `mechanism`. `env` is MuJoCo's. `progress(label, share)` gets a run's label and the share of it done, 0 to 1.
-        Ctrl-C keeps the runs begun; before the first sample of the contest, or of one of the two runs after it,
-        `KeyboardInterrupt` passes. Raises `GainError` for gains too large for the control period, `NonFiniteError`
-        where a motion runs away."""
+        """Outcome of the contest, an `Outcome`: runs of the `contenders` (controllers with names) on the environment
+        `env`, then of the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the
+        arm `mechanism`. `env` is MuJoCo's. `progress(label, share)` is called with a run's label and the fraction of it
+        done, 0 to 1. Ctrl-C keeps the runs begun; before the first sample of the contest, or of one of the two runs
+        after it, `KeyboardInterrupt` is raised. Raises `GainError` for gains too large for the control period,
+        `NonFiniteError` where a motion diverges to non-finite values."""
         done = super().outcome(env, mechanism, contenders, progress)
         for name, label, other in (
             (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
@@ -96,8 +96,9 @@ class TwoPlants(AdaptiveTracking):
         return done
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers: the largest difference, rad (m), of any joint's position between MuJoCo and
-        adaptctl's plant at MuJoCo's own steps and at a quarter of them. `outcome` has the runs; `basis` is not used."""
+        """Iterator over the findings, a `Finding` (named number with unit) each: the largest difference, rad (m), of
+        any joint's position between MuJoCo and adaptctl's plant at MuJoCo's own steps and at a quarter of them.
+        `outcome`, an `Outcome`, has the runs; `basis` is not used."""
         runs = {run.name: run for run in outcome.runs}
         for name, other, meaning in (
             ("plants_apart", ADAPTIVE, "at MuJoCo's own steps"),
@@ -108,9 +109,9 @@ class TwoPlants(AdaptiveTracking):
                 yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentence, never None here, on how far the two plants' motions are apart at most, mrad (mm), and whether
-        integration explains it; `outcome` has the runs, `found` the findings by name. Raises `KeyError` where the
-        difference between the plants is not among these."""
+        """Sentence for the report, never None here, with the largest difference of joint positions between the two
+        plants, mrad (mm), and whether MuJoCo's integrator explains it; `outcome`, an `Outcome`, has the runs, `found`
+        the findings by name. Raises `KeyError` where that difference is not among these."""
         coarse, fine = found.of["plants_apart"], found.of["plants_apart_fine"]
         text = f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart"
         if coarse < FIRST_ORDER * fine:

@@ -48,11 +48,12 @@ def basis(
     """Find the independent inertial parameters of a robot, and print them, or with `json` a JSON object.
 
     Table 4, in the options' help, is that of Sheu and Walker (1991); components are combinations of parameters, of
-    which few may carry nearly all energy. `out` is a file to save the basis in, which `FundamentalBasis.load` reads.
-    Raises `FileError` for files that cannot be used or written, `NotFoundError` for an unknown robot, `LoopError` where
-    kinematic loops do not fit together, `RankError` where the number of independent parameters cannot be certified or,
-    without `as_is`, angles or lengths are nearly special; `InputError` for a floating base of no URDF file and for a
-    percentage below 0.
+    which few may account for nearly all energy. `out` is a file to save the basis in, which `FundamentalBasis.load`
+    reads. Angles and lengths are nearly special where the rank would be another one if they were exact, such as angles
+    between joint axes within 1e-3 rad of a right one. Raises `FileError` for files that cannot be used or written,
+    `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed, `RankError` where the
+    number of independent parameters cannot be certified or, without `as_is`, angles or lengths are nearly special;
+    `InputError` for `floating_base` with a robot that is no URDF file and for an `energy_error` below 0.
     """
     from adaptctl.dynamics import load
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
@@ -75,17 +76,17 @@ def basis(
 def as_builtins(
     mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None = None
 ) -> dict[str, Any]:
-    """A robot's fundamental basis (base parameters) in JSON's types: `robot`; `dof`, its degrees of freedom, and number
-    of `links`; `parameters`, the number P of its inertial parameters, and `rank`, the number k of these that are
-    independent; `independent`, the names of those kept, and `columns`, their indices, from 0, among the P;
-    `regrouping`, the matrix K (k, P), SI units, that gives their values K D from all P values D; `singular_values` (P,)
-    of the energy differences between states, J per SI unit, `gap`, the ratio of those before and after the rank, no
-    unit, and `certificate`, the proof of the rank.
+    """A robot's fundamental basis (base parameters), a dict in JSON's types. `robot` has its name and hash; `dof` is
+    its degrees of freedom, `links` the number of its links. `parameters` is the number P of its inertial parameters,
+    `rank` the number k of these that are independent; `independent` has the names of those kept, `columns` their
+    zero-based indices among the P. `regrouping` is the matrix K (k, P), SI units, that gives their values K D from all
+    P values D. `singular_values` (P,) are those of the energy differences between states, J per SI unit, `gap` the
+    ratio of those before and after the rank, no unit, and `certificate` the proof of the rank.
 
     Friction, which enters no energy, is in none of them. With a `reduction` to essential components, of which the
-    parameters are a sum (None by default: without it), it has an entry of that name: `components`, how many are kept,
-    `percent_error`, the energy's error with them, `percent_errors`, with 0, 1, ... k of them, and `states`, the motions
-    that these are over, in words.
+    parameters are a sum (None by default: without it), there is an entry of that name: `components`, how many are kept,
+    `percent_error`, the energy's error with them, `percent_errors`, with 0, 1, ... k of them, and `states`, a text on
+    the motions that the errors are over. Nothing is raised.
     """
     from msgspec import to_builtins
 

@@ -46,10 +46,10 @@ def report(
 
 
 def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis) -> Group:
-    """Heading of the report of a basis, a group of texts of the package rich: the robot with its numbers of links,
-    joints' degrees of freedom and inertial parameters, how many of these are independent, the certificate that proves
-    this number, and notes, where there are any: on the certificate, on parameters that nearly depend on others, and on
-    friction's, which are kept besides. Nothing is raised."""
+    """Heading of the report of a basis, a group of texts of the package rich. It has the robot's name, its numbers of
+    links, of degrees of freedom and of inertial parameters, how many of these are independent, and the certificate that
+    proves this number. Notes follow, where there are any: on the certificate, on parameters that nearly depend on
+    others (and so were passed over in the choice), and on friction's, which are kept besides. Nothing is raised."""
     parameters, friction = len(space.parameter_names), len(mechanism.parameter_names) - len(space.parameter_names)
     first = Text.assemble(
         (mechanism.name, "bold"),
@@ -69,10 +69,11 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
 
 
 def spectrum(space: EssentialSpace) -> Table:
-    """Table, of the package rich, of the singular values, J per SI unit, that an essential `space` (directions of
-    inertial parameters that change energies) has of a mechanism's energy differences between states: each with its
-    number from 1 and a bar of "#", on a logarithmic scale. It has the first two, six on either side of the gap at the
-    rank (the number of independent inertial parameters), and the last."""
+    """Table, of the package rich, of the singular values of an essential `space`, those of a mechanism's energy
+    differences between states, J per SI unit. (The space holds the directions of inertial parameters that change
+    energies.) Each row has a value's number from 1, the value, and a bar of "#" on a logarithmic scale: the first two,
+    six on either side of the gap at the rank (the number of independent inertial parameters), and the last. Nothing is
+    raised."""
     values, k = space.singular_values, space.rank
     table = Table(box=None, show_header=False, pad_edge=False)
     shown = sorted({*range(min(2, k)), *range(max(0, k - ABOUT), min(len(values), k + ABOUT)), len(values) - 1})
@@ -104,7 +105,7 @@ def grid(mechanism: Mechanism, basis: FundamentalBasis, width: int) -> list[Tabl
 
 def equations(basis: FundamentalBasis) -> Group:
     """Regrouping equations of a basis, SI units, as a group of the package rich: a row for each kept parameter to which
-    others are added, and below them the number of those to which nothing is added."""
+    others are added, and below them the number of those to which nothing is added. Nothing is raised."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
@@ -116,9 +117,9 @@ def equations(basis: FundamentalBasis) -> Group:
 
 
 def energy_error(reduction: Reduction) -> Text:
-    """Sentence, a text of the package rich, on a model reduction: how many of all essential components, of which the
-    inertial parameters are a sum, keep the energy to what error, in percent, and over which motions. Nothing is
-    raised."""
+    """Sentence, a text of the package rich, on a model reduction: how many of all essential components (combinations of
+    the inertial parameters) are kept, the error of the energy with these, in percent, and over which motions. Nothing
+    is raised."""
     return Text(
         f"{reduction.kept} of {len(reduction.weights)} components keep the energy within "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "

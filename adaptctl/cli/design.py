@@ -49,7 +49,7 @@ def design(
     ] = None,
     overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
 ) -> None:
-    """Print the costs of added mass at places of a robot, and the savings by counterweights and symmetry, or with
+    """Print the costs of added mass at positions on a robot, and the savings by counterweights and symmetry, or with
     `json` a JSON object; with `out`, write them into a folder with report, figures and recording.
 
     The costs are of random motions within the joints' limits, at speeds of `speed` sqrt(g/L), g being the gravity and L
@@ -58,10 +58,10 @@ def design(
     the mass matrix off its diagonal. Masses may be in a box about a link's joints and centre of mass, widened by
     `beyond` of its diagonal.
 
-    Raises `InputError` for unknown links and objectives, numbers out of range, `at` without `link` and places outside
-    the link's box; `NotFoundError` for an unknown robot or body, `FileError` for a robot's file that cannot be used and
-    a folder that is not empty or cannot be written, `RankError` where the number of identifiable parameters cannot be
-    certified, `LoopError` where kinematic loops do not fit together.
+    Raises `InputError` for unknown links and objectives, numbers out of range, `at` without `link` and positions
+    outside the link's box; `NotFoundError` for an unknown robot or body, `FileError` for a robot's file that cannot be
+    used and a folder that is not empty or cannot be written, `RankError` where the number of identifiable parameters
+    cannot be certified, `LoopError` where kinematic loops cannot be closed.
     """
     from adaptctl.design import DesignTask, design_study
     from adaptctl.dynamics import load

@@ -40,12 +40,12 @@ def excite(
     """Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest.
 
     Writes both into a folder as CSV, and as JSON and YAML for ROS 2, with forecast.json, the deviations of the
-    parameters to be expected from a log of the motion, and prints an account, or with `json` the forecast. A pose has a
-    number for each joint, rad (m if prismatic); accelerations and jerks (m for rad if prismatic) and noise, N m (N if
-    prismatic), have one for all or one for each. Raises `FileError` for a robot's file that cannot be used and a folder
-    that is not empty or cannot be written, `NotFoundError` for an unknown robot, `InputError` for numbers of a wrong
-    count or size and where no motion keeps to the limits, `RankError` where the number of identifiable parameters
-    cannot be certified.
+    parameters to be expected from a log of the motion, and prints a summary, or with `json` the forecast. A pose has a
+    number for each joint, rad (m if prismatic). Accelerations, rad/s^2, jerks, rad/s^3 (m for rad if prismatic), and
+    noise, N m (N if prismatic), have one number for all joints or one for each. Raises `FileError` for a robot's file
+    that cannot be used and a folder that is not empty or cannot be written, `NotFoundError` for an unknown robot,
+    `InputError` for numbers of a wrong count or size and where no motion keeps to the limits, `RankError` where the
+    number of identifiable parameters cannot be certified.
     """
     from adaptctl.control.gains.gains import positive_per_joint
     from adaptctl.dynamics import load
@@ -90,12 +90,13 @@ def _each(given: Numbers) -> Any:
 
 
 def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast, collisions: bool) -> dict[str, Any]:
-    """The forecast of an identification in JSON's types: `durations`, s, of the `motions` by name;
-    `self_collision_checked`, which is `collisions`, True where that was done; the `condition` number of the scaled
-    regressor; for each base parameter its standard `deviation`, SI units, and `relative`, the deviation divided by the
-    size of the value in the robot's file, None where that is 0; and `combinations` of parameters in words, the least
-    excited first, with their `strength` (no unit): the range plausible before the motion divided by the deviation to be
-    expected after it. `robot` is the robot as given."""
+    """Forecast of an identification in JSON's types: `robot`, as given; `durations`, s, of the `motions` by name;
+    `self_collision_checked`, the argument `collisions`, True where the motions were checked for collisions between
+    links; the `condition` number of the scaled regressor; `parameters` and `combinations`. For each base parameter
+    there are its standard `deviation`, SI units, and `relative`, the deviation divided by the size of the value in the
+    robot's file, None where that is 0. Combinations of parameters are in words, the least excited first, with their
+    `strength` (no unit): the range plausible before the motion divided by the deviation to be expected after it.
+    Nothing is raised."""
     from math import isfinite
 
     columns = zip(predicted.model.names, predicted.deviations.tolist(), predicted.relative.tolist(), strict=True)

@@ -50,11 +50,11 @@ def list_experiments(*, json: Annotated[bool, Parameter(help="Print JSON instead
 
 
 def offer_own(given: Sequence[str]) -> None:
-    """Make a command of the experiment that a command line names after `experiment run`, where it is a Python file
-    (.py) or one that an installed package offers; do nothing for all others. `given` are the words of the command line
-    after "adaptctl". Raises `FileError` for a file that is missing or cannot be imported, or defines no experiment or
-    several, `InputError` for a package's that cannot be imported or is none, for one without a name and a title, and
-    for a setting without a default."""
+    """Register, as a subcommand of `experiment run`, the experiment that a command line names there, where it is a
+    Python file (.py) or one that an installed package offers; do nothing for all others. `given` are the words of the
+    command line after "adaptctl". Raises `FileError` for a file that is missing or cannot be imported, or defines no
+    experiment or several; `InputError` for a package's entry point that cannot be imported or is no class of an
+    experiment, for an experiment without a name and a title, and for a setting without a default."""
     name = given[2] if list(given[:2]) == ["experiment", "run"] and len(given) > 2 else "-"
     if name.startswith("-") or name in (entry.name for entry in EXPERIMENTS):
         return
@@ -153,8 +153,8 @@ def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
 
 @contextmanager
 def notes_last() -> Iterator[None]:
-    """A context whose warnings are kept back and shown after it, below what it printed, also where the block
-    raises."""
+    """A context in which warnings are kept back, to be shown when it ends, below the printed output, also where the
+    block raises."""
     kept: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as kept:
@@ -177,9 +177,9 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[str, float], None]]:
-    """A context with progress shown on stderr, where that is a terminal. It gives a function `progress(what, share)`,
-    of a stage's name and the share of it that is done, 0 to 1: each stage has a bar with the time left, or once it is
-    done the time that it took. Where the block raises, the bars are removed."""
+    """A context with progress shown on stderr, where that is a terminal. It yields a function `progress(what, share)`,
+    to be called with a stage's name and the fraction of it that is done, 0 to 1: each stage has a bar with the time
+    left, or once it is done the time that it took. Where the block raises, the bars are removed."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 

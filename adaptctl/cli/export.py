@@ -42,9 +42,10 @@ def export(
     Writes C99 source or a WebAssembly module, with a manifest, into a folder that must not exist, and prints a summary,
     or with `json` the manifest. `bandwidth` is the largest rate, the Λ of Slotine and Li's law, at which errors decay.
     Raises `NotFoundError` for an unknown robot or law, `InputError` for a name or number that is not allowed, float in
-    WebAssembly, gains that no joint can hold, and a check that ends badly; `FileError` for a robot's file that cannot
-    be used and a folder that exists or cannot be written, `RankError` where the number of identifiable parameters
-    cannot be certified, `LoopError` where kinematic loops do not fit together.
+    WebAssembly, a joint that moves no inertia or a mass matrix that is not positive definite, for which there are no
+    gains, and a `check` in which the arm diverges or its guards stop it; `FileError` for a robot's file that cannot be
+    used and a folder that exists or cannot be written, `RankError` where the number of identifiable parameters cannot
+    be certified, `LoopError` where kinematic loops cannot be closed.
     """
     from adaptctl.codegen import export as exported
     from adaptctl.dynamics import load

@@ -41,10 +41,10 @@ def gains(
     """Design the gains of a robot's tracking loop, and print them with their margins, or with `json` a JSON object.
 
     Weights and poles are for the error of each joint, in rad (m if prismatic) and s. Raises `GainError` where the
-    control period cannot carry the gains, `InputError` for numbers out of range, poles that are not real or conjugate
-    or not stable, a floating base of no URDF file, and a typical inertia of a joint that is not positive; `FileError`
-    for a robot's file that cannot be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops do
-    not fit together.
+    control period is too long for the gains (the JSON object's `sampled_gain` is above its `largest_sampled_gain`),
+    `InputError` for numbers out of range, poles that are not real or conjugate or not stable, `floating_base` with a
+    robot that is no URDF file, and a typical inertia of a joint that is not positive; `FileError` for a robot's file
+    that cannot be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed.
     """
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
@@ -70,15 +70,16 @@ def as_builtins(design: GainDesign) -> dict[str, Any]:
     """A gain design in JSON's types. Each of the `joints` has the typical `inertia`, kg m^2 (kg if prismatic), for
     which its loop is designed, and `least_inertia`, no unit, the least inertia of the joint at any of 200 random
     configurations while all other joints are free, divided by `inertia`; `stiffness`, 1/s^2, and `rate`, 1/s, of the
-    error's feedback, e'' = -stiffness e - rate e'; its natural frequency `bandwidth`, rad/s, and `damping_ratio`, no
-    unit; the gains of Slotine and Li's law, `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m),
-    None where poles are not real; `gain_margin` (no unit), `phase_margin` (rad), `delay_margin` (s) and `crossover`
-    (rad/s), None for infinite or none.
+    feedback of the tracking error e (measured less desired), e'' = -stiffness e - rate e', with its time derivatives e'
+    and e''; its natural frequency `bandwidth`, rad/s, and `damping_ratio`, no unit; the gains of Slotine and Li's law,
+    `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m), None where poles are not real;
+    `gain_margin` (no unit), `phase_margin` (rad), `delay_margin` (s) and `crossover` (rad/s), None for infinite or
+    none.
 
     For all joints it has `method`, `period`, s, and `delay`, in periods; `sampled_gain`, the period times the largest
-    eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K, at the worst configuration found,
-    `largest_sampled_gain`, the most that is allowed, and `fastest`, the factor by which poles may be faster, None for
-    infinite; no units.
+    eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K, greatest over the configurations that were
+    searched, `largest_sampled_gain`, the most that is allowed, and `fastest`, the factor by which poles may be faster,
+    None for infinite; no units.
     """
     mechanism, cascade = design.mechanism, design.damped_enough
     joints = [

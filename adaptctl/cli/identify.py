@@ -73,7 +73,7 @@ def identify(
     example's files. Raises `FileError` for files that cannot be read or used and a folder that is not empty or cannot
     be written, `NotFoundError` for an unknown robot, `InputError` for options of a wrong form or out of range, without
     a `robot`, and for logs that are at rest, too short or slow, or not this robot's, `LoopError` where kinematic loops
-    do not fit together, `MissingExtraError` for ROS bags without the extra `logs`, `AdaptctlError` where no consistent
+    cannot be closed, `MissingExtraError` for ROS bags without the extra `logs`, `AdaptctlError` where no consistent
     estimate is found.
     """
     from adaptctl.identification import identify as identified

@@ -27,8 +27,8 @@ _since: dict[int, float] = {}
 
 def raised(number: int, frame: FrameType | None) -> None:
     """Handle a signal of this `number` by raising `KeyboardInterrupt`; `frame` is what was running, None for nothing.
-    In the midst of an import the signal is sent again every 10 ms instead, for up to 3 s, or longer while Python's own
-    import code runs.
+    In the midst of an import nothing is raised yet: the signal is sent again every 10 ms, for up to 3 s, or longer
+    while Python's own import code runs.
 
     That code takes a lock which every import needs: an exception between two of its lines leaves it taken, and other
     threads wait for ever. What a module does while it is imported makes other errors of the exception, or loses it.
@@ -54,21 +54,22 @@ def _importing(frame: FrameType | None) -> bool:
 
 class Interruption:
     """Record of a user's request to end the program, made by a signal (Ctrl-C, SIGTERM): `asked` is True once there was
-    one. It begins without."""
+    one. It is False at construction."""
 
     def __init__(self) -> None:
         self.asked = False
         self._held = False
 
     def hold(self) -> None:
-        """Mark the beginning of the writing of results: the next signal is only noted, so that the writing ends, and
-        one more raises `KeyboardInterrupt`."""
+        """Record that results are being written from now on: the next signal is only noted, so that the writing ends,
+        and one more raises `KeyboardInterrupt`."""
         self._held = True
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal of this `number`, in the manner of Python's signal handlers; `frame` is what was running.
-        Sets `asked` to True and raises `KeyboardInterrupt`, in the midst of an import a moment later. The first signal
-        after `hold`, while results are being written, raises nothing: it prints a line on stderr."""
+        Sets the attribute `asked` to True and raises `KeyboardInterrupt`, in the midst of an import a moment later. The
+        first signal after a call of `hold`, while results are being written, raises nothing: it prints a line on
+        stderr."""
         self.asked = True
         if self._held:
             self._held = False
@@ -77,8 +78,9 @@ class Interruption:
         raised(number, frame)
 
     def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
-        """A progress callback that passes its arguments, a stage's name and the share of it that is done, 0 to 1, on to
-        `progress`, and raises `KeyboardInterrupt` instead once a signal has asked for an end and the share is below 1.
+        """A progress callback that passes its arguments, a stage's name and the fraction of it that is done, 0 to 1, on
+        to `progress`. Once a signal has asked for an end and the fraction is below 1, it raises `KeyboardInterrupt` and
+        passes nothing on.
 
         Python loses an exception that a signal's handler raises inside a destructor or a callback of its own; this is
         where the request is found again. The end of a stage passes, for the stage may just have ended because of the
@@ -96,8 +98,8 @@ class Interruption:
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
     """A context in which Ctrl-C (SIGINT) and SIGTERM raise `KeyboardInterrupt` and are noted in the `Interruption` that
-    it gives; the handlers before it are back afterwards. Outside the main thread, which alone gets signals, it changes
-    nothing."""
+    it yields; the earlier signal handlers are restored at its end. Outside the main thread, which alone gets signals,
+    it changes nothing."""
     interruption = Interruption()
 
     try:

@@ -26,7 +26,7 @@ DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 def version() -> str:
     """Text of the version for `adaptctl --version`, such as "adaptctl 1.0.0"; a function, since the import that it
-    needs takes a while."""
+    needs takes a while. Nothing is raised."""
     import adaptctl
 
     return f"adaptctl {adaptctl.__version__}"
@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line, `argv` or by default (None) that of the process, without the program's name; returns the exit
     code: 0 when done, 1 when it failed, 2 when the input was wrong, 3 when an experiment's verdict is failure, 130 on
     Ctrl-C. Errors of adaptctl and of the operating system become a line on stderr, as do adaptctl's warnings; other
-    errors, which are bugs, are raised."""
+    errors, which are bugs, pass."""
     given = list(sys.argv[1:] if argv is None else argv)
     with _warnings_as_notes():
         try:

@@ -20,7 +20,7 @@ def print_json(content: Mapping[str, Any]) -> None:
 
 def print_parts(parts: Iterable[RenderableType]) -> None:
     """Print the parts of a report, texts and tables of the package rich, on stdout, one below the other, as wide as the
-    terminal."""
+    terminal. `OSError` passes where stdout cannot be written."""
     from rich.console import Console
 
     console = Console()
@@ -30,7 +30,7 @@ def print_parts(parts: Iterable[RenderableType]) -> None:
 
 def terminal_width() -> int:
     """Number of characters in a line of the terminal; 80 where there is no terminal and the environment variable
-    COLUMNS does not tell."""
+    COLUMNS is not set. Nothing is raised."""
     from rich.console import Console
 
     return Console().width
@@ -38,7 +38,7 @@ def terminal_width() -> int:
 
 def titled(title: str, *parts: RenderableType) -> Group:
     """A group, of the package rich, of an empty line, a title in bold, and `parts`, texts or tables, indented by two
-    characters."""
+    characters. Nothing is raised."""
     from rich.console import Group
     from rich.padding import Padding
     from rich.text import Text

@@ -35,9 +35,9 @@ def tune(
     The law is Slotine and Li's, whose errors decay at rates Λ (1/s), with damping K (N m s/rad, N s/m if prismatic) and
     adaptation gain Γ. In the options' help T is the control period (s), M the mass matrix, B viscous friction, Y the
     regressor of the parameters, Y' its transpose, and λ_max the largest eigenvalue; `hold` and `adaptation` have no
-    unit. Raises `InputError` for numbers out of range, joints that no gains can hold and a floating base of no URDF
-    file, `FileError` for a robot's file that cannot be used, `NotFoundError` for an unknown robot, `LoopError` where
-    kinematic loops do not fit together.
+    unit. Raises `InputError` for numbers out of range, a joint that moves no inertia or a mass matrix that is not
+    positive definite, and `floating_base` with a robot that is no URDF file, `FileError` for a robot's file that cannot
+    be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed.
     """
     from adaptctl.dynamics import load
     from adaptctl.tuning import tune as tuned
@@ -56,18 +56,18 @@ def tune(
 
 def as_builtins(tuning: Tuning) -> dict[str, Any]:
     """A tuning in JSON's types. Each of the `joints` has Slotine and Li's gains, `bandwidth` (1/s) and `damping` (N m
-    s/rad, N s/m if prismatic), `initial_error` (rad, m), `torque_limit` (N m, N), `torque_share`, the largest share of
-    it that the reference asks (no unit), `limited_by`, words on what limits the gains, and the reference's `center` and
-    `amplitude` (rad, m) and `frequency` (Hz).
+    s/rad, N s/m if prismatic), `initial_error` (rad, m), `torque_limit` (N m, N), `torque_share`, the largest fraction
+    of it that the reference asks (no unit), `limited_by`, words on what limits the gains, and the reference's `center`
+    and `amplitude` (rad, m) and `frequency` (Hz).
 
     For all there are the control `period` T (s), the diagonal of the `adaptation` gain Gamma by parameter (its unit
-    squared per J), the integration (`substeps` a period, `integrator`), and two numbers without a unit, each stable
-    below 2, of the sampled loop along the reference: `hold_number`, the largest eigenvalue of T (M + T B)^-1 K, with
-    the mass matrix M, viscous friction B and damping K, and `adaptation_number`, that of T K^-1 Y Gamma Y', with the
-    parameters' regressor Y and its transpose Y'. Each run of `verified` has its `name`, `learns`, True where it stayed
-    near the reference and errors fell to a third, root mean square errors (rad, m) over the `first` second, the `last`
-    two, and these with adaptation `off`, the `largest` error, and `limited`, the share of the second half with a torque
-    at its limit, 0 to 1; None for infinite. `notes` are sentences.
+    squared per J), and the integration (`substeps` a period, `integrator`). Two numbers, no unit, are the greatest of
+    the sampled loop along the reference, stable below 2: `hold_number`, the largest eigenvalue of T (M + T B)^-1 K,
+    with the mass matrix M, viscous friction B and damping K, and `adaptation_number`, that of T K^-1 Y Gamma Y', with
+    the parameters' regressor Y and its transpose Y'. Each run of `verified` has its `name`, `learns`, True where it
+    stayed near the reference and errors fell to a third, root mean square errors (rad, m) over the `first` second, the
+    `last` two, and these with adaptation `off`, the `largest` error, and `limited`, the fraction, 0 to 1, of the run's
+    second half with a torque at its limit; None for infinite. `notes` are sentences.
     """
     mechanism, reference = tuning.mechanism, tuning.reference
     joints = [

@@ -24,9 +24,10 @@ Given = Callable[[int, int], str]
 
 
 class CStatements:
-    """Statements of C, lines of text in `lines`, that compute a piece of a routine (traced function), the whole of it
-    or, where it is long, one of several C functions that share the array `passed`; they are written expression by
-    expression. The attribute `arrays` is the total length of the arrays that they declare.
+    """Writer of C statements, expression by expression, that compute a piece of a routine (traced function): the whole
+    of it or, where it is long, one of several C functions that share the array `passed` of intermediate values. The
+    attribute `lines` is the list of the lines of C text written so far, the attribute `arrays` the total length of the
+    arrays that they declare.
 
     Made of `prefix`, which begins all names in the C code; `number`, the `CNumber`, double or float; `piece`, the
     `Piece`, which tells what earlier pieces left in `passed`; `symbols`, the C functions' names by `Routine`, for
@@ -46,10 +47,10 @@ class CStatements:
         self._turned: set[int] = set()
 
     def compute(self, x: Expression, *, named: bool) -> None:
-        """Append the statements that compute the expression `x`, whose operands have been computed before, unless it is
-        in memory already, as an input is. With `named` its value gets a variable; without, the text of one that is used
-        once and has at most 90 characters is written where it is used instead. Raises `KeyError` for a call of a
-        routine without a name in `symbols`."""
+        """Append the statements that compute the expression `x`, whose operands have been computed before, unless its
+        value is stored already, as an input's is. With `named` its value gets a variable; without, the text of one that
+        is used once and has at most 90 characters is written where it is used instead. Raises `KeyError` for a call of
+        a routine without a name in `symbols`."""
         if x.op is Op.CALL:
             self._call(x)
             return
@@ -80,8 +81,8 @@ class CStatements:
         self.lines += [f"if ({self.operand(condition)}) {{", *copies, "}"]
 
     def operand(self, x: Expression | float) -> str:
-        """The C text of an operand `x`: of an expression that has been computed or is in memory, or of a constant.
-        Raises `KeyError` for an expression that is neither."""
+        """The C text of an operand `x`: of an expression whose value has been computed or is stored already, as an
+        input's is, or of a constant. Raises `KeyError` for an expression that is neither."""
         if not isinstance(x, Expression):
             return self._number.text(x)
         if x.index not in self._text:
@@ -141,9 +142,9 @@ class CStatements:
 
 
 def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression | float]) -> int:
-    """The greatest number of values that wait at one time to be used, where `expressions` are computed in this order:
-    about as many numbers as the stack holds. Inputs and calls do not count; those of `outputs`, expressions and
-    constants, that nothing else uses wait to the end. Nothing is checked."""
+    """The greatest number of intermediate values that are live at one time, computed with a use to come, where
+    `expressions` are computed in this order: about as many numbers as the stack holds. Inputs and calls do not count;
+    those of `outputs`, expressions and constants, that nothing else uses are live to the end. Nothing is checked."""
     last = {y.index: k for k, x in enumerate(expressions) for y in x.operands if isinstance(y, Expression)}
     own = {x.index for x in expressions if x.op not in (Op.INPUT, Op.CALL)}
     kept = {x.index for x in outputs if isinstance(x, Expression)}

@@ -43,10 +43,10 @@ class CNumber:
         return x if self.kind == "double" else single(x)
 
     def constant(self, x: float) -> str:
-        """The C text of the number `x`, without a comment, a constant of the C type `kind`, double or float: decimal
-        for whole numbers below 1e6 in size, HUGE_VAL or HUGE_VALF for infinity, else hexadecimal; negative ones in
-        parentheses. Compilers read back exactly `rounded(x)`: x itself for double, the nearest single-precision number
-        for float. Raises `ValueError` for NaN."""
+        """The C text of the number `x`, without a comment, a constant of the C type, double or float, that this object
+        stands for: decimal for whole numbers below 1e6 in size, HUGE_VAL or HUGE_VALF for infinity, else hexadecimal;
+        negative ones in parentheses. Compilers read back exactly what the method `rounded` gives: x itself for double,
+        the nearest single-precision number for float. Raises `ValueError` for NaN."""
         if math.isinf(x):
             huge = f"HUGE_VAL{self.suffix.upper()}"  # INFINITY is a float
             return f"(-{huge})" if x < 0.0 else huge
@@ -56,10 +56,10 @@ class CNumber:
         return f"({text})" if text.startswith("-") else text
 
     def text(self, x: float) -> str:
-        """The C text of the number `x`, a constant of the C type `kind`, double or float: decimal for whole numbers
-        below 1e6 in size, HUGE_VAL or HUGE_VALF for infinity, else hexadecimal; negative ones in parentheses. Compilers
-        read back exactly `rounded(x)`: x itself for double, the nearest single-precision number for float. Where the
-        attribute `names`, a mapping from magnitudes to names, has |x|, a comment with that name follows, such as a
-        robot's parameter. Raises `ValueError` for NaN."""
+        """The C text of the number `x`, a constant of the C type, double or float, that this object stands for: decimal
+        for whole numbers below 1e6 in size, HUGE_VAL or HUGE_VALF for infinity, else hexadecimal; negative ones in
+        parentheses. Compilers read back exactly what the method `rounded` gives: x itself for double, the nearest
+        single-precision number for float. Where this object's `names`, a mapping from magnitudes to names, has |x|, a
+        comment with that name follows, such as a robot's parameter. Raises `ValueError` for NaN."""
         name = self.names.get(abs(x))
         return f"{self.constant(x)} /* {name} */" if name else self.constant(x)

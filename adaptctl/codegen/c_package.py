@@ -33,11 +33,13 @@ TOLERANCE: Mapping[Kind, float] = {"double": 1e-11, "float": 1e-3}
 class CPackage:
     """C package of a controller: the texts of its C files, and the sizes, rules of gains and version that they state.
 
-    Made of `interface`, the controller's `Interface` (arguments, memory and gains by name); `name`, which begins all
-    names in the code, a C identifier; and `kind`, the kind of number, "double" or "float". `number` is the `CNumber`,
-    `start` the `Start` of the memory, `memory` its fields that are not empty, and `stack` about how many bytes of stack
-    a call of the law takes, 0 until `functions` has been asked for. Raises `InputError` where the memory begins with
-    the arm's position in a way that is not known, `TraceError` where what computes its first values cannot be traced.
+    Made of `interface`, the controller's `Interface` (arguments, internal state and gains by name); `name`, which
+    begins all names in the code, a C identifier; and `kind`, the kind of number, "double" or "float". Of the
+    attributes, `number` is the `CNumber`, `program` the `CProgram` that writes its functions, `start` the `Start`, the
+    rules for the initial internal state, `memory` the fields of that state that are not empty, and `stack` about how
+    many bytes of stack a call of the law takes, 0 until `functions` has been asked for. Raises `InputError` where the
+    initial internal state depends on the arm's position in a way that cannot be exported, `TraceError` where the
+    function that computes it cannot be traced.
     """
 
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
@@ -49,10 +51,10 @@ class CPackage:
         self.stack = 0
 
     def files(self, ticks: Sequence[RecordedTick], last_state: Any) -> dict[str, str]:
-        """Contents of the C files by file name, NAME being the package's: the source NAME.c, its headers for C, NAME.h,
-        and C++, NAME.hpp, CMakeLists.txt, the test test_NAME.c with its recorded numbers, vectors.h, and example.c.
-        `ticks`, at least one, have been recorded from the controller in Python for the test, `last_state` is the
-        controller's state after them. Raises `IndexError` without ticks, `TraceError` for a law that cannot be
+        """Contents of the C files by file name, NAME being the package's name: the source NAME.c; its headers for C,
+        NAME.h, and C++, NAME.hpp; CMakeLists.txt; the test test_NAME.c with its recorded numbers, vectors.h; and
+        example.c. `ticks`, at least one, have been recorded from the controller in Python for the test, `last_state` is
+        the controller's state after them. Raises `IndexError` for empty `ticks`, `TraceError` for a law that cannot be
         traced."""
         estimate = self.interface.estimate
         leaves = dict(zip((f.name for f in self.interface.memory), self.interface.memory_of(last_state), strict=True))
@@ -74,9 +76,9 @@ class CPackage:
 
     @cached_property
     def functions(self) -> str:
-        """The C functions, as text, of the controller's law, of all that it calls and of what the code's `init` calls
-        to begin the memory; asking for it also sets the attribute `stack`, about how many bytes of stack a call of the
-        law takes. Raises `TraceError` for a law that cannot be traced."""
+        """The C functions, as text, of the controller's law, of all that it calls, and of what the code's `init` calls
+        to compute the initial internal state. Asking for this property also sets the attribute `stack`, about how many
+        bytes of stack a call of the law takes. Raises `TraceError` for a law that cannot be traced."""
         name, start = self.name, self.start
         law = self.program.source(self.interface.law, self._law_signature())
         texts, self.stack = [law.text], law.stack
@@ -93,9 +95,9 @@ class CPackage:
 
     @cached_property
     def hash(self) -> str:
-        """Hash, 16 hexadecimal digits, of the code's functions, the memory's fields and first values, and the names of
-        its status bits: by it the code recognises a state that other code has begun. Raises `TraceError` for a law that
-        cannot be traced."""
+        """Hash of the exported code, the first 16 hexadecimal digits, in capitals, of a SHA-256: of its functions, its
+        internal state's fields and initial values, and the names of its status bits. By it the code recognises a state
+        that other code has made. Raises `TraceError` for a law that cannot be traced."""
         starts = [field.name + str(field.dimensions) + self._array(field.values) for field in self.memory]
         text = "\n".join([self.functions, *starts, str(self.interface.marks), str(self.start.configurations)])
         return hashlib.sha256(text.encode()).hexdigest()[:16].upper()
@@ -109,9 +111,9 @@ class CPackage:
 
     @property
     def state_bytes(self) -> int:
-        """Size in bytes of the controller's state in C, which the caller keeps for each arm: the memory twice, for each
-        step writes the copy that is not in use, rounded up to 8 bytes, a hash of 8 bytes, and a version and the index
-        of the copy in use, 4 bytes each."""
+        """Size in bytes of the controller's state in C, which the caller keeps for each arm. It has the internal state
+        twice, for each step writes the copy that is not in use, rounded up to 8 bytes; a hash of 8 bytes; and a version
+        and the index of the copy in use, 4 bytes each."""
         numbers = max(sum(field.size for field in self.memory), 1)
         return 16 + -(-2 * numbers * self.number.size // 8) * 8
 
@@ -157,10 +159,10 @@ class CPackage:
         }
 
     def filled(self, template: str, **more: Any) -> str:
-        """The text of the file `template` of this package's templates, such as "controller.h", filled with this
-        controller's functions, names and numbers and with `more` variables by name. Raises `jinja2.TemplateNotFound`
-        for an unknown one, `jinja2.UndefinedError` where it needs a variable that is not there, `TraceError` for a law
-        that cannot be traced."""
+        """The text of the file `template`, such as "controller.h", of adaptctl.codegen's templates, filled with this
+        controller's functions, names and numbers and with the variables `more` by name. Raises
+        `jinja2.TemplateNotFound` for an unknown template, `jinja2.UndefinedError` where it needs a variable that is not
+        given, `TraceError` for a law that cannot be traced."""
         return filled(template, **self._content, **more)
 
     def _walk(self) -> dict[str, Any] | None:
@@ -264,9 +266,9 @@ def title(interface: Interface) -> str:
 
 
 def filled(template: str, **content: object) -> str:
-    """The text of the file `template` of this package's templates, such as "README.wasm.md", filled with the variables
-    `content` by name. Raises `jinja2.TemplateNotFound` for an unknown one, `jinja2.UndefinedError` where it needs a
-    variable that is not given."""
+    """The text of the file `template`, such as "README.wasm.md", of adaptctl.codegen's templates, filled with the
+    variables `content` by name. Raises `jinja2.TemplateNotFound` for an unknown template, `jinja2.UndefinedError` where
+    it needs a variable that is not given."""
     return _environment().get_template(f"{template}.jinja").render(**content)
 
 

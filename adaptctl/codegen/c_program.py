@@ -30,9 +30,9 @@ def _nothing(_part: int, _k: int) -> None:
 class Signature:
     """Signature of a C function that computes a routine (traced function): its `name`; its `parameters`, C texts of
     their declarations; and three callables, whose indices count from 0. `given(i, k)` returns the C text of scalar k of
-    argument i, `place(j, k)` the C text of the place where scalar k of the result's part j is stored. `before(j, k)`
-    returns the indices (i, k') of the argument's scalar that this result replaces in the next call, None where it
-    replaces none, as by default. Nothing is checked."""
+    argument i, `place(j, k)` the C text of the variable or array element in which scalar k of the result's part j is
+    stored. `before(j, k)` returns the pair of the argument's index and of the scalar's index in it that this result
+    replaces in the next call, None, by default always, where it replaces none. Nothing is checked."""
 
     name: str
     parameters: tuple[str, ...]
@@ -49,7 +49,7 @@ class Signature:
 
 @dataclass(frozen=True)
 class CSource:
-    """Source of C functions: their `text`, and `stack`, about how many bytes of stack the last of them takes with all
+    """Source of C functions: their `text`, and `stack`, about how many bytes of stack the last function takes with all
     that it calls. Nothing is checked."""
 
     text: str
@@ -59,7 +59,7 @@ class CSource:
 class CProgram:
     """C functions of several routines (traced functions), among them those that they call, each of which is written
     once. `prefix` begins all names, `number` is the `CNumber`, double or float; `operations` is the set of operations,
-    an `Op` each, that the functions written so far have. Nothing is checked."""
+    an `Op` each, that the functions written so far have; empty at first. Nothing is checked."""
 
     def __init__(self, prefix: str, number: CNumber) -> None:
         self.prefix, self.number = prefix, number

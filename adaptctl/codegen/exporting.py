@@ -105,10 +105,10 @@ class Exported:
     The manifest has "schema", "name", "adaptctl", "numpy" (versions), "spdx" (licence), "law", "adaptation" (names of
     classes), "guarded", "period" (s), "mechanism" and "basis" (names and hashes), "joints", "gains" (by name, SI
     units), "gains_sha256", "flops" (the number of additions, subtractions, multiplications, divisions and negations in
-    a control period), "operations" (the number of each kind), "state_numbers" (how many numbers the memory has),
-    "scalar", "language", "check" (outcome of the simulation, None without), "tolerance" (of torques, in parts of the
-    largest) and "files" (their SHA-256); in C also "state_bytes", "stack_bytes_about", "vectors" (ticks recorded) and
-    "abi_hash", in WebAssembly "wasm_bytes".
+    a control period), "operations" (the number of each kind), "state_numbers" (how many numbers the internal state
+    has), "scalar", "language", "check" (outcome of the simulation that checked it, None without), "tolerance" (of
+    torques, in parts of the largest) and "files" (their SHA-256); in C also "state_bytes", "stack_bytes_about",
+    "vectors" (ticks recorded) and "abi_hash", in WebAssembly "wasm_bytes".
     """
 
     directory: Path
@@ -135,18 +135,19 @@ def export(
     `directory` must not exist; folders above it are made, and it is there whole or not at all. `name` begins all names
     in the code, a C identifier of at most 40 characters, a letter first and no keyword: the mechanism's name in lower
     case unless given. `language` is "c" or "wasm", `scalar` the kind of number, "double" or in C "float". With `check`
-    the closed loop is simulated for 600 s along `reference`, and its root mean square errors in joints, rad (m), go
-    into the manifest; in C, ticks recorded near the reference go into the code's tests. `reference` is a function of
-    time (s); None, the default, is for one of sinusoids of 0.1 rad or m (0.05 m in a task space) about home, or as near
-    to it as joint limits allow. A controller should be `Guarded`: `unguarded` lets one without guards go. `large_stack`
-    allows more than about 16 kB of stack a tick in C.
+    the closed loop is simulated for 600 s along `reference`, and its root mean square errors in joints, rad (m if
+    prismatic), go into the manifest; in C, ticks recorded near the reference go into the code's tests. `reference` is a
+    function of time (s); None, the default, is for one of sinusoids of 0.1 rad or m (0.05 m in a task space) about the
+    home configuration, or as near to it as joint limits allow. A controller should be `Guarded`: `unguarded` lets one
+    without guards go. `large_stack` allows more than about 16 kB of stack a tick in C.
 
-    Raises `InputError` for what is no controller or overrides `step`, one without guards unless `unguarded`, another
-    name, scalar or language than these, float in WebAssembly, too large a stack, kinematic loops that single precision
-    leaves open, a reference that is no function or not for as many coordinates as the controller's, and a check that
-    becomes not finite, is stopped by guards or has no mechanism to run on; `NonFiniteError` for a reference that is not
-    finite; `TraceError` for a law that cannot be traced; `FileError` for what is no path, and for a folder that exists
-    or cannot be written.
+    Raises `InputError` where `controller` is no `Controller`, overrides `step`, or has no guards without `unguarded`;
+    for another `name`, `scalar` or `language` than these and for float in WebAssembly; for a stack above about 16 kB
+    without `large_stack`, and for kinematic loops that single precision leaves open by 1e-5 m or rad; for a `reference`
+    that is not callable or has another number of coordinates than the controller's; and for a `check` that becomes
+    non-finite, is stopped by guards or has no mechanism to run on. Raises `NonFiniteError` for a reference that is not
+    finite, `TraceError` for a law that cannot be traced, and `FileError` where `directory` is no path, exists or cannot
+    be written.
     """
     require_controller(controller)
     _require_choice("scalar", scalar, get_args(Kind))

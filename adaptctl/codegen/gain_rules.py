@@ -21,13 +21,14 @@ BACK = 0.9
 
 @dataclass(frozen=True)
 class GainRule:
-    """Rule that the numbers of a controller's gain must satisfy, each by itself, the others staying as they are: for
-    exported code, which checks gains without Python.
+    """Rule for one of a controller's gains, an array, that exported code applies to check new values without Python. It
+    holds for each number of the gain by itself, the other gains staying as they are.
 
-    `field` is the gain's `Field`, its name and values. `positive` says that numbers must be above 0; `signed` that they
-    may be below 0; `infinite` that they may be infinite; `bounds` that the first half of them, lower bounds, must lie
-    below the second. `most` has the largest allowed numbers, in the field's shape and unit, where the control period
-    sets some, None where not. Nothing is checked.
+    `field` is the gain's `Field`, its name and values. `positive`, False by default, says that numbers must be above 0;
+    `signed`, True by default, that they may be below 0; `infinite`, False by default, that they may be infinite;
+    `bounds`, False by default, that the first half of them, lower bounds, must lie below the second. `most` has the
+    largest allowed numbers, in the field's shape and unit, where the control period limits them, None, the default,
+    where it does not. Nothing is checked.
     """
 
     field: Field
@@ -45,9 +46,9 @@ class GainRule:
 
 def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[GainRule, ...]:
     """The rules, a `GainRule` each, that a `controller`'s gains must satisfy, one for each of `fields`, the gains that
-    its law reads in a control period, in their order. They are found by asking the controller for gains of 0, of the
-    other sign, and of up to 1e4 times the values; beyond that a gain counts as unlimited. Not checked: the fields must
-    be those of the controller's gains."""
+    its law reads in a control period, in their order. They are found by trying the controller with gains of 0, of the
+    opposite sign, and of up to 1e4 times the values; a gain that is accepted at 1e4 times its values counts as
+    unlimited. Arguments are not checked: the fields must be those of the controller's gains."""
     return tuple(_rule(controller, field) for field in fields)
 
 

@@ -26,9 +26,10 @@ GIVEN = ("p", "v", *(f"reference.{part}" for part in ReferencePoint._fields))
 
 @dataclass(frozen=True)
 class Field:
-    """Field of a controller's exported code, a named array of numbers of its memory or gains: its `name`, its first
-    `values`, in SI units, whose shape it has, and `labels`, names of the numbers, such as those of joints or
-    parameters, which repeat from row to row, empty, the default, where they have none. Nothing is checked."""
+    """Field of a controller's exported code, a named array of numbers of its internal state or gains. It has a `name`;
+    initial `values`, in SI units, whose shape is the field's; and `labels`, names, such as those of joints or
+    parameters, of the numbers along the last axis, the same for every row; empty, the default, where they have none.
+    Nothing is checked."""
 
     name: str
     values: Array
@@ -36,7 +37,7 @@ class Field:
 
     @property
     def size(self) -> int:
-        """Number of numbers in the field, a product of its axes' lengths."""
+        """Number of scalars in the field, the product of its axes' lengths."""
         return int(self.values.size)
 
     @property
@@ -45,19 +46,20 @@ class Field:
         return "".join(f"[{n}]" for n in self.values.shape)
 
     def place(self, k: int) -> str:
-        """The C text of the number of index `k`, from 0 in row-major order, such as "gain[2][0]". Raises `ValueError`
-        for an index out of range; a single number's is its name."""
+        """The C text of the field's number of zero-based index `k` in row-major order, such as "gain[2][0]"; for a
+        field of a single number its name. Raises `ValueError` for an index out of range."""
         where = np.unravel_index(k, self.values.shape) if self.values.shape else ()
         return self.name + "".join(f"[{int(i)}]" for i in where)
 
     def label(self, k: int) -> str:
-        """Name of the number of index `k`, from 0 in row-major order, such as a joint's or a parameter's; empty where
-        the numbers have no names. An index out of range is not refused."""
+        """Name of the field's number of zero-based index `k` in row-major order, such as a joint's or a parameter's;
+        empty where the numbers have no names. Nothing is checked: an index out of range counts on from the first
+        name."""
         return self.labels[k % len(self.labels)] if self.labels else ""
 
 
 class Brake(NamedTuple):
-    """The brake that a guarded controller's code puts in place of a torque that the law cannot give: -`damping` v for
+    """Brake of a guarded controller's exported code, which replaces a torque that the law cannot give: -`damping` v for
     joint velocities v, within plus and minus `limit`. `damping` (r,), N m s/rad (N s/m if prismatic), and `limit` (r,),
     N m (N), finite, are of the r joints. Nothing is checked."""
 
@@ -69,9 +71,9 @@ class Brake(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """Interface of a `controller` in exported code: what a tick (the work of one control period) is given and returns,
-    what it remembers and its gains, by name, and its law as a traced `Routine`. Everything is found when it is first
-    asked for; nothing is checked at construction."""
+    """Interface of a `controller` in exported code: by name, the arguments and results of a tick (the work of one
+    control period), the internal state and the gains; and the controller's law as a traced `Routine`. Properties are
+    computed when they are first asked for; nothing is checked at construction."""
 
     controller: Controller[Any]
 
@@ -79,9 +81,9 @@ class Interface:
     def law(self) -> Routine:
         """One tick of the controller (its work in a control period) as a traced `Routine`, from which exported code is
         written. Its arguments are positions, velocities, the reference's positions, velocities and accelerations, the
-        memory's fields and, where there are any, all gains in one vector, in the order of `all_gains`; its results the
-        torque and the memory's fields after it. Raises `TraceError` for a law that cannot be traced, `InputError` for
-        one that does not return its torque and memory."""
+        internal state's fields and, where there are any, all gains in one vector, in the order of the property
+        `all_gains`; its results are the torque and the internal state's fields after the tick. Raises `TraceError` for
+        a law that cannot be traced, `InputError` for one that does not return a torque and an internal state."""
         law = self.controller
         sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
         return trace(law._equation(), sizes, name="law")
@@ -112,13 +114,14 @@ class Interface:
 
     @cached_property
     def model(self) -> ReducedModel | None:
-        """The `ReducedModel`, the robot model with fewer parameters, that the controller's law computes and may adapt
-        with; None for a law without one."""
+        """The `ReducedModel`, a robot's model on its fundamental (base) parameters, with which the controller's law
+        computes; None for a law without one."""
         return getattr(self.innermost, "model", None)
 
     @cached_property
     def mechanism(self) -> Mechanism | None:
-        """The `Mechanism` that the controller drives; None where a user's own law does not tell."""
+        """The `Mechanism` that the controller drives; None where its law has neither a reduced model nor an attribute
+        `mechanism`."""
         return self.model.mechanism if self.model else getattr(self.innermost, "mechanism", None)
 
     @cached_property
@@ -146,22 +149,22 @@ class Interface:
 
     @cached_property
     def started(self) -> list[Array]:
-        """The controller's memory before the first control period, at its home positions and at rest: a list of float64
-        arrays, one for each of the memory's fields, in SI units."""
+        """The controller's initial internal state, at its home configuration and at rest: a list of float64 arrays, one
+        for each of the state's fields, in SI units."""
         return [np.asarray(x, dtype=np.float64) for x in leaves(self.controller._blank)]
 
     @cached_property
     def memory(self) -> tuple[Field, ...]:
-        """The fields of the controller's memory between control periods, empty ones too, a `Field` each, with their
-        values before the first one, at home and at rest, in SI units."""
+        """The fields of the controller's internal state between control periods, a `Field` each, empty ones too, with
+        their initial values at the home configuration and at rest, in SI units."""
         paths = [path.removeprefix("state.").replace(".", "_") for path in self.controller._memory_sizes]
         found = zip(paths, self.started, strict=True)
         return tuple(Field(name, values, self._labels(name, values.size)) for name, values in found)
 
     @cached_property
     def estimate(self) -> Field | None:
-        """The `Field` of the memory that holds the estimate of the law's parameters, SI units; None where the law has
-        none."""
+        """The `Field` of the controller's internal state that holds the estimate of the law's parameters, SI units;
+        None where the law has none."""
         wanted = getattr(self.controller._blank, "estimate", None)
         pairs = zip(self.memory, leaves(self.controller._blank), strict=True)
         return next((field for field, leaf in pairs if leaf is wanted), None)
@@ -169,25 +172,26 @@ class Interface:
     @cached_property
     def gains(self) -> tuple[Field, ...]:
         """The controller's gains that its law reads in a control period, a `Field` each, with their values, in SI
-        units, in the order of `all_gains`. Raises `TraceError` for a law that cannot be traced."""
+        units, in the order of the property `all_gains`. Raises `TraceError` for a law that cannot be traced."""
         used = self._gain_places
         return tuple(field for field, places in self._gain_fields() if used & places)
 
     @cached_property
     def all_gains(self) -> tuple[Field, ...]:
-        """All gains of the controller, a `Field` each, with their values, in SI units, in the order in which its law is
-        given them in one vector, each row by row."""
+        """All gains of the controller, a `Field` each, with their values, in SI units. In this order, each in row-major
+        order, they form the one vector of gains that the controller's law takes."""
         return tuple(field for field, _ in self._gain_fields())
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Names of the marks that the controller's guards set in the memory in each control period, such as
+        """Names of the flags that the controller's guards set in the internal state in each control period, such as
         "torque_limited" or "stopped", in their order there; empty without guards."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
 
     def memory_of(self, state: Any) -> list[Array]:
-        """The memory `state` of the controller in Python, a named tuple, as a list of float64 arrays in the order of
-        `memory`'s fields, in SI units. Not checked: a state of another controller gives its own arrays."""
+        """The internal state `state` of the controller in Python, a named tuple, as a list of float64 arrays, SI units,
+        in the order of the fields of this object's property `memory`. Nothing is checked: a state of another controller
+        gives its own arrays."""
         return [np.asarray(x, dtype=np.float64) for x in leaves(state)]
 
     def names_of_constants(self) -> dict[float, str]:
@@ -228,7 +232,7 @@ class Interface:
 
 def require_controller(controller: object) -> None:
     """Raise `InputError` unless `controller` is a `Controller` that does not override `step`, so that its steps are
-    those of its law, which is traced."""
+    those of its law, which is what exported code is written from."""
     if not isinstance(controller, Controller):
         raise InputError(f"controller: expected a Controller, got {type(controller).__name__}")
     if type(controller).step is not Controller.step:

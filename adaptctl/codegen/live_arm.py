@@ -43,11 +43,11 @@ class LiveArm:
     outputs, "next" (the new state, as "state"), "torque", "error", "goal" (the reference's positions) and "places" (the
     links' origins, "size" numbers, m). First values are "start" (the state's), "parameter" and "gain" (empty if any
     gain is infinite). Of the arm and the law there are "joints" (names), "units" of errors ("mrad" or "mm" a joint),
-    "period" (s), "damping" (r,), the law's, N m s/rad (N s/m), 1 where it has none, "groups" of gains that one slider
-    scales (a "name" and "places", pairs of the first one's index among all gains and their number), "parents" (the
-    index of each link's parent, -1 for the ground), "reach" (m), "load" (P,) (what a payload of 1 kg in the last body's
-    origin adds to the P parameters; empty for parameters under linear constraints) and "heaviest" (the largest payload,
-    kg).
+    "period" (s), "damping" (r,), the law's, N m s/rad (N s/m if prismatic), 1 where it has none, "groups" of gains that
+    one slider scales (a "name" and "places", pairs of the first one's index among all gains and their number),
+    "parents" (the index of each link's parent, -1 for the ground), "reach" (m), "load" (P,) (what a payload of 1 kg in
+    the last body's origin adds to the P parameters; empty for parameters under linear constraints) and "heaviest" (the
+    largest payload, kg).
     """
 
     binary: bytes
@@ -67,29 +67,30 @@ class LiveLoop:
     @property
     def state(self) -> dict[str, int]:
         """Lengths, by name, of the columns (vectors) that pass from one control period to the next: the plant's "q",
-        "v", "drives" and "sensors", then the controller's memory, "memory_0", "memory_1", ..."""
+        "v", "drives" and "sensors", then the controller's internal state, "memory_0", "memory_1", ..."""
         law = self.controller
         return self.plant.sizes | {f"memory_{k}": size for k, size in enumerate(law._memory_sizes.values())}
 
     @property
     def arguments(self) -> dict[str, int]:
-        """Lengths, by name, of all columns (vectors) that the equation takes: those of `state`, then "time" (1),
-        "parameters", the P inertial and friction parameters in the order of `Mechanism.parameter_names`, "friction" (r
-        joints) and, where the controller has tunable gains, "gains"."""
+        """Lengths, by name, of all columns (vectors) that the loop's method `equation` takes: those of its property
+        `state`, then "time" (1), "parameters", the P inertial and friction parameters in the order of
+        `Mechanism.parameter_names`, "friction" (r joints) and, where the controller has tunable gains, "gains"."""
         parameters = {"parameters": self.plant.mechanism.equations.parameters, "friction": self.plant.dof}
         return self.state | {"time": 1} | parameters | self.controller.gain_sizes
 
     def equation(self, time: Column, friction: Column, **columns: Column) -> tuple[Column, ...]:
-        """The columns (vectors of scalars of any kind) of `state` after one control period, in order, followed by the
-        law's torque (r,), N m (N if prismatic), not yet clipped, the tracking errors (positions minus the reference's)
-        and the reference's positions, (r,) each, rad (m), and the origins of the N links in the world frame (3N,), m:
-        x, y and z of the first link first, in the order of `Mechanism.links`. Torque, errors, reference and origins are
-        those at the period's beginning.
+        """The columns (vectors of scalars of any kind) of a closed loop of r joints and N links after one control
+        period. First come those of the loop's property `state`, in order; then the law's torque (r,), N m (N if
+        prismatic), not yet clipped; the tracking errors (positions minus the reference's) and the reference's
+        positions, (r,) each, rad (m if prismatic); and the origins of the N links in the world frame (3N,), m: x, y and
+        z of the first link first, in the order of `Mechanism.links`. Torque, errors, reference and origins are those at
+        the period's beginning.
 
         `time` (1,) is in s, `friction` (r,) is viscous friction of the r joints besides the plant's, N m s/rad (N s/m);
-        `columns` are the others of `arguments`, SI units: "q", "v", "drives" and "sensors" of the plant, "memory_0",
-        "memory_1", ..., the P inertial and friction "parameters" and, if any, "gains", the controller's own where
-        missing. Nothing is checked: names that are missing raise `KeyError`.
+        `columns` are the others of the loop's property `arguments`, SI units: "q", "v", "drives" and "sensors" of the
+        plant, "memory_0", "memory_1", ..., the P inertial and friction "parameters" and, if any, "gains", the
+        controller's own where missing. Nothing is checked: names that are missing raise `KeyError`.
         """
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
         p, v = self.plant.primary(columns["q"]), columns["v"]
@@ -108,11 +109,11 @@ class LiveLoop:
 def live_arm(
     plant: Plant, controller: Controller[Any], reference: Reference, begun: PlantState, parameters: Array
 ) -> LiveArm | str:
-    """The `LiveArm`, a WebAssembly module for a web page, of the loop of `plant`, `controller` and `reference` from the
-    plant's state `begun` on, with the true `parameters` (P,) of the arm, SI units, in the order of
-    `Mechanism.parameter_names`; or, as text, the reason why it cannot be shown: effects between controller and joints,
-    a reference that is no `Sinusoids`, a mechanism of more than 100 links, a law of more than 3000 floating-point
-    operations, or a module of more than 60 kB.
+    """The `LiveArm`, a WebAssembly module for a web page, of the closed loop of `plant`, `controller` and `reference`;
+    or, as text, the reason why it cannot be shown. The loop begins in the plant's state `begun`, with the true
+    `parameters` (P,) of the arm, SI units, in the order of `Mechanism.parameter_names`. Reasons are: effects between
+    controller and joints, a reference that is no `Sinusoids`, a mechanism of more than 100 links, a law of more than
+    3000 floating-point operations, or a module of more than 60 kB.
 
     Raises `TraceError` for a law that cannot be traced, and what `controller.init` raises for the state.
     """

@@ -20,15 +20,15 @@ Before = Callable[[int, int], Place | None]
 
 
 class PutBack:
-    """Results of a `piece` of a `routine` (traced function; a piece is the whole of it or, where it is long, one of
-    several functions that it is cut into) that are a choice, by a condition, between a new value and an earlier one, an
-    argument's, which it replaces. The piece can store the new values as they are computed, and copy the earlier ones
-    back at the end where the condition holds.
+    """Results of a `piece` of a `routine` that a condition can put back to an earlier value. (A routine is a traced
+    function; a piece is the whole of it or, where it is long, one of several functions that it is cut into.) Such a
+    result is a choice between a new value and the argument's scalar that the result replaces. The piece can store new
+    values as they are computed, and copy the earlier ones back at its end where the condition holds.
 
-    `before(j, k)` is a callable that returns the indices (i, k') of the argument's scalar, k' of argument i, that
-    scalar k of the result's part j replaces, None where it replaces none; all count from 0. `conditions` maps each
-    comparison to a list of pairs ((j, k), (i, k')): where it holds, the argument's scalar is copied to the result's.
-    The attribute `piece` is the piece without these choices. Nothing is checked.
+    `before(j, k)` is a callable that returns the pair (i, l) of the argument's scalar, scalar l of argument i, that
+    scalar k of the result's part j replaces, None where it replaces none; all indices count from 0. The attribute
+    `conditions` maps each comparison to a list of pairs ((j, k), (i, l)): where it holds, the argument's scalar is
+    copied to the result's. The attribute `piece` is the piece without these choices. Nothing is checked.
     """
 
     def __init__(self, routine: Routine, piece: Piece, before: Before) -> None:

@@ -38,10 +38,11 @@ class RecordedTick:
 
 
 def default_reference(interface: Interface) -> Reference:
-    """The reference on which a controller is checked unless another is given, from its `interface`: `Sinusoids` of 0.1
-    rad or m (0.05 m for a task space in the world) about home, or about what the joints' limits allow nearest to it, of
-    0.2 Hz in the first coordinate and 0.06 Hz more in each further one. A user's law whose reference is in another
-    space gets them about 0."""
+    """The reference on which a controller is checked by default, from its `interface`: `Sinusoids` of 0.1 rad or m
+    (0.05 m for a task space in the world). Their centre is the controller's home configuration, or the nearest one that
+    the joints' limits allow, in a task space its point there; their frequency is 0.2 Hz in the first coordinate and
+    0.06 Hz more in each further one. Where the law's reference is in another space than joints or the world, the centre
+    is 0. Nothing is raised."""
     law, size = interface.innermost, interface.controller.reference_size
     center, amplitude = centre(interface), AMPLITUDE
     if isinstance(law, TaskSpaceSlotineLi) and not law.reference_in_joints:
@@ -53,9 +54,10 @@ def default_reference(interface: Interface) -> Reference:
 
 
 def centre(interface: Interface) -> Array:
-    """The centre (r,), rad (m if prismatic), of a check's motion of the r joints, from a controller's `interface`: its
-    home, moved so far that it is at least 0.15 rad (m), or half the joint's range where that is less, from joint
-    limits; home itself where there are loops or no known mechanism. Nothing is raised."""
+    """The centre (r,), rad (m if prismatic), of the motion of the r joints in a controller's check, from its
+    `interface`. It is the home configuration, moved so far that it is at least 0.15 rad (m), or half the joint's range
+    where that is less, from joint limits; the home configuration itself where there are loops or no known mechanism.
+    Nothing is raised."""
     home, mechanism = np.asarray(interface.controller.home, dtype=np.float64), interface.mechanism
     if mechanism is None or mechanism.description.loops is not None:
         return home
@@ -65,11 +67,12 @@ def centre(interface: Interface) -> Array:
 
 
 def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
-    """A list of RecordedTicks, arguments and results of the controller of an `interface` in Python, and its state
-    after them. They are `ticks` control periods from time 0, 100 unless given and at least one. The motion stays within
-    0.02 rad (m) of `reference`, a function of time (s), or, where that is in another space than the joints', of the
-    home position or the nearest one well within the joint limits. Raises what the reference, `controller.init` and
-    `controller.step` raise, such as `NonFiniteError`; `IndexError` for no ticks."""
+    """A pair of a list of `RecordedTick`, the arguments and results of `ticks` control periods of the controller of an
+    `interface` in Python, and of the controller's state after them. The periods count from time 0; there are 100 unless
+    given, and at least one. The motion is within 0.02 rad (m if prismatic) of `reference`, a function of time (s), or,
+    where that is in another space than the joints', of the home position or the nearest one well within the joint
+    limits (by 0.15 rad or m, or half a narrower range). Raises what the reference, `controller.init` and
+    `controller.step` raise, such as `NonFiniteError`; `IndexError` where `ticks` is 0."""
     controller, rows = interface.controller, []
     time = np.asarray(interface.period * np.arange(ticks), dtype=np.float64)
     p, v = _motion(interface, reference, time)

@@ -23,14 +23,15 @@ ASIDE = 0.02
 
 @dataclass(frozen=True)
 class Walk:
-    """Routines and data by which exported code closes a mechanism's kinematic loops, in small steps from home to the
-    first positions of the r primary (independent) joints.
+    """Routines and data by which exported code closes a mechanism's kinematic loops, in small steps from the home
+    configuration to the initial positions of the r primary (independent) joints.
 
     `step`, a traced `Routine` of p (r,) and q (n,), returns the closed configuration (n,) of the tree's n joints, rad
-    (m if prismatic), at the primary joints' positions p, from one nearby, q; `regular`, a traced `Routine` of q (n,),
-    returns 1 where the loops at q are closed and surely away from singularities, else 0. `home` (n,) is the
-    configuration at home, `primary` has the indices of the primary joints among the n, `looped` those, among the r,
-    that move a loop. Nothing is checked.
+    (m if prismatic), at the primary joints' positions p, from one nearby, q. `regular`, a traced `Routine` of q (n,),
+    returns 1 where the loops at q are closed and a lower bound of the smallest singular value of their Jacobian by the
+    dependent joints is at least 0.05 of that at the reference configuration, else 0. `home` (n,) is the home
+    configuration, `primary` has the indices of the primary joints among the n, `looped` those, among the r, that move a
+    loop; indices count from 0. Nothing is checked.
     """
 
     step: Routine
@@ -46,11 +47,11 @@ class Walk:
 
 @dataclass(frozen=True)
 class Start:
-    """Start of a controller's memory in exported code: `configurations`, the indices of the memory's fields whose first
-    values are the configuration q (n,) of the tree's n joints, rad (m if prismatic); `computed`, those of the fields
-    that `more`, a traced `Routine`, computes of q at rest, None where there are none; and `walk`, the `Walk` that
-    closes the mechanism's loops, None for a tree. Fields in neither have the same first values at every q. Nothing is
-    checked."""
+    """Rules by which exported code makes a controller's initial internal state from the configuration q (n,) of the
+    tree's n joints, rad (m if prismatic), at rest. `configurations` has the zero-based indices of the state's fields
+    that begin as q itself; `computed` those of the fields that `more`, a traced `Routine` of q, computes, None where
+    there are none; `walk` is the `Walk` that closes the mechanism's loops, None for a tree. Fields in neither have the
+    same initial values at every q. Nothing is checked."""
 
     configurations: tuple[int, ...]
     computed: tuple[int, ...]
@@ -60,10 +61,11 @@ class Start:
 
 
 def start_of(interface: Interface, open_by: float) -> Start:
-    """The `Start` of the memory of the controller of an `interface`: it is found by comparing the memory at home with
-    one 0.02 rad (m) aside. `open_by` is the closure residual, m or rad, up to which kinematic loops count as closed.
-    Raises `InputError` where the memory depends on positions in a way that is not known, `TraceError` where what
-    computes it cannot be traced."""
+    """The `Start`, rules for making the initial internal state, of the controller of an `interface`. It is found by
+    comparing the initial state at the home configuration with that at one up to 0.02 rad (m if prismatic) per joint
+    away. `open_by` is the closure residual, m or rad, below which kinematic loops count as closed. Raises `InputError`
+    where a field depends on the configuration, is not the configuration itself, and no adaptation law computes it;
+    `TraceError` where what computes it cannot be traced."""
     law, mechanism = interface.controller, interface.mechanism
     p = law.home + ASIDE * np.linspace(0.5, 1.0, law.dof)
     aside = interface.memory_of(law.start(p, np.zeros(law.dof)))

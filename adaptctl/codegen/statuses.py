@@ -36,7 +36,7 @@ _MARKS = {
 
 def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
     """All status bits, a `StatusBit` each, of a controller's exported code, from its `interface`: NOT_FINITE (1),
-    WRONG_STATE (2) and NOT_CLOSED (4), then, from 8 on, one for each mark that its guards set, such as TORQUE_LIMITED.
+    WRONG_STATE (2) and NOT_CLOSED (4), then, from 8 on, one for each flag that its guards set, such as TORQUE_LIMITED.
     Nothing is raised."""
     own = enumerate(interface.marks, start=len(FAULTS))
     return (*FAULTS, *(StatusBit(name.upper(), 1 << k, _MARKS.get(name, name)) for k, name in own))
@@ -44,8 +44,8 @@ def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
 
 def status_of(interface: Interface, state: Any) -> int:
     """The status of a tick, an integer, as far as a controller's guards decide it: the sum of the status bits whose
-    marks are set in `state`, the controller's memory after the tick in Python; 0 without guards. Faults, such as
-    NOT_FINITE, are not among them. Raises `ValueError` for a state with other marks than the `interface` of its
-    controller has."""
+    flags are set in `state`, the controller's internal state after the tick in Python; 0 without guards. Faults, such
+    as NOT_FINITE, are not among them. Raises `ValueError` for a state with another number of flags than the controller
+    of the `interface` has."""
     bits = status_bits(interface)[len(FAULTS) :]
     return sum(bit.value for bit, mark in zip(bits, guards(state), strict=True) if mark[0] > 0.5)

@@ -23,14 +23,15 @@ STRETCH = 10_000
 
 
 def vouched(interface: Interface, reference: Reference, duration: float = DURATION) -> dict[str, Any]:
-    """Outcome, in JSON's types, of a simulation of the controller of an `interface` on its own mechanism along
-    `reference`, a function of time (s), for `duration` s, 600 unless given, as a dict: "duration", s; "reference", a
-    dict of its class's name and, for `Sinusoids`, their numbers, by which the run can be repeated; "finite", True; and
-    "rms_error_first_10_s" and "rms_error_last_10_s", the root mean square of the position errors of all joints
-    together, rad (m if prismatic), in the first and the last 10 s (in all where it is shorter), None where the
-    reference is not one of joints.
+    """Outcome, a dict in JSON's types, of a simulation of the controller of an `interface` on its own mechanism along
+    `reference`, a function of time (s), for `duration` s, 600 unless given.
 
-    Raises `InputError` where the run becomes not finite or guards stop it, where no mechanism is known or it has more
+    It has "duration", s; "reference", a dict of its class's name and, for `Sinusoids`, their numbers, by which the run
+    can be repeated; "finite", True; and "rms_error_first_10_s" and "rms_error_last_10_s", the root mean square of the
+    position errors over all joints together, rad (m if prismatic), and over the first and the last 10 s (the whole of a
+    shorter run), None where the reference is not one of joints.
+
+    Raises `InputError` where the run becomes non-finite or guards stop it, where no mechanism is known or it has more
     than 100 links, and for a reference for another number of coordinates; `NonFiniteError` for a reference that is not
     finite; `TraceError` for a law that cannot be traced.
     """
@@ -66,8 +67,9 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
 
 def stated(reference: Reference) -> dict[str, Any]:
     """A `reference` in JSON's types, for a manifest: a dict of "kind", the name of its class, and, for `Sinusoids`,
-    "center" (r,) and "amplitude" (h, r), rad (m), "frequency", Hz, and "phase", rad, (h, r) each, lists of the numbers
-    of h sinusoids for each of r coordinates, and "start_time", s, in which they fade in. Nothing is raised."""
+    "center" (r,) and "amplitude" (h, r), rad (m if prismatic), "frequency", Hz, and "phase", rad, (h, r) each, lists of
+    the numbers of h sinusoids for each of r coordinates, and "start_time", s, in which they fade in. Nothing is
+    raised."""
     if not isinstance(reference, Sinusoids):
         return {"kind": type(reference).__name__}
     names = ("center", "amplitude", "frequency", "phase", "start_time")

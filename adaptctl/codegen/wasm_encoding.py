@@ -41,7 +41,7 @@ def vector(items: Sequence[bytes]) -> bytes:
 
 def section(number: int, content: bytes) -> bytes:
     """The bytes of a section of a WebAssembly module: its `number`, which tells its kind, its length, and its encoded
-    `content`. Raises `ValueError` for a number that is no byte."""
+    `content`. Raises `ValueError` for a number that is not from 0 to 255."""
     return bytes([number]) + unsigned(len(content)) + content
 
 

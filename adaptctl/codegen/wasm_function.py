@@ -48,10 +48,11 @@ class WasmCode:
         self._turned: dict[int, int] = {}
 
     def compute(self, x: Expression, sincos: Callable[[], int]) -> None:
-        """Write the expression `x`, no call and no result of one, whose operands have been written before: into a local
-        variable where it is used more than once, else into the code that uses it. `sincos` is a callable that returns
-        the index of the function of sine and cosine, called where it is needed. Raises `KeyError` for an operation that
-        this code has no instruction for."""
+        """Write the WebAssembly code of the expression `x`, which is no call and no result of one, and whose operands
+        have been written before. Where it is used more than once, its value is stored in a new local variable; else its
+        code becomes part of the code that uses it. `sincos` is a callable that returns the index of the function of
+        sine and cosine, called where it is needed. Raises `KeyError` for an operation that this code has no instruction
+        for."""
         if x.op in ANGLES:
             self._text[x.index] = GET + unsigned(self._sine(x.operands[0], sincos) + ANGLES[x.op])
             return
@@ -61,7 +62,7 @@ class WasmCode:
         self._text[x.index] = text
 
     def call(self, x: Expression, called: Called, results: Iterable[Expression]) -> None:
-        """Write a call, the expression `x`, of the function `called`: its arguments are stored at their addresses in
+        """Append a call, the expression `x`, of the function `called`: its arguments are stored at their addresses in
         memory; after the call the results that are used, the expressions `results`, are read from their addresses into
         local variables. Raises `ValueError` where the function has another number of arguments."""
         rest, routine = iter(x.operands), x.detail
@@ -74,21 +75,23 @@ class WasmCode:
             self._text[result.index] = self.keep(load(called.outputs[part] + 8 * k), F64)
 
     def operand(self, x: Expression | float) -> bytes:
-        """The code, bytes, that puts `x`, an expression that has been written or a constant, on the stack. Raises
-        `KeyError` for an expression that has not."""
+        """The WebAssembly instructions, bytes, that push the value of `x` onto the stack; `x` is a constant or an
+        expression whose code has been written by `compute` or `call`. Raises `KeyError` for an expression that has not
+        been written."""
         return self._text[x.index] if isinstance(x, Expression) else constant(x)
 
     def keep(self, text: bytes, kind: bytes) -> bytes:
-        """The code, bytes, that puts the value of the code `text` on the stack: `text` is appended to the function
-        here, so that it runs once, and its value kept in a new local variable, which the code returned reads. `kind` is
-        the variable's type, WebAssembly's byte for it. Nothing is checked."""
+        """Append the WebAssembly instructions `text`, which push one value, to the function, with one that stores the
+        value in a new local variable, so that they run once; return the instruction, bytes, that pushes the variable's
+        value. `kind` is the variable's type, WebAssembly's byte for it. Nothing is checked."""
         number = self.new(kind)
         self.code += text + SET + unsigned(number)
         return GET + unsigned(number)
 
     def new(self, kind: bytes) -> int:
-        """Index of a new local variable of the type `kind`, WebAssembly's byte for it, such as that of a 64-bit float;
-        it is counted after the function's own arguments. Nothing is checked."""
+        """Add a local variable of the type `kind`, WebAssembly's byte for it, such as that of a 64-bit float, to the
+        function, and return its index, which counts from 0 and begins after the function's own parameters. Nothing is
+        checked."""
         self.locals.append(kind)
         return self._first + len(self.locals) - 1
 

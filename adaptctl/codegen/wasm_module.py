@@ -27,8 +27,8 @@ class WasmPlaces:
 
 
 class WasmModule:
-    """A WebAssembly module of routines (traced functions) in double precision, empty at first: `export` adds the
-    function of a routine under a name, `binary` returns the module."""
+    """A WebAssembly module of routines (traced functions) in double precision, empty at first: its method `export` adds
+    the function of a routine under a name, its method `binary` returns the module's bytes."""
 
     def __init__(self) -> None:
         self._types: list[bytes] = []
@@ -39,9 +39,9 @@ class WasmModule:
         self._turning: int | None = None
 
     def export(self, name: str, routine: Routine) -> WasmPlaces:
-        """Addresses, `WasmPlaces`, of the arguments and results of a new function of the module: it computes `routine`,
-        a traced function, takes no arguments itself, and reads and writes the module's memory at these addresses.
-        `name` is that under which it is exported. A routine that was added before is not written again. Raises
+        """Add a function that computes `routine`, a traced function, to the module, exported under `name`, and return
+        the addresses, `WasmPlaces`, of its arguments and results. It takes no WebAssembly parameters: it reads and
+        writes the module's memory at these addresses. A routine that was added before is not written again. Raises
         `KeyError` for an operation that WebAssembly code is not written for."""
         called = self._function(routine)
         self._exports[name] = called.index
@@ -122,6 +122,6 @@ def _integer(n: int) -> bytes:
 
 
 def memory_of(places: Mapping[str, int]) -> dict[str, int]:
-    """The addresses `places`, by name, in bytes, as indices of 64-bit floats, which is how JavaScript's Float64Array
-    counts. Nothing is checked."""
+    """Indices of 64-bit floats, as JavaScript's Float64Array counts, of the addresses `places`, in bytes, by the same
+    names: an address divided by 8. Nothing is checked."""
     return {name: at // 8 for name, at in places.items()}

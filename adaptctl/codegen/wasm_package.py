@@ -20,11 +20,12 @@ from adaptctl.version import __version__
 
 
 def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str, str | bytes], dict[str, Any]]:
-    """The files, by name, of a WebAssembly package of the controller of an `interface` (the module, `name` and .wasm, a
-    JavaScript class around it, `name` and .js, and README.md), and the entries that they add to the manifest:
-    "wasm_bytes", the module's size in bytes, and "tolerance", 1e-12, relative, of its torques. `name` is an identifier;
-    `scalar` is the kind of number, which must be "double". Raises `InputError` for "float", and where the memory begins
-    with the arm's position in a way that is not known; `TraceError` for a law that cannot be traced."""
+    """A pair: the files, by name, of a WebAssembly package of the controller of an `interface`, and the entries that
+    they add to the manifest. The files are the module, `name` and .wasm, a JavaScript class around it, `name` and .js,
+    and README.md; the entries "wasm_bytes", the module's size in bytes, and "tolerance", 1e-12, relative, of its
+    torques. `name` is an identifier; `scalar` is the kind of number, which must be "double". Raises `InputError` for
+    "float", and where the initial internal state depends on the arm's position in a way that cannot be exported;
+    `TraceError` for a law that cannot be traced."""
     if scalar != "double":
         raise InputError("scalar: WebAssembly is exported in double; choose the language c for float")
     module, start = WasmModule(), start_of(interface, LOST)

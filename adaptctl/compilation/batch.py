@@ -22,14 +22,15 @@ each, and addresses of the results' rows."""
 
 def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
     """LLVM IR (text) of the function `batch`, one native call of which evaluates a `routine` (traced function) at many
-    samples, as many at a time as there are SIMD `lanes`, of doubles. `symbol` is the name of the routine's own
-    function; `checked` says by "inputs" and "outputs" whether these are checked for NaN and infinity; `KeyError` is
-    raised where it lacks one.
+    samples. It computes as many samples at a time as there are SIMD `lanes`, of doubles. `symbol` is the name of the
+    routine's own function in that IR; `checked` says by "inputs" and "outputs" whether these are checked for NaN and
+    infinity; `KeyError` is raised where it lacks one.
 
-    `batch` takes the number of samples and three tables, with an entry for each argument or result: the addresses of
-    the arguments' rows, the numbers from one row to the next, 0 for an argument that all samples share, and the
-    addresses of the results' rows. A row is an argument's or a result's doubles, side by side, of one sample. The
-    native call returns true where all that is checked is finite.
+    `batch` takes the number of samples (64-bit integer) and pointers to three tables of 64-bit entries. The first has,
+    for each argument of the routine, the address of an array of its rows; the second, for each argument, the stride
+    between rows, counted in doubles, 0 for an argument with one row that all samples share; the third, for each result,
+    the address of an array to write its rows to, which follow each other without gaps. A row is the doubles of one
+    sample, side by side. The native call returns true where all that is checked is finite.
     """
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}

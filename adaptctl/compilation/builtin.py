@@ -31,9 +31,9 @@ _PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyType_GenericAlloc", "PyFloat
 
 
 class Place(NamedTuple):
-    """Source of one column (vector) that a built-in function passes to native code: `argument`, the index from 0 of the
-    function's argument, None for an array that the function is bound to, and `item`, the index of the item in it where
-    the argument is a tuple, None, the default, where it is not. Nothing is checked."""
+    """Source of one column (vector) that a built-in function passes to native code. `argument` is the index, from 0, of
+    the function's argument that it comes from, None for an array that the function is bound to; `item` is the index of
+    the item in that argument where it is a tuple, None, the default, where it is not. Nothing is checked."""
 
     argument: int | None
     """None for what the function has been bound to"""
@@ -59,15 +59,15 @@ class Form(NamedTuple):
 
     @classmethod
     def plain(cls, count: int) -> Form:
-        """The `Form`, or calling convention, of a function of `count` arguments, each an array that is one column
-        (vector) of the native code. Nothing is checked."""
+        """Calling convention, a `Form`, of a function of `count` arguments, each an array that is one column (vector)
+        of the native code. Nothing is checked."""
         return cls(tuple(Place(k) for k in range(count)))
 
     @classmethod
     def filling(cls, count: int, results: int) -> Form:
-        """The `Form`, or calling convention, of a function of `results` arrays, which the native code's results are
-        written into and which it returns, followed by `count` arguments, each an array that is one column (vector) of
-        the code. Nothing is checked."""
+        """Calling convention, a `Form`, of a function that writes into given arrays. Its first arguments are `results`
+        arrays, which the native code's results are written into and which it returns; then come `count` arguments, each
+        an array that is one column (vector) of the code. Nothing is checked."""
         return cls(tuple(Place(results + k) for k in range(count)), into={k: k for k in range(results)})
 
     @property
@@ -79,21 +79,23 @@ class Form(NamedTuple):
     @property
     def types(self) -> dict[int, int]:
         """Dict from the index of each argument that is a tuple to the index of that tuple's type among the objects that
-        the built-in function keeps. They are kept in a tuple: first the function that it calls instead of native code,
+        the built-in function keeps. They are kept in a tuple: first the fallback that it calls for unusual arguments,
         at 0, then the types, then the bound arrays."""
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
-        """Index of a bound array, the column of index `column`, in the tuple of objects that the built-in function
-        keeps: first the function that it calls instead of native code, at 0, then the types of tuples, then the bound
-        arrays. Not checked: for a column that comes from an argument it means nothing."""
+        """Index of a bound array, that of the column of index `column`, in the tuple of objects that the built-in
+        function keeps. That tuple has first the fallback that the function calls for unusual arguments, at 0, then the
+        types of tuples, then the bound arrays. Not checked: for a column that comes from an argument the index means
+        nothing."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
     @property
     def spares(self) -> int:
-        """Index of the first result array that is kept to be returned again, in the tuple of objects that the built-in
-        function keeps: first the function that it calls instead of native code, at 0, then the types of tuples, the
-        bound arrays, and these results, two for each result that is an array and not written into an argument."""
+        """Index of the first spare result array in the tuple of objects that the built-in function keeps. That tuple
+        has first the fallback that the function calls for unusual arguments, at 0, then the types of tuples, the bound
+        arrays, and the spares: two for each result that is an array and not written into an argument, kept to be
+        returned again."""
         return self.bound(len(self.places))
 
 
@@ -129,7 +131,7 @@ class _Definition(ctypes.Structure):
 def has_builtins() -> bool:
     """True if this Python is CPython with tuples and NumPy arrays laid out in memory as native code here reads and
     makes them; False otherwise. If so, the addresses of the functions of Python and NumPy that native code calls are
-    registered. It is found out once in a process. No error is to be expected."""
+    registered. It is found out once in a process. Nothing is raised."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
     if sys.byteorder != "little" or np.ndarray.__weakrefoffset__ != _Array.weak_references.offset:
@@ -154,14 +156,14 @@ def has_builtins() -> bool:
 def builtin(
     code: NativeCode, name: str, instead: Callable[..., Any], *bound: Any, results: int = 0
 ) -> Callable[..., Any]:
-    """A built-in function of Python that runs native `code`, of whose LLVM IR the text of `builtin_source` is part; on
-    unusual arguments it calls `instead` with them. Usual ones are as many as expected, contiguous float64 arrays of the
-    expected lengths (in tuples of the expected types), finite where that is checked.
+    """Built-in function of Python that runs native `code`, and on unusual arguments calls the fallback `instead` with
+    them. Usual ones are as many as expected, contiguous float64 arrays of the expected lengths (in tuples of the
+    expected types), finite where that is checked. The code's LLVM IR must contain the text of `builtin_source`.
 
-    `name` is the new function's. `bound` are what it is bound to, in the order of the code's `Form`: the types of
-    tuples, then arrays. `results` is the number of its results that are arrays, 0 unless given: of each it keeps the
-    last two, to return them again once nothing else refers to them. `has_builtins` must have been True. Errors are
-    those of `instead`; nothing is checked here.
+    `name` is the new function's. `bound` are the objects that it is bound to, in the order of the code's `Form`: the
+    types of tuples, then arrays. `results` is the number of its results that are arrays, 0 unless given: of each it
+    keeps the last two, to return them again once nothing else refers to them. `has_builtins` must have been True.
+    Errors are those of `instead`; nothing is checked here.
     """
     definition = _Definition(name.encode(), code.address(_ENTRY), _FASTCALL, None)
     kept = (instead, *bound, *[None] * (2 * results), code, definition)
@@ -174,14 +176,14 @@ def _api(name: str, *types: Any) -> Callable[..., Any]:
 
 
 def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form) -> str:
-    """LLVM IR (text) of a built-in function of Python that calls a `routine` (traced function), whose own native
-    function has the name `symbol`, with the data of NumPy arrays and returns new arrays and floats, or a tuple of them;
-    `builtin` makes the function of it. `form`, a `Form`, says which of its arguments the routine's columns (vectors)
-    come from.
+    """LLVM IR (text) of a built-in function of Python that runs a `routine` (traced function) on the data of NumPy
+    arrays and returns new arrays and floats, or a tuple of them. `builtin` makes the function of it. `symbol` is the
+    name of the routine's own native function; `form`, a `Form`, says which of the built-in function's arguments the
+    routine's columns (vectors) come from.
 
-    `finite` says where NaN and infinity make a call unusual, so that another function is called instead: True in
-    arguments and results, "results" in results alone, False nowhere. Not checked: the form must be one of as many
-    columns as the routine's arguments.
+    `finite` says where NaN and infinity make a call unusual, so that the fallback is called: True in arguments and
+    results, "results" in results alone, False nowhere. Not checked: the form must be one of as many columns as the
+    routine's arguments.
     """
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))

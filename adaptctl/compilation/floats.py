@@ -19,14 +19,15 @@ Equation = Callable[..., tuple[Any, ...]]
 
 class OnFloats:
     """Function of vectors that runs in Python and is called with arrays, as a `Kernel` of it, native code, would be:
-    for mechanisms too large to compile.
+    for mechanisms of more than 100 links.
 
     Made of `function`, called by keyword with a `Column` (vector of floats) for each argument, which returns a tuple of
-    Columns and scalars; `arguments`, the arguments' names and lengths n; `name`, that in messages, empty unless given;
-    and `finite`, the check for NaN and infinity: True in arguments and results, "results" in results alone, False, the
-    default, nowhere. Construction checks nothing. A call takes array-likes (n,) by position and returns a tuple of
-    float64 arrays (n,) and floats, in the function's own units; it raises `InputError` for another number of arguments,
-    another shape and what holds no real numbers, `NonFiniteError` as `finite` says, and what the function raises.
+    Columns and scalars; `arguments`, the arguments' names and lengths n; `name`, the function's name in messages, empty
+    unless given; and `finite`, the check for NaN and infinity: True in arguments and results, "results" in results
+    alone, False, the default, nowhere. Construction checks nothing. A call takes array-likes (n,) by position and
+    returns a tuple of float64 arrays (n,) and floats, in the function's own units; it raises `InputError` for another
+    number of arguments, another shape and what holds no real numbers, `NonFiniteError` as `finite` says, and what the
+    function raises.
     """
 
     def __init__(
@@ -69,13 +70,13 @@ def native_or_floats(
     else an `OnFloats`, which runs the function in Python. Both are called with array-likes (n,) by position.
 
     The function is called by keyword with a `Column` (vector of scalars) for each argument, `arguments` has their names
-    and lengths n, and it returns a tuple of Columns and scalars. `name` is that in messages; where it is empty, a
-    `Kernel` has the function's own, an `OnFloats` none; `finite` says where NaN and infinity raise `NonFiniteError` in
-    calls: True in arguments and results, "results" in results alone, False, the default, nowhere; `form`, a `Form`,
-    says which argument of a built-in function made with `Kernel.otherwise` each column comes from, None where each is
-    one. Up to 100 links it raises `InputError` for no arguments at all and for lengths that are no whole numbers of at
-    least 0, `TraceError` for a function that cannot be traced, and what the function raises; beyond, nothing is
-    checked.
+    and lengths n, and it returns a tuple of Columns and scalars. `name` is the function's name in messages; where it is
+    empty, a `Kernel` has the function's own, an `OnFloats` none; `finite` says where NaN and infinity raise
+    `NonFiniteError` in calls: True in arguments and results, "results" in results alone, False, the default, nowhere;
+    `form`, a `Form`, says which argument of a built-in function made with `Kernel.otherwise` each column comes from,
+    None where each is one. Up to 100 links it raises `InputError` for no arguments at all and for lengths that are no
+    whole numbers of at least 0, `TraceError` for a function that cannot be traced, and what the function raises;
+    beyond, nothing is checked.
     """
     if links > LARGEST_COMPILED:
         return OnFloats(function, arguments, name=name, finite=finite)

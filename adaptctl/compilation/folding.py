@@ -15,8 +15,8 @@ from adaptctl.compilation.graph import Expression, Op
 
 def add(x: Any, y: Any) -> Any:
     """The sum `x + y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new or
-    earlier expression, the other operand where one is the float 0, and 0.0 where one is the other's negation. Instead
-    of x + (-z), the difference x - z is made. Raises `TraceError` for expressions of two graphs."""
+    earlier expression. It is the other operand where one is the float 0, and 0.0 where one is the other's negation; in
+    place of x + (-z), the difference x - z is made. Raises `TraceError` for expressions of two graphs."""
     if _is(x, 0.0) or _is(y, 0.0):
         return y if _is(x, 0.0) else x
     if _does(y, Op.NEGATE):
@@ -29,7 +29,7 @@ def add(x: Any, y: Any) -> Any:
 def subtract(x: Any, y: Any) -> Any:
     """The difference `x - y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a
     new or earlier expression; 0.0 where both are the same, also for NaN and infinity; `x` or `-y` where the other is
-    the float 0. Instead of x - (-z) and x - c, with a float c, the sums x + z and x + (-c) are made. Raises
+    the float 0. In place of x - (-z) and x - c, with a float c, the sums x + z and x + (-c) are made. Raises
     `TraceError` for expressions of two graphs."""
     if x is y:
         return 0.0
@@ -56,9 +56,9 @@ def negate(x: Any) -> Any:
 
 def multiply(x: Any, y: Any) -> Any:
     """The product `x * y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new
-    or earlier expression, the float 0.0 where one is 0, also times NaN and infinity, or the other one or its negation
-    where one is 1 or -1. Instead of x (-z), -(x z) is made, or (-c) z where x is a float c. Raises `TraceError` for
-    expressions of two graphs."""
+    or earlier expression. It is the float 0.0 where one is 0, also times NaN and infinity, and the other one or its
+    negation where one is 1 or -1; in place of x (-z), -(x z) is made, or (-c) z where x is a float c. Raises
+    `TraceError` for expressions of two graphs."""
     x, y = _ordered(x, y)
     if isinstance(x, float) and abs(x) in (0.0, 1.0):
         return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
@@ -71,8 +71,8 @@ def multiply(x: Any, y: Any) -> Any:
 
 def divide(x: Any, y: Any) -> Any:
     """The quotient `x / y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new
-    or earlier expression, the float 0.0 where `x` is 0, also by 0 and NaN, or `x` or its negation where `y` is 1 or -1.
-    Instead of (-z)/y, -(z/y) is made, or z/(-c) where y is a float c, and likewise where `y` is negated. Raises
+    or earlier expression. It is the float 0.0 where `x` is 0, also by 0 and NaN, and `x` or its negation where `y` is 1
+    or -1; in place of (-z)/y, -(z/y) is made, or z/(-c) where y is a float c, and likewise where `y` is negated. Raises
     `TraceError` for expressions of two graphs."""
     if _is(x, 0.0):
         return 0.0

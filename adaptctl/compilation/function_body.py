@@ -29,11 +29,11 @@ class FunctionBody:
 
     Made of the `expressions` that it computes, in order; `symbols`, the functions' names by `Routine` (traced
     function), for calls; `lanes`, the `Lanes`, how many numbers are computed at once and in what precision; `found`, by
-    index of expression, the places of values that earlier functions of the same routine left in memory at the pointer
-    `%passed`; and `same`, the `Invariants`, expressions that are the same in all steps of a loop, which are in memory
-    at `%same`, none unless given. `uniform` has the indices of its arguments that have one number in memory for all
-    lanes, none unless given. A place is an index of a value, one number for each SIMD lane; the expression of index i
-    is in the register `%xi`. Nothing is checked.
+    index of expression, the positions of values that earlier functions of the same routine left in memory at the
+    pointer `%passed`; and `same`, the `Invariants`, expressions that are the same in all steps of a loop, which are in
+    memory at `%same`, none unless given. `uniform` has the indices of its arguments that have one number in memory for
+    all lanes, none unless given. A position is an index of a value, one number for each SIMD lane; the expression of
+    index i is in the register `%xi`. Nothing is checked.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class FunctionBody:
 
     @property
     def lines(self) -> list[str]:
-        """The instructions, LLVM's text line by line, those first that set aside memory."""
+        """LLVM instructions of the function's body, a list of lines of text; those that set aside memory come first."""
         return [*self._text.memory, *self._text.lines]
 
     def compute(self, expression: Expression) -> None:
@@ -76,9 +76,9 @@ class FunctionBody:
             self._latest[expression.index] = f"%x{expression.index}", self._now
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
-        """Append the instructions that write `value`, an expression that has been computed or a constant, into memory:
-        `k` places, a place being one number for each SIMD lane (arms computed at once), after the LLVM pointer of the
-        name `pointer`, such as "%out0". Nothing is checked."""
+        """Append the instructions that write `value`, an expression that has been computed or a constant, into memory
+        at index `k` after the LLVM pointer of the name `pointer`, such as "%out0". The index counts values of one
+        number for each SIMD lane (arms computed at once). Nothing is checked."""
         self._text.store(pointer, k, self._operand(value))
         if isinstance(value, Expression):
             self._stored.setdefault(value.index, (pointer, k))

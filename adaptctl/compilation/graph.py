@@ -13,9 +13,9 @@ E = TypeVar("E", bound="Expression")
 
 class Op(StrEnum):
     """Kinds of operation of an `Expression` (a node in the graph of a traced function), each the text of its symbol or
-    name: an input, + - * / and neg, sin and cos (rad), sqrt, round (to the nearest whole number, halves to the even
-    one), abs, min, max, the comparisons < and <=, select (one of two values by a comparison), the call of a routine and
-    a result of that call."""
+    name. They are an input, + - * / and neg, sin and cos (rad), sqrt, round (to the nearest whole number, halves to the
+    even one), abs, min, max, the comparisons < and <=, select (one of two values by a comparison), the call of a
+    routine and a result of that call."""
 
     INPUT = "input"
     ADD = "+"
@@ -57,14 +57,16 @@ class Expression:
 
 
 class Graph:
-    """Expression graph of one trace, one run of a function on symbolic scalars: equal expressions are one object, and
-    the indices of operands are below those of what uses them, so that their order is one to compute in.
+    """Expression graph of one trace, one run of a function on symbolic scalars, in which equal expressions are one
+    object. The indices of operands are below those of what uses them, so that expressions can be computed in the order
+    of their indices. Nothing is checked at construction.
 
     `routines` maps what has been called in the trace (a function, its arguments' layout and constants) to its traced
-    `Routine`; the graph of a called function is given its caller's; None, the default, stands for an empty one. `sines`
-    maps angles, expressions in rad, to the sine and cosine that are known of them. `passed`, None unless given, is for
-    the graph of a called function: the number of the extra argument in which its caller passes sines and cosines, in
-    pairs; `turned` lists the angles, inputs of the graph, whose sines and cosines these are, in the same order.
+    `Routine`; the graph of a called function is given its caller's; None, the default, stands for an empty one. The
+    attribute `sines` maps angles, expressions in rad, to the sine and cosine that are known of them. `passed`, None
+    unless given, is for the graph of a called function: the index, from 0, of the extra argument in which its caller
+    passes sines and cosines, in pairs; the attribute `turned` lists the angles, inputs of the graph, whose sines and
+    cosines these are, in the same order.
     """
 
     def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:
@@ -74,9 +76,9 @@ class Graph:
         self.passed, self.turned = passed, list[Expression]()
 
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
-        """The one expression of this graph, of the class `kind`, with the operation `op`, these `operands` (expressions
-        and floats) and this `detail` (what operands cannot say, None unless given): an earlier one where there is one,
-        else a new one. Raises `TraceError` where an operand is of another graph."""
+        """The one expression of this graph with the operation `op`, these `operands` (expressions and floats) and this
+        `detail` (what operands cannot say, None unless given): an earlier one where there is one, else a new one of the
+        class `kind`. Raises `TraceError` where an operand is of another graph."""
         key = (op, operands, detail)
         found = self._expressions.get(key)
         if found is None:

@@ -7,7 +7,7 @@ from adaptctl.compilation.lanes import Lanes
 
 class Instructions:
     """LLVM instructions of one function's body, as lines of text: `memory` has those that set aside memory, which come
-    first, and `lines` all others, in order. A register, and a place of memory, holds as many numbers as `lanes`, the
+    first, and `lines` all others, in order. A register, and a value in memory, holds as many numbers as `lanes`, the
     `Lanes` (count and precision), has lanes. Nothing is checked."""
 
     def __init__(self, lanes: Lanes) -> None:
@@ -16,28 +16,28 @@ class Instructions:
         self.lanes = lanes
 
     def add(self, line: str) -> None:
-        """Append an instruction, the `line`, as it is."""
+        """Append an instruction, the text `line`, as it is. Nothing is checked."""
         self.lines.append(line)
 
     def reserve(self, name: str, size: int) -> str:
-        """Append to `memory` the instruction that sets aside memory for `size` values, each of one number for each SIMD
-        lane (arms computed at once), with the LLVM pointer of the given `name`, such as "%spare", to it. Returns that
-        name."""
+        """Append, to the attribute `memory`, the instruction that sets aside memory for `size` values, each of one
+        number for each SIMD lane (arms computed at once). `name` is the LLVM pointer to it, such as "%spare", and is
+        returned. Nothing is checked."""
         self.memory.append(f"{name} = alloca [{size} x {self.lanes.value}], align {max(self.lanes.alignment, 64)}")
         return name
 
     def load(self, name: str, pointer: str, k: int) -> str:
-        """Append the instructions that load the numbers `k` places after a `pointer`, a register's name, a place being
-        one number for each SIMD lane (arms computed at once), into the LLVM register of the given `name`, such as
-        "%x3". Returns that name."""
+        """Append the instructions that load a value, one number for each SIMD lane (arms computed at once), into the
+        LLVM register of the given `name`, such as "%x3". It is read at index `k`, counted in such values, after a
+        `pointer`, a register's name. Returns `name`. Nothing is checked."""
         self.add(f"{name}.at = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name
 
     def broadcast(self, name: str, pointer: str, k: int) -> str:
-        """Append the instructions that load the one number that is `k` single numbers after a `pointer`, a register's
-        name, into every SIMD lane (arms computed at once) of the LLVM register of the given `name`. Returns that
-        name."""
+        """Append the instructions that load one number into every SIMD lane (arms computed at once) of the LLVM
+        register of the given `name`. It is read at index `k`, counted in single numbers, after a `pointer`, a
+        register's name. Returns `name`. Nothing is checked."""
         value, scalar, n = self.lanes.value, self.lanes.scalar, self.lanes.count
         self.add(f"{name}.at = getelementptr {scalar}, ptr {pointer}, i64 {k}")
         self.add(f"{name}.one = load {scalar}, ptr {name}.at, align {self.lanes.size}")
@@ -46,8 +46,8 @@ class Instructions:
         return name
 
     def store(self, pointer: str, k: int, value: str) -> None:
-        """Append the instructions that write a `value`, a register's name or a constant's text, one number for each
-        SIMD lane (arms computed at once), into memory, `k` places after a `pointer`, another register's name, a place
-        having room for one such value. Nothing is checked."""
+        """Append the instructions that write a `value`, one number for each SIMD lane (arms computed at once), given by
+        a register's name or a constant's text, into memory. It is written at index `k`, counted in such values, after a
+        `pointer`, another register's name. Nothing is checked."""
         self.add(f"{pointer}.{k} = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"store {self.lanes.value} {value}, ptr {pointer}.{k}, align {self.lanes.size}")

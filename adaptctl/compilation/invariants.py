@@ -19,9 +19,9 @@ class Invariants(NamedTuple):
     step, since they depend on held arguments alone, those that are the same in all steps.
 
     `computed` is the set of all these; `stored` lists the expressions that lie side by side in memory for the steps to
-    read: those of `computed` that a step uses or returns, and held inputs that a call takes with them; `places` has the
-    index there of single expressions, by expression index; `groups` the index there of the first of those that a call
-    takes as one argument, by the tuple of their expression indices. Made by `Invariants.of`; nothing is checked.
+    read: those of `computed` that a step uses or returns, and held inputs that a call takes with them; `places` maps
+    the index of a single expression to its index there; `groups` maps the indices of those that a call takes as one
+    argument, a tuple, to the index there of the first of them. Made by `Invariants.of`; nothing is checked.
     """
 
     computed: frozenset[Expression]
@@ -31,9 +31,9 @@ class Invariants(NamedTuple):
 
     @classmethod
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
-        """The `Invariants` of a step's `routine` (its traced function) whose arguments of the indices `held`, from 0,
-        are the same in all steps: the expressions that depend on these alone, but for calls and comparisons and all
-        that needs them, which is done in each step. Nothing is raised."""
+        """Loop invariants, an `Invariants`, of a step's `routine` (its traced function), whose arguments of the indices
+        `held`, from 0, are the same in all steps. They are the expressions that depend on these arguments alone, except
+        calls, comparisons and all that needs these, which is computed in each step. Nothing is raised."""
         same = _same(routine.body, held)
         found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]
@@ -48,16 +48,16 @@ class Invariants(NamedTuple):
         return found
 
     def before(self, routine: Routine) -> Routine:
-        """The `Routine` (traced function) that computes the scalars that are the same in all steps, once before the
-        first: its only result, (s,), s the length of `stored`, from all arguments of the step's `routine`, of which it
-        uses the held ones alone. Nothing is checked."""
+        """Routine (traced function) that computes, once before the first step, the scalars that are the same in all
+        steps. Its only result is (s,), s the length of the field `stored`; it takes all arguments of the step's
+        `routine`, of which it uses the held ones alone. Nothing is checked."""
         values: tuple[Any, ...] = tuple(self.stored)
         return Routine(f"{routine.name} before", routine.inputs, values, Layout(None, ((len(values),),)))
 
     def left(self, routine: Routine) -> list[Expression]:
-        """The expressions of the step's `routine` (its traced function) that each step still has to do, operands before
-        what uses them: all but the invariants, of which only those that are results of the step remain, to be copied.
-        Nothing is checked."""
+        """Expressions of the step's `routine` (its traced function) that are still computed in each step, operands
+        before what uses them. They are all but the invariants; of these only such as are results of the step remain, to
+        be copied. Nothing is checked."""
         results = {x for x in routine.outputs if isinstance(x, Expression)}
         return [x for x in routine.body if x not in self.computed or x in results]
 

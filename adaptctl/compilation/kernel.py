@@ -90,7 +90,7 @@ class Kernel:
 
     @property
     def call(self) -> Callable[..., Any]:
-        """The raw built-in function behind `kernel(*arguments)`, made at the first use: it takes the same arguments, an
+        """The raw built-in function behind `kernel(*arguments)`, made at the first use. It takes the same arguments, an
         array-like (n,) each, n its length, and returns the same floats and float64 arrays, without the Python wrapper,
         which saves 60 ns a call. Raises `InputError` for arguments of another number, another shape or that hold no
         real numbers; `NonFiniteError` for NaN and infinity where the kernel checks for them."""
@@ -100,11 +100,11 @@ class Kernel:
 
     @property
     def into(self) -> Callable[..., Any]:
-        """The raw built-in function `into(*outs, *arguments)`, made at the first use, which writes the results into
-        arrays that it is given: one `out` of each result's shape, (), (n,) or (rows, n), in float64, then the
-        arguments, (n,) each of its length n. It returns the outs, one array or a tuple of them.
+        """The raw built-in function `into(*outs, *arguments)`, made at the first use, which writes the kernel's results
+        into given arrays. Its arguments are one `out` of each result's shape, (), (n,) or (rows, n), in float64, then
+        the kernel's arguments, (n,) each of its length n. It returns the outs, one array or a tuple of them.
 
-        Raises `InputError` for an `out` that is missing, no writable float64 array or of another shape, and for
+        It raises `InputError` for an `out` that is missing, no writable float64 array or of another shape, and for
         arguments of another number, another shape or that hold no real numbers; `NonFiniteError` where the kernel
         checks for NaN and infinity: an `out` may then hold anything.
         """
@@ -114,12 +114,14 @@ class Kernel:
 
     def filling(self, instead: Callable[..., Any]) -> Callable[..., Any]:
         """A function `f(*outs, *arguments)` that writes the kernel's results at the arguments, (n,) each, into the
-        arrays `outs` and returns these, as `into` does, and calls `instead` with them all wherever they are unusual:
-        not as many, not contiguous float64 arrays of the expected shapes, an `out` that is read-only or shares memory
-        with another, or, where the kernel checks for them, NaN and infinity.
+        arrays `outs` and returns these: one array or a tuple of them. It runs native code (the fast path) for usual
+        arguments, and calls `instead` (the fallback) with the same outs and arguments for all others.
 
-        It refuses nothing by itself: errors are those of `instead`. It is `instead` itself where a result is a scalar,
-        and on a Python whose arrays native code cannot read, such as any but CPython.
+        Usual are as many outs and arguments as the kernel has results and arguments, all contiguous float64 arrays of
+        the expected shapes, each `out` writable and sharing no memory with another out or an argument, and, where the
+        kernel checks for them, no NaN or infinity in arguments or results. f itself raises nothing: errors are those of
+        `instead`, which is called after `outs` have been written to where a result is not finite. Where a result is a
+        scalar, and on a Python whose arrays native code cannot read, such as any but CPython, f is `instead` itself.
         """
         if not (has_builtins() and all(self.outputs)):
             return instead
@@ -155,14 +157,14 @@ class Kernel:
         return routine
 
     def map(self, *arguments: ArrayLike, out: Array | Sequence[Array] | None = None) -> Any:
-        """The kernel's results at m samples, evaluated in SIMD lanes: an array (m, ...) of each, with the shape of one
-        result after the m samples, in a tuple of the function's kind if it returns one. Arguments are (m, n) each, n
+        """The kernel's results at m samples, evaluated in SIMD lanes. Each is an array (m, ...), with the shape of one
+        result after the axis of samples; several are in a tuple of the function's kind. Arguments are (m, n) each, n
         the argument's length, one row a sample, or (n,) where all samples share it; m is 1 where all do.
 
-        `out` is the array that is filled and returned, or a sequence of one for each result; None for fresh ones.
-        Raises `InputError` for arguments of another number, another shape or that hold no real numbers, and for an
-        `out` that is no writable, contiguous float64 array of these shapes; `NonFiniteError` for NaN and infinity where
-        the kernel checks for them: `out` may then hold anything.
+        `out` is the array that is filled and returned, or a sequence of one for each result; None for new ones. Raises
+        `InputError` for arguments of another number, another shape or that hold no real numbers, and for an `out` that
+        is no writable, contiguous float64 array of these shapes; `NonFiniteError` for NaN and infinity where the kernel
+        checks for them: `out` may then hold anything.
         """
         arrays = self._given.arrays(arguments, sample_axes=1)
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)
@@ -189,13 +191,14 @@ class Kernel:
         return list(given)
 
     def otherwise(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
-        """A function that is the kernel on usual arguments and calls `instead`, with the same arguments, on all others:
-        where they are not as many, not contiguous float64 arrays (n,) in the places that the kernel's `form` says, or,
-        where the kernel checks for them, NaN or infinity is in them or in the results.
+        """A function that runs the kernel's native code (the fast path) for usual arguments, and calls `instead` (the
+        fallback) with the same arguments for all others. Usual are as many arguments as expected, contiguous float64
+        arrays (n,) at the positions that the kernel's `form` says, and, where the kernel checks for them, no NaN or
+        infinity in them or in the results.
 
         `bound` has the types of the form's tuples (its arguments that are tuples of arrays), in order, and then the
-        arrays (n,) of those arguments of the kernel that come from no argument of the new function. It refuses nothing
-        by itself: errors are those of `instead`. On a Python whose arrays native code cannot read, such as any but
+        arrays (n,) of those arguments of the kernel that come from no argument of the new function. It raises nothing
+        itself: errors are those of `instead`. On a Python whose arrays native code cannot read, such as any but
         CPython, it is `instead` itself.
         """
         return self._builtin(instead, *bound) if has_builtins() else instead

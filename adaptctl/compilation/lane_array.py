@@ -71,24 +71,25 @@ class LaneArray:
         part[...] = rows.reshape(part.shape)
 
     def view(self, name: str) -> Array:
-        """The column `name` (..., n), after the axes of steps, of the array's only member, as it is in memory, in the
-        array's `dtype`: a view, no copy. Raises `InputError` where there are more members or lanes than one, and for an
-        unknown name."""
+        """The column `name` of this array's only member, a view (..., n) of the memory itself, in its number type, not
+        a copy. n is the column's length; the leading axes are those of steps, none in an array without steps. Writing
+        to it changes the array. Raises `InputError` where there are more members or lanes than one, and for an unknown
+        name."""
         if self.members != 1 or self.lanes != 1:
             raise InputError(f"view: expected one member in one lane, got {self.members} in {self.lanes}")
         column: Array = self.blocks[..., 0, self._place(name), 0]
         return column
 
     def address_of(self, step: int) -> int:
-        """The address in memory, an integer, of the numbers of the step of index `step`, from 0, in an array with one
-        axis of steps. Not checked: an index out of range gives an address out of the array."""
+        """The address in memory, an integer, at which the numbers of the step of index `step`, from 0, begin, in an
+        array with one axis of steps. Not checked: an index out of range gives an address out of the array."""
         return self.address + self.blocks.itemsize * step * self.stride
 
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
-        """Assign to the column `name` of some members, by their indices `members` (k,) from 0, values that broadcast to
-        (k, n), NaN and infinity too. Raises `InputError` for indices that are no whole numbers, of another shape or of
-        no member, an unknown name, values that are no real numbers or do not broadcast, and where the array has axes of
-        steps."""
+        """Assign `values`, which broadcast to (k, n), NaN and infinity too, to the column `name` (length n) of k
+        members, given by their indices `members` (k,) from 0. Of an index given twice the last values stay. Raises
+        `InputError` for indices that are no whole numbers, of another shape or of no member, an unknown name, values
+        that are no real numbers or do not broadcast, and where the array has axes of steps."""
         if self.blocks.ndim > 3:
             raise InputError(f"put: expected an array without axes of steps, got steps {self.blocks.shape[:-3]}")
         chosen = np.asarray(members)

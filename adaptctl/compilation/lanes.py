@@ -88,9 +88,9 @@ class Lanes:
         return digits if self.count == 1 else "<" + ", ".join([f"{self.scalar} {digits}"] * self.count) + ">"
 
     def rounded(self, x: float) -> float:
-        """The float that stands for `x` in the precision: `x` itself in double; in single the nearest of its normal
-        numbers, whose size is 1.2e-38 to 3.4e38, so that no finite number becomes infinite or 0; NaN, infinities and 0
-        are as they were. Nothing is raised."""
+        """The float that stands for `x` in the precision of these lanes: `x` itself in double; in single the nearest of
+        its normal numbers, whose size is 1.2e-38 to 3.4e38, so that no finite number becomes infinite or 0; NaN,
+        infinities and 0 are as they were. Nothing is raised."""
         return x if self.precision == "double" else single(x)
 
     def whole(self, k: int) -> str:

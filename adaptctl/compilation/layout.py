@@ -25,24 +25,24 @@ class Layout(NamedTuple):
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Number of scalars in each part (a scalar, a vector or a matrix) of the result, in order: a tuple of
-        integers."""
+        """Numbers of scalars in the parts (scalars, vectors or matrices) of this layout, one integer a part, in order:
+        the product of each shape in its field `shapes`."""
         return tuple(math.prod(shape) for shape in self.shapes)
 
     @property
     def places(self) -> tuple[slice, ...]:
-        """Slices, one for each part (scalar, vector or matrix) of the result in order: where the part's scalars are in
-        the sequence of all the result's scalars."""
+        """Slices, one for each part (scalar, vector or matrix) of this layout in order: the positions of the part's
+        scalars in the sequence of all the layout's scalars."""
         return tuple(slice(end - size, end) for size, end in zip(self.sizes, accumulate(self.sizes), strict=True))
 
     @property
     def contain(self) -> Callable[[Iterator[Any]], Any]:
-        """Function that puts an iterator of parts (scalars, vectors, matrices) into the tuple or NamedTuple that they
-        make up; where there is none, it returns the first and only part."""
+        """Function that puts an iterator of parts (scalars, vectors, matrices) into the tuple or NamedTuple that this
+        layout is of; for a layout of one part without a tuple, it returns the first part. Nothing is checked here."""
         return next if self.container is None else getattr(self.container, "_make", tuple)
 
     def restored(self, scalars: Sequence[Any]) -> Any:
-        """The result in its own form (a scalar, a `Column`, a list of Columns, or a tuple or NamedTuple of these) from
+        """The value of this layout, a scalar, a `Column`, a list of Columns, or a tuple or NamedTuple of these, made of
         the sequence of all its `scalars` in order. Not checked: too few may raise `IndexError`, too many are
         ignored."""
         parts = (scalars[place] for place in self.places)

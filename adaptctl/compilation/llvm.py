@@ -25,9 +25,9 @@ BEFORE = ".before"
 
 def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Container[int] = ()) -> tuple[str, str]:
     """The LLVM IR (text) of a `routine`, a traced function, and of all that it calls, and the name of its function in
-    it, which takes a pointer to each argument, then to each part of the result, where the scalars lie in order, each as
-    one number for every lane. `lanes`, the `Lanes`, says how many numbers are computed at once by SIMD instructions and
-    in what precision.
+    that text. The function takes a pointer to each argument, then to each part of the result, where the scalars lie in
+    order, each as one number for every lane. `lanes`, a `Lanes`, says how many numbers are computed at once by SIMD
+    instructions and in what precision.
 
     `same`, for a step of a loop, are the `Invariants`, which do not change from step to step, none unless given: the
     function then takes a last pointer, to memory that has them, and another function, its name followed by ".before",

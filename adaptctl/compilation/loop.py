@@ -24,9 +24,9 @@ steps.
 
 
 class Source(StrEnum):
-    """Source of a step's argument, for a step that is taken by many members (copies of its state): "state", of each
-    member, which each step replaces; "held", of each member, the same in all steps; "shared", the same for all members,
-    new in each step; "driven", of each member, new in each step."""
+    """Source of a step's argument, for a step that is taken by many members (copies of its state). "state" is of each
+    member and is replaced by each step; "held" is of each member and the same in all steps; "shared" is the same for
+    all members and new in each step; "driven" is of each member and new in each step."""
 
     STATE = "state"
     """one a lane, replaced in each step by the first results"""
@@ -40,10 +40,10 @@ class Source(StrEnum):
 
 def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]], same: int = 0) -> str:
     """LLVM IR (text) of the function `run`, one native call of which takes many steps of a `routine` (traced function)
-    for many members (copies of its state), a block of them, as many as `lanes`, at a time. `run` takes the index of the
-    first block and of the one after the last, the number of steps, how many numbers lie from step to step in the arrays
-    of shared and driven arguments and of outputs (0 for an array without steps), and the addresses of state, held,
-    shared, driven and outputs.
+    for many members (copies of its state). It works on a block of members, as many as `lanes`, at a time. `run` takes
+    the index of the first block and of the one after the last, the number of steps, the strides from step to step,
+    counted in numbers, of the arrays of shared and driven arguments and of outputs (0 for an array without steps), and
+    the addresses of state, held, shared, driven and outputs.
 
     `symbol` is the name of the routine's own function; `columns` has the lengths of its arguments by `Source` (state,
     held, shared, driven), in that order; its first results are the new state, the others outputs. `same` is the number

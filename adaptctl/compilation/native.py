@@ -21,9 +21,9 @@ _RECIPE = 3
 
 
 class NativeCode:
-    """Machine code in the memory of this process, which stays there as long as the object lives: made of the bytes of a
-    compiled object file, `data`, and of the LLVM target `machine` that it was compiled for; `load` makes it of LLVM IR.
-    The bytes are not checked."""
+    """Machine code in the memory of this process, which stays there as long as the object lives. It is made of the
+    bytes of a compiled object file, `data`, and of the LLVM target `machine` that it was compiled for; `load` makes it
+    of LLVM IR. The bytes are not checked."""
 
     def __init__(self, data: bytes, machine: llvm.TargetMachine) -> None:
         self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
@@ -32,8 +32,8 @@ class NativeCode:
         weakref.finalize(self, _release, self.engine).atexit = False
 
     def address(self, symbol: str) -> int:
-        """The address in memory, an integer, of the function of the name `symbol` in the code; 0 where there is none of
-        that name."""
+        """The address in memory, an integer, of the function of the name `symbol` in this code; 0 where it has none of
+        that name. Nothing is raised."""
         with _compiler():
             return int(self.engine.get_function_address(symbol))
 

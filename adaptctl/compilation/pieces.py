@@ -21,10 +21,10 @@ _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 
 
 class Piece(NamedTuple):
-    """Piece of a long routine (traced function), compiled as a function of its own: `expressions`, to be computed in
-    their order; `kept`, the places in memory, shared by all pieces, of those that later pieces need; and `found`, the
-    places there of what earlier pieces computed and this one needs. Both are dicts from an expression's index to its
-    place, an index in that memory. Nothing is checked."""
+    """Piece of a long routine (traced function), compiled as a function of its own. `expressions` are computed in their
+    order; `kept` are the positions in memory, shared by all pieces, of those that later pieces need; and `found` the
+    positions there of what earlier pieces computed and this one needs. Both are dicts from an expression's index to its
+    position, an index in that memory. Nothing is checked."""
 
     expressions: Sequence[Expression]
     kept: dict[int, int]
@@ -32,11 +32,11 @@ class Piece(NamedTuple):
 
 
 def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece]:
-    """The Pieces, in their order, that a routine's (traced function's) expressions, `body`, are compiled in: one
-    where there are at most 6000 of them, else of about 1500 each, since LLVM's time grows with the square of a
-    function's length. `given` has the indices of expressions that are in memory already and pass between no pieces,
-    none unless given. Comparisons are made again in each piece that uses them, for memory holds numbers alone. Nothing
-    is checked."""
+    """Pieces, a list of `Piece` in order, that a routine's (traced function's) expressions, `body`, are compiled in.
+    There is one where there are at most 6000 expressions, else one for about every 1500, since LLVM's time grows with
+    the square of a function's length. `given` has the indices of expressions that are in memory already and pass
+    between no pieces, none unless given. Comparisons are made again in each piece that uses them, for memory holds
+    numbers alone. Nothing is checked."""
     whole, *others = _parts(body)
     if not others:
         return [Piece(whole, {}, {})]

@@ -29,9 +29,10 @@ class Processor(NamedTuple):
 
     @classmethod
     def host(cls) -> Processor:
-        """The processor of this machine; where the environment variable ADAPTCTL_PROCESSOR is "sse2", "avx2" or
-        "avx512", it with the instruction sets of that level alone; all of them where the variable is "native", empty or
-        not set. Raises `InputError` for another value, and for a level that the processor lacks."""
+        """The processor of this machine, a `Processor`, with all its instruction sets, or with those of one level alone
+        where the environment variable ADAPTCTL_PROCESSOR is "sse2", "avx2" or "avx512". They are all where the variable
+        is "native", empty or not set. Raises `InputError` for another value, and for a level that the processor
+        lacks."""
         level = os.environ.get("ADAPTCTL_PROCESSOR", "")
         return _whole() if level in ("", "native") else _whole().limited(level)
 
@@ -56,8 +57,9 @@ class Processor(NamedTuple):
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
     def lanes_of(self, precision: Precision) -> int:
-        """Number of floating-point numbers of a `precision` that one SIMD instruction works on: `lanes` in "double",
-        twice as many in "single", but 1 where no SIMD instructions are known. The precision is not checked."""
+        """Number of floating-point numbers of a `precision` that one SIMD instruction works on: the property `lanes` in
+        "double", twice as many in "single", but 1 where no SIMD instructions are known. The precision is not
+        checked."""
         return self.lanes if precision == "double" or self.lanes == 1 else 2 * self.lanes
 
     def machine(self) -> llvm.TargetMachine:

@@ -14,9 +14,10 @@ _SCALARS = ("adaptctl.compilation.", "adaptctl.scalars.", "numpy.")
 
 
 def untraceable(why: str) -> TraceError:
-    """A `TraceError`, to be raised, for what a traced function cannot do: its message is the reason `why`, followed by
-    file, number and text of the line to change, the nearest of the calls under way that is not the library's own, or
-    else of the library's nearest equation. It has the reason alone where there is neither."""
+    """Error, a `TraceError` to be raised, for what a traced function cannot do: its message is the reason `why`,
+    followed by file, number and text of the line to change. That is, of the calls under way, the nearest line that is
+    not the library's own, or else the nearest of the library's equations. The message is the reason alone where there
+    is neither. Nothing is raised here."""
     from traceback import walk_stack  # here, since only errors need it
 
     traced = takewhile(lambda at: _module(at) != _TRACER, walk_stack(sys._getframe(1)))

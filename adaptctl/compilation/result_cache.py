@@ -50,10 +50,10 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 def arithmetic() -> list[str]:
-    """Texts, in this order, that tell what decides the last bits of results: NumPy's version, its BLAS, the kind of
-    machine, the number of processors that may be used, each instruction set that NumPy sees, and, as NAME=value, each
-    environment variable whose name begins with OPENBLAS_, MKL_, OMP_NUM_THREADS or ADAPTCTL_PROCESSOR. Nothing is
-    raised."""
+    """Texts that name what decides the last bits of results, a list in this order: NumPy's version, its BLAS, the kind
+    of machine, the number of processors that may be used, each instruction set that NumPy sees, and, as NAME=value,
+    some environment variables. These are the ones whose names begin with OPENBLAS_, MKL_, OMP_NUM_THREADS or
+    ADAPTCTL_PROCESSOR. Nothing is raised."""
     chosen = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING))
     return [*_here(), *chosen]
 

@@ -81,8 +81,8 @@ class Routine:
 
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Routine:
-    """The routine of a function, traced by calling it once, by keyword, on Columns (vectors) of symbolic scalars;
-    `arguments` maps their names to their lengths n.
+    """The traced `function`, a `Routine` of the expressions that it computes, found by calling it once, by keyword, on
+    Columns (vectors) of symbolic scalars; `arguments` maps their names to their lengths n.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
     these. `name` is the routine's, the function's own where empty. Raises `TraceError` for any other result, where the

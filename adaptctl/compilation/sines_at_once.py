@@ -32,8 +32,8 @@ class SinesAtOnce:
         self._size: dict[str, int] = {}
 
     def place(self, x: Expression) -> tuple[str, int] | None:
-        """The place in memory of an expression `x`, a sine or cosine that was computed: the name of a pointer and an
-        index after it, counted in values of one number for each SIMD lane (arms computed at once). None for other
+        """The position in memory of an expression `x`, a sine or cosine that was computed: the name of a pointer and an
+        index after it. The index counts values of one number for each SIMD lane (arms computed at once). None for other
         expressions. Nothing is raised."""
         found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
@@ -175,10 +175,11 @@ class _Group(NamedTuple):
 
 
 def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expression]]:
-    """Groups of angles, expressions in rad, whose sines and cosines can be computed at once, among a routine's
-    `expressions` in order: a dict from the index of an expression to the angles whose sines and cosines are computed
-    just before it. Angles that are arguments of the routine make one group before the first expression; each other
-    group is of the angles of sines and cosines that follow each other directly in `expressions`. Nothing is checked."""
+    """Groups of angles, expressions in rad, whose sines and cosines can be computed together, among a routine's
+    `expressions` in order. They are a dict from the index of an expression to the angles whose sines and cosines are
+    computed just before it. Angles that are arguments of the routine make one group before the first expression; each
+    other group is of the angles of sines and cosines that follow each other directly in `expressions`. Nothing is
+    checked."""
     asked = [x.operands[0] for x in expressions if x.op in ANGLES]
     given = [x for x in dict.fromkeys(asked) if x.op is Op.INPUT]
     groups = {expressions[0].index: given} if given else {}

@@ -39,8 +39,8 @@ def compile_step(
     precision: Precision = "double",
 ) -> Stepper:
     """A `Stepper`, native code that takes `step` again and again for many members (copies of its state), `lanes` of
-    them at once by SIMD instructions: 1, 2, 4 or 8, in single precision also 16, None for as many as suit the
-    `processor`, which is None for this machine's.
+    them at once by SIMD instructions. `lanes` is 1, 2, 4 or 8, in single precision also 16, or None for as many as suit
+    the `processor`, which is None for this machine's.
 
     `step` is called once with Columns by keyword, whose names and lengths n are given: `state`, which each member has
     and each step replaces; `held`, which each member has and keeps; `shared`, other in each step and the same for all
@@ -111,9 +111,9 @@ class Stepper:
 
 
 class Signals(NamedTuple):
-    """Memory for the signals of some steps, made by `Ensemble.signals` for an ensemble of members (copies of a state):
-    `shared`, the columns that are the same for all members, (steps, 1, n), and `driven`, those of each member, (steps,
-    members, n), where n is a column's length; a `LaneArray` each. Nothing is checked."""
+    """Memory for the signals of some steps of an ensemble of members (copies of a state), made by `Ensemble.signals`.
+    `shared` has the columns that are the same for all members, (steps, 1, n), and `driven` those of each member,
+    (steps, members, n), where n is a column's length; each is a `LaneArray`. Nothing is checked."""
 
     shared: LaneArray
     driven: LaneArray
@@ -145,10 +145,10 @@ class Ensemble:
         record: bool = False,
         threads: int = 1,
     ) -> tuple[Array, ...]:
-        """Take a number of steps, all members together, from their `state`, which is replaced. Returns the outputs of
-        the last step, (members, ...) each, or with `record` those of all, (steps, members, ...) each, the shape of one
-        output after the members, in float64; after 0 steps, those of the last run without `record`, zero where there is
-        none.
+        """Take a number of `steps`, 1 by default, all members together, from the attribute `state`, which is replaced.
+        Returns the outputs of the last step, (members, ...) each, or with `record` those of all, (steps, members, ...)
+        each, the shape of one output after the members, in float64; after 0 steps, those of the last run without
+        `record`, zero where there is none.
 
         `signals` are, by name, all shared columns (steps, n), the same for all members, and driven ones (steps,
         members, n), n a column's length, or what broadcasts to that; they are not checked for NaN or infinity.
@@ -183,12 +183,12 @@ class Ensemble:
         return Signals(shared, self._array(columns[Source.DRIVEN], steps, made=np.empty))
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike] | Signals) -> None:
-        """Take `steps` steps of all members from their `state`, which is replaced, and put the outputs into `room`,
-        made by `room()`, from its step of index `first` on. `signals` are, by name, the shared columns (steps, n), the
-        same for all members, and the driven ones (steps, members, n); or `Signals` made by `signals()`, of which those
-        from the same index `first` on are read, in place. Raises `InputError` where steps or outputs do not fit, where
-        `first` or `steps` is no whole number of at least 0, for a room or `Signals` whose columns, members, lanes or
-        type of number are not this ensemble's, and for signals of other names, of the wrong shape or that are
+        """Take `steps` steps of all members from the attribute `state`, which is replaced, and put the outputs into
+        `room`, made by `room()`, from its step of index `first` on. `signals` are, by name, the shared columns (steps,
+        n), the same for all members, and the driven ones (steps, members, n); or `Signals` made by `signals()`, of
+        which those from the same index `first` on are read, in place. Raises `InputError` where steps or outputs do not
+        fit, where `first` or `steps` is no whole number of at least 0, for a room or `Signals` whose columns, members,
+        lanes or type of number are not this ensemble's, and for signals of other names, of the wrong shape or that are
         no real numbers."""
         first, steps = whole_count(first, "record: first"), whole_count(steps, "record: steps")
         _require(room, self._recorded, first, steps, "a `room`")

@@ -21,61 +21,63 @@ from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
 
 
 class AdaptiveState(NamedTuple):
-    """Memory of an adaptive control law: its estimate, and data of the last control period, from which it learns in the
-    next.
+    """Internal state of an adaptive control law: its parameter estimate, and data of the last control period, from
+    which it learns in the next.
 
     Columns, each with leading axes where there are many arms: `estimate` (k,) of the k parameters, SI units; `q` (n,),
     positions of the spanning tree's n joints in the last control period, rad (m for a prismatic joint), from which
     kinematic loops, if any, are followed; `motion` (w,), w numbers in SI units of the motion then, as many as the
     control law needs to make the gradient Y_r' s, Y_r' the transpose of the torque regressor Y_r (r, k) then; `s` (r,),
-    the sliding variable of r joints there, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held
+    the sliding variable of r joints then, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held
     since; `elapsed` (1,), the time since in s, 0 before the first control period. `learning` is the adaptation law's
-    memory, `more` the control law's own besides, named tuples of columns. Nothing is checked.
+    internal state, `more` what the control law itself keeps besides, named tuples of columns. Nothing is checked.
 
-    If the torque is limited after the controller, put the one that was applied into `torque`, and zero into `elapsed`
-    for a period that is not to be learned from.
+    If the torque is limited after the controller, put the applied torque into `torque`, and zero into `elapsed` for a
+    period that is not to be learned from.
     """
 
     estimate: Any
     """(k,) the parameters' estimate"""
     q: Any
-    """(n,) the tree's joints at the last tick: where the loops, if any, are followed from"""
+    """(n,) the tree's joints in the last control period, from which kinematic loops, if any, are followed"""
     motion: Any
-    """numbers of the last tick's motion, from which the gradient Y_r's is made"""
+    """(w,) of the motion in the last control period, from which the gradient Y_r's is made"""
     s: Any
-    """(r,) the sliding variable there"""
+    """(r,) the sliding variable then"""
     torque: Any
-    """(r,) N m, held since the last tick"""
+    """(r,) N m, held since"""
     elapsed: Any
-    """(1,) s since the last tick, 0 before the first"""
+    """(1,) s since the last control period, 0 before the first"""
     learning: Any
-    """the adaptation law's memory"""
+    """the adaptation law's internal state"""
     more: Any
-    """the control law's own memory besides"""
+    """the control law's own internal state besides"""
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's memory that a recorded run holds. For `ConcurrentLearning`, (..., 1): 1 where a
-        sample was put on its stack, else 0. For `CompositeLearning`, (..., 1): the number, 0 to r, of the r joints
-        whose torque equation was learned from. For `ConsistentLift`, (..., P): the P inertial and friction parameters,
-        SI units, that stand for its estimate. Raises `AttributeError` for other laws, or with adaptation off."""
+        """Part of the adaptation law's internal state that recorded runs keep. For `ConcurrentLearning`, (..., 1): 1
+        where a sample was put on its stack, else 0. For `CompositeLearning`, (..., 1): the number, 0 to r, of the r
+        joints whose torque equation was learned from. For `ConsistentLift`, (..., P): the P inertial and friction
+        parameters, SI units, whose fundamental (base) parameters are the estimate. Raises `AttributeError` for other
+        laws, or with adaptation off."""
         return self.learning.recorded
 
 
 class AdaptiveController(Controller[AdaptiveState]):
-    """Base class of adaptive controllers: a control law for r joints on a model's k parameters, and an adaptation law
-    of choice.
+    """Base class of adaptive controllers: a control law for r joints on a model's k parameters, combined with any
+    adaptation law.
 
-    A subclass is a frozen dataclass of these fields. It writes the method `law(p, v, reference, memory)`, which returns
-    the torque (r,) and the `AdaptiveState` after it, and the property `_motion_size`, the number w of numbers that its
-    memory keeps of a control period's motion, and calls `self._settle()`, which checks the fields, at construction.
+    A subclass is a frozen dataclass of the fields below. It writes the method `law(p, v, reference, memory)`, which
+    returns the torque (r,) and the `AdaptiveState` after it, and the property `_motion_size`, how many numbers of a
+    control period's motion that state keeps, and calls `self._settle()`, which checks the fields, at construction.
+
     `model` is the mechanism's model in these parameters; `adaptation` is an adaptation law, or a gain Gamma for
     `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch
-    adaptation off; `initial` (k,) is the first estimate in SI units, None for zero; `period` is the control period T_c
-    in s. Nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N for a
+    adaptation off; `initial` (k,) is the initial estimate in SI units, None for zero; `period` is the control period
+    T_c in s. Nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N for a
     prismatic joint), None for the mechanism's own. Raises `InputError` for a period or torque limits that are not
-    positive, a first estimate that is not finite, another shape of either, a gain that is not positive definite, and a
-    gain or law that does not fit the model.
+    positive, an initial estimate that is not finite, another shape of either, a gain that is not positive definite, and
+    a gain or law that does not fit the model.
     """
 
     model: ReducedModel
@@ -85,7 +87,7 @@ class AdaptiveController(Controller[AdaptiveState]):
     torque_limits: ArrayLike | None
 
     def _settle(self) -> None:
-        """Check the period, the first estimate and the adaptation law, and freeze them."""
+        """Check the period, the initial estimate and the adaptation law, and freeze them."""
         k = len(self.model.columns)
         require_period(self.period)
         self._settle_torque_limits()
@@ -99,17 +101,17 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:
-        """The adaptation law: that given as `adaptation`, or `Gradient` with its defaults where only a gain was given;
-        None with adaptation off."""
+        """The controller's adaptation law: that given as the attribute `adaptation`, or a `Gradient` with its defaults
+        where only a gain was given; None with adaptation off."""
         if self.adaptation is None or isinstance(self.adaptation, AdaptationLaw):
             return self.adaptation
         return Gradient(self.adaptation)
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The parts of the controller that have tunable numbers (arguments of its native code, so that other values
-        need no new code), by attribute name: the adaptation law as "adaptation", also where only a gain was given;
-        empty with adaptation off."""
+        """Mapping with the controller's adaptation law under the key "adaptation", also where only a gain was given;
+        empty with adaptation off. The law is the one attribute with tunable numbers of its own, which are arguments of
+        the controller's native code, so that other values need no new code."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
@@ -119,16 +121,16 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the r primary (independent) joints, in rad (m for a prismatic joint), where the mechanism's
-        kinematic loops are known to close; zeros without loops."""
+        """Positions (r,) of the r primary (independent) joints, in rad (m for a prismatic joint), at the mechanism's
+        home configuration, where its kinematic loops are known to close; zeros without loops."""
         return self.model.mechanism.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The memory before the first control period, of arms at positions p in rad (m for a prismatic joint) and
-        velocities v in rad/s (m/s), (..., r) for r primary (independent) joints: the first estimate, zero torque, and 0
-        s as the time since the last period, so that nothing is learned from it. Raises `InputError` on a wrong shape of
-        p, `NonFiniteError` on NaN or infinity in it, `SingularityError` where kinematic loops are near a configuration
-        that locks them."""
+        """The internal state before the first control period, an `AdaptiveState`: the initial estimate, zero torque,
+        and 0 s as the time since the last period, so that nothing is learned from it. Arms are at positions p in rad (m
+        for a prismatic joint) and velocities v in rad/s (m/s), (..., r) for r primary (independent) joints. Raises
+        `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a
+        singularity of the kinematic loops."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law
@@ -145,7 +147,7 @@ class AdaptiveController(Controller[AdaptiveState]):
         return NoMemory()
 
     def _learned(self, memory: AdaptiveState, passed: Period) -> tuple[Column, Any]:
-        """The estimate (k,) after the period that has passed, and the adaptation law's memory."""
+        """The estimate (k,) after the period that has passed, and the adaptation law's internal state."""
         if self.adaptation_law is None:
             return memory.estimate, memory.learning
         return self.adaptation_law.law(self.model, memory.estimate, passed, memory.learning)

@@ -41,20 +41,20 @@ class AdaptiveComputedTorque(AdaptiveController):
     Gives up: it needs the acceleration a, which is taken from the difference of velocities over the period and so
     carries the noise of velocities over T_c: noise of deviation sigma moves an inertia by about Gamma sigma^2 a period,
     where `SlotineLi`'s regressor moves it by T_c Lambda of that, so Gamma must be as much smaller (a filtered a, which
-    is late, did worse). It also needs M^^-1, so the estimate must keep M^ positive definite. The first one must; then
-    `Natural` guarantees it, `Projection` on narrow bounds makes it likely, and nothing else does. The paper resets
-    parameters at their bounds, which is `Projection`.
+    is delayed, did worse). It also needs M^^-1, so M^ must stay positive definite. For the initial estimate this is
+    checked; later `Natural` guarantees it, `Projection` on narrow bounds makes it likely, and nothing else does. The
+    paper resets parameters at their bounds, which is `Projection`.
 
     `model` has the k parameters; `bandwidth` is Lambda, the decay rate of errors in 1/s, one number or (r,); `initial`
-    (k,) is the first estimate in SI units, None for zero, which has no such mass matrix and is refused; `adaptation` is
-    an adaptation law, or Gamma for `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared
-    per J, or None, the default, for no adaptation; `weight` is W, one number or (r,), in kg m^2 (kg), None for the
-    joints' typical inertias, the medians of the mass matrix's diagonal, which makes gains comparable to `SlotineLi`'s;
-    `period` is the control period T_c in s; nothing is learned from a period whose torque is beyond `torque_limits`,
-    one number or (r,), N m (N), None for the mechanism's own. Raises `GainError` where 2 Lambda T_c is above 1.5, and
-    `InputError` on wrong shapes, on a period, bandwidths, weights or limits that are not positive, on an adaptation law
-    that does not fit the model, and for a first estimate whose mass matrix is not positive definite everywhere, as far
-    as a local search from the worst of 200 configurations finds.
+    (k,) is the initial estimate in SI units, None for zero, whose mass matrix is not positive definite and which is
+    refused; `adaptation` is an adaptation law, or Gamma for `Gradient`, its diagonal (k,) or whole (k, k), in units of
+    the parameters squared per J, or None, the default, for no adaptation; `weight` is W, one number or (r,), in kg m^2
+    (kg), None for the joints' typical inertias, the medians of the mass matrix's diagonal, which makes gains comparable
+    to `SlotineLi`'s; `period` is the control period T_c in s, 1 ms by default; nothing is learned from a period whose
+    torque is beyond `torque_limits`, one number or (r,), N m (N), None for the mechanism's own. Raises `GainError`
+    where 2 Lambda T_c is above 1.5, and `InputError` on wrong shapes, on a period, bandwidths, weights or limits that
+    are not positive, on an adaptation law that does not fit the model, and for an initial estimate whose mass matrix is
+    not positive definite at some configuration that a local search from the worst of 200 finds.
     """
 
     tunable = ("bandwidth", "weight", "initial")
@@ -78,10 +78,10 @@ class AdaptiveComputedTorque(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after
-        learning from the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s),
-        (r,), towards `reference`, its positions, velocities and accelerations (r,) in rad (m) and s, with the last
-        control period's `memory`. Nothing is checked here."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
+        after learning from the period that has passed. Positions p in rad (m) and velocities v in rad/s (m/s), (r,),
+        are measured; `reference` has the desired positions, velocities and accelerations (r,) in rad (m) and s;
+        `memory` is the internal state of the last control period. Nothing is checked here."""
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v
@@ -116,7 +116,7 @@ class AdaptiveComputedTorque(AdaptiveController):
             )
 
     def _require_inertia(self) -> None:
-        """Raise `InputError` where the first estimate's mass matrix is not positive definite."""
+        """Raise `InputError` where the initial estimate's mass matrix is not positive definite."""
         smallest, p = least_definite(self.model.mechanism, self.model.embed(np.asarray(self.initial)))
         if not smallest > DEFINITE:
             raise InputError(

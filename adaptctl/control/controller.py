@@ -41,7 +41,7 @@ class Reference(Protocol):
     """Protocol of a reference trajectory: a callable from times `t`, one or an array (...), in s, to a
     `ReferencePoint`. Its positions, velocities and accelerations are (..., r) for r joints, in rad (m if prismatic) and
     s, or (..., m) for m task-space coordinates, in metres and seconds. An implementation should give finite numbers at
-    any time."""
+    any time; nothing is checked."""
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point at times `t` (...) in s: positions, velocities and accelerations, (..., r) or (..., m)
@@ -54,24 +54,24 @@ GAINS, MEMORY = "gains", "memory"
 
 
 class Controller(Tunable, ABC, Generic[Memory]):
-    """Base class of control laws for a mechanism of r joints, called once a control period, a tick, for one arm or for
-    many arms at once.
+    """Base class of control laws for a mechanism of r joints, called once every control period, for one arm or for many
+    arms at once.
 
     A subclass is a frozen dataclass of configuration. It writes the property `dof`, the number r, and the methods
-    `start(p, v)`, the memory before the first control period, and `law(p, v, reference, memory)`, the equation of a
-    tick, which returns torque and memory. What changes over time is that memory, a named tuple of arrays, which `step`
-    takes and returns. `law` computes on scalars of any kind (floats, arrays, dual numbers, symbols), so that it can be
-    compiled to native code and differentiated; above 100 joints it runs in Python instead.
+    `start(p, v)`, which returns the internal state before the first control period, and `law(p, v, reference, memory)`,
+    which returns the torque for a period and the internal state after it. This state, a named tuple of arrays, is all
+    that changes over time; `step` takes and returns it. `law` computes on scalars of any kind (floats, arrays, dual
+    numbers, symbols), so that it can be compiled to native code and differentiated; above 100 joints it runs in Python.
 
     Attributes that the class names in `tunable` hold its gains; these are arguments of the native code. Controllers
-    that differ in them alone share one code, and `tuned` makes such a copy. Without names in `tunable` all numbers are
-    compiled in. `finite` says where a tick raises `NonFiniteError` for NaN and infinity: in its results if "results",
-    the default; in its arguments too if True; nowhere if False. Nothing is checked at construction, unless by a
-    subclass.
+    that differ in them alone share one code, and the method `tuned` makes such a copy. Without names in `tunable` all
+    numbers are compiled in. The class attribute `finite` says where `step` raises `NonFiniteError` for NaN and
+    infinity: in its results if "results", the default; in its arguments too if True; nowhere if False. Nothing is
+    checked at construction, unless by a subclass.
     """
 
     finite: ClassVar[Finite] = "results"
-    """Where a tick refuses NaN and infinity: "results", True (its arguments too) or False (nowhere)."""
+    """Where a step refuses NaN and infinity: "results", True (its arguments too) or False (nowhere)."""
 
     @property
     @abstractmethod
@@ -92,29 +92,30 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def start(self, p: Array, v: Array) -> Memory:
-        """The control law's memory before its first control period, for arms at positions p in rad (m if prismatic) and
-        velocities v in rad/s (m/s), both (..., r) for r joints with leading axes for arms. An implementation returns a
-        named tuple of arrays, or of such tuples: each array (..., n), n its own length, or (n,) where all arms begin
-        alike. Shapes and values are checked by `init`, which calls it."""
+        """The control law's internal state before its first control period, for arms at positions p in rad (m if
+        prismatic) and velocities v in rad/s (m/s), both (..., r) for r joints with leading axes for arms. An
+        implementation returns a named tuple of arrays, or of such tuples: each array (..., n), n its own length, or
+        (n,) where all arms begin alike. The method `init`, which calls it, checks shapes and values."""
 
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
-        """The torque (r,) of the r joints, N m (N if prismatic), for one control period, and the control law's memory
-        after it. Measured positions p are in rad (m) and velocities v in rad/s (m/s), columns (r,); `reference` has the
-        desired positions, velocities and accelerations, columns (r,) in rad (m) and s or, in a task space of m
-        coordinates, (m,); `memory` is that of the last period, at first that of `start`. An implementation computes on
-        scalars of any kind and checks nothing: `step` does, and raises `InputError` where what `law` returns is not a
-        `Column` of r scalars and a memory of the same sizes."""
+        """The torque (r,) of the r joints, N m (N if prismatic), for one control period, and the control law's internal
+        state after it. Measured positions p are in rad (m) and velocities v in rad/s (m/s), columns (r,). `reference`
+        has the desired positions, velocities and accelerations, columns (r,) in rad (m) and s or, in a task space of m
+        coordinates, (m,). `memory` is the internal state of the last period, at first that of the method `start`. An
+        implementation computes on scalars of any kind and checks nothing: the method `step` does, and raises
+        `InputError` where what `law` returns is not a `Column` of r scalars and an internal state of the same sizes."""
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
-        """The controller's state (memory) before the first control period, from measured positions p in rad (m if
+        """The controller's internal state before the first control period, from measured positions p in rad (m if
         prismatic) and velocities v in rad/s (m/s), both (..., r) for r joints.
 
         Leading axes are arms, and each has its own state: a named tuple of arrays (..., n), n the length of each.
         `gains` are tunable numbers, by their names in the property `numbers`, each with the leading axes of p before
         its own shape, for arms that have their own; None for the controller's. Their values are not checked. Raises
-        `InputError` on a wrong shape, `NotFoundError` for a name that is not there, `NonFiniteError` where p, v or the
-        state are not finite; laws of closed kinematic loops `SingularityError` near a configuration that locks them.
+        `InputError` on a wrong shape, `NotFoundError` for a name that is not in `numbers`, `NonFiniteError` where p, v
+        or the state are not finite; laws for closed kinematic loops raise `SingularityError` near a singularity of
+        these.
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -129,8 +130,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         These arms are at positions p in rad (m if prismatic) and velocities v in rad/s (m/s), (..., r) for r joints;
         other rows of p and v are not used. The state given is not changed; where no arm is chosen it is itself
-        returned. Raises `InputError` for a mask that is not of bools and for shapes that do not fit together,
-        `NonFiniteError` for p or v not finite where the mask is True.
+        returned. Raises `InputError` for a mask that is not of bools and where p and v are not (..., r) with the mask's
+        axes, `NonFiniteError` for p or v not finite where the mask is True.
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not (*chosen.shape, self.dof) == p.shape == v.shape:
@@ -146,9 +147,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """The torque (..., r) of the r joints, N m (N if prismatic), for one control period, and the next state
-        (memory), from measured positions p in rad (m) and velocities v in rad/s (m/s), the `reference` point and the
-        last `state`, at first that of `init`.
+        """The torque (..., r) of the r joints, N m (N if prismatic), for one control period, and the internal state
+        after it, from measured positions p in rad (m) and velocities v in rad/s (m/s), the `reference` point and the
+        last `state`, at first that of the method `init`.
 
         Leading axes of p (..., r) are arms, computed together in SIMD lanes; v and the reference's parts may be (r,),
         the same for all. Raises `InputError` on a wrong shape and `NonFiniteError` when the torque or the next state of
@@ -162,20 +163,21 @@ class Controller(Tunable, ABC, Generic[Memory]):
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
         """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N arms, each with tunable
-        gains of its own, and the next state (memory).
+        gains of its own, and the internal states of all arms after it.
 
         A row of `gains` (N, g) has an arm's g tunable numbers in the order of the property `numbers`, matrices row by
-        row; they are not checked. Measured positions p (N, r) are in rad (m), velocities v in rad/s (m/s); v and the
-        reference's parts have a row an arm or one, (r,), for all. Raises `InputError` on a wrong shape,
-        `NonFiniteError` for results that are not finite.
+        row; they are not checked. `state` are the last internal states, at first those of the method `init`. Measured
+        positions p (N, r) are in rad (m), velocities v in rad/s (m/s); v and the reference's parts have a row for each
+        arm, or one, (r,), for all. Raises `InputError` on a wrong shape, `NonFiniteError` for results that are not
+        finite.
         """
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
-        """The controller itself, its control law compiled to native code now instead of at the first `step`. By default
-        this is for one arm; with `many` True the law for many arms is only prepared here, and compiled at the first
-        `step` of many arms. Raises `InputError` where `law` does not return torque and memory, `TraceError` where it
-        cannot be traced into an expression graph; with `many`, that first `step` raises them."""
+        """The controller itself, its control law compiled to native code now, not at the first call of `step`. By
+        default this is for one arm; with `many` True the law for many arms is only prepared here, and compiled at the
+        first `step` of many arms. Raises `InputError` where `law` does not return a torque and an internal state,
+        `TraceError` where it cannot be traced into an expression graph; with `many`, that first `step` raises them."""
         _ = self._many if many else self._step_one
         return self
 
@@ -246,9 +248,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
         reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), the
-        memory as one array, all of its own one after the other, and, where there are any, the g tunable numbers (g,) as
-        in the property `packed`; it returns the torque (r,), N m (N), and the memory after the control period as one
-        array. Raises `InputError` where `law` returns anything else, `TraceError` where it cannot be traced.
+        internal state as one array, its own arrays one after the other, and, where there are any, the g tunable numbers
+        (g,) as in the property `packed`; it returns the torque (r,), N m (N), and the internal state after the control
+        period as one array. Raises `InputError` where `law` returns anything else, `TraceError` where it cannot be
+        traced.
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
@@ -258,10 +261,10 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
         reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), and
-        each array (n,) of the memory, n its length, in the order of its fields, all by position; it returns a tuple:
-        the torque (r,), N m (N), then each array of the memory after the control period, in the same order. The
-        function raises `InputError` on a wrong shape and `NonFiniteError` where the attribute `finite` asks for finite
-        numbers.
+        each array (n,) of the internal state, n its length, in the order of its fields, all by position; it returns a
+        tuple: the torque (r,), N m (N), then each array of the internal state after the control period, in the same
+        order. The function raises `InputError` on a wrong shape and `NonFiniteError` where the attribute `finite` asks
+        for finite numbers.
         """
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
@@ -293,13 +296,13 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return torque.reshape(*arms, torque.shape[1]), self._remembering(memory)
 
     def _rows(self, state: Memory, arms: tuple[int, ...]) -> Array:
-        """The memory of arms in one array, a row each."""
+        """The internal state of arms in one array, a row each."""
         array = self._array_of(state, arms)
         return array if array.ndim == 2 else array.reshape(-1, array.shape[-1])
 
     @property
     def gain_sizes(self) -> dict[str, int]:
-        """Number g of the controller's tunable gains as a dict {"gains": g}, by the name of the argument of the native
+        """Number g of the controller's tunable gains, as a dict {"gains": g} whose key is the argument of the native
         code that holds them; the empty dict where there are none."""
         return {GAINS: self.packed.size} if self.packed.size else {}
 

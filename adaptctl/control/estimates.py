@@ -25,11 +25,11 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) -> None:
-    """Write an estimate (k,) of the model's k parameters, SI units, as a JSON file at `path`, each number by its
-    parameter's name; a file that is there is replaced.
+    """Write an `estimate` (k,) of the `model`'s k parameters, in their SI units, as a JSON file at `path`, each number
+    under its parameter's name. A file that exists is replaced.
 
-    Raises `InputError` on a wrong shape or numbers that are not finite, `FileError` for what is no path and where the
-    file cannot be written.
+    Raises `InputError` for an estimate of a wrong shape or not finite, `FileError` for a `path` that is no path of a
+    file, and where the file cannot be written.
     """
     _require_path(path)
     values = frozen_array(estimate, (len(model.names),), "estimate")
@@ -38,11 +38,12 @@ def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) ->
 
 
 def load_estimate(path: str | Path, model: ReducedModel) -> Array:
-    """The estimate (k,), SI units, that `save_estimate` wrote at `path`, in the order of the model's k parameters,
+    """The estimate (k,), in SI units, that `save_estimate` wrote at `path`, in the order of the `model`'s k parameters,
     whatever their order in the file.
 
-    Raises `FileError` for what is no path, a file that cannot be read or is no estimate, with a number that is not
-    finite, or whose parameters' names are not the model's; the mechanism's name in it is not compared.
+    Raises `FileError` for a `path` that is no path of a file, and for a file that cannot be read, is no such estimate,
+    has a number that is not finite, or has names of parameters other than the model's. The mechanism's name in the file
+    is not compared.
     """
     _require_path(path)
     saved = read_json(path, _Saved).parameters

@@ -26,8 +26,8 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 
 class Marks(NamedTuple):
-    """Marks of what the guards of a controller did in one control period (a tick), each (1,): 1 where the guard acted
-    and 0 where not.
+    """Flags, each (1,), of what the guards of a controller did in one control period: 1 where the guard acted and 0
+    where not.
 
     `torque_limited`: a torque was beyond its limit; `rate_limited`: a torque would have changed faster than its limit;
     `frozen`: nothing is learned from the period that begins; `bounded`: an estimate was brought back to its bounds;
@@ -46,36 +46,39 @@ class Marks(NamedTuple):
     bounded: Any
     """an estimate was brought back to its bounds"""
     ringing: Any
-    """a joint's sliding variable changes its sign from tick to tick"""
+    """a joint's sliding variable changes its sign from one control period to the next"""
     stopped: Any
     """something was not finite, out of bounds or ringing beyond help, now or before: the arm is braked"""
 
 
 class GuardedState(NamedTuple):
-    """The memory (state) of a controller behind guards, for r joints: `of`, the wrapped law's own memory; `torque`
-    (r,), the last torque given out, N m (N if prismatic); `begun` (1,), 1 after the first control period and 0 before;
-    `heard`, the detector of ringing, moving averages over the sliding variable, rad/s (m/s); and `marks`, (1,) each, 1
-    for each guard (limit, bound or brake) that acted in the last control period, else 0. Nothing is checked."""
+    """Internal state of a controller behind guards, for r joints. `of` is the wrapped law's own internal state;
+    `torque` (r,) the last torque given out, N m (N if prismatic); `begun` (1,) is 1 after the first control period and
+    0 before; `heard` the detector of ringing, moving averages over the sliding variable, rad/s (m/s); and `marks` the
+    flags, (1,) each, 1 for each guard (limit, bound or brake) that acted in the last control period, else 0. Nothing is
+    checked."""
 
     of: Any
     torque: Any
     """(r,) N m"""
     begun: Any
-    """(1,) 1 after the first tick"""
+    """(1,) 1 after the first control period"""
     heard: Ringing
     marks: Marks
 
     @property
     def estimate(self) -> Any:
-        """The wrapped law's estimate (k,) of its k parameters, SI units. Raises `AttributeError` where it has none."""
+        """The wrapped law's estimate (k,) of its k parameters, in their SI units. Raises `AttributeError` for a law
+        without an estimate."""
         return self.of.estimate
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's memory that a run records: for `ConcurrentLearning` (..., 1), 1 where the last
-        period's sample was kept and 0 where not; for `CompositeLearning` (..., 1), the number, 0 to r, of the r joints
-        whose torque equation was learned from; for `ConsistentLift` (..., P), the P inertial and friction parameters,
-        SI units, that stand for its estimate. Raises `AttributeError` where there is none."""
+        """Part of the wrapped law's adaptation state that recorded runs keep. For `ConcurrentLearning` it is (..., 1):
+        1 where the last period's sample was kept and 0 where not. For `CompositeLearning` it is (..., 1): the number, 0
+        to r, of the r joints whose torque equation was learned from. For `ConsistentLift` it is (..., P): the P
+        inertial and friction parameters, SI units, whose fundamental (base) parameters are the estimate. Raises
+        `AttributeError` for all other laws."""
         return self.of.recorded
 
 
@@ -84,25 +87,27 @@ class Guarded(Controller[GuardedState]):
     """A controller behind guards: limits of its torque, of the torque's rate and of its estimate, and a brake where
     numbers are not finite.
 
-    The controller is `of`. Torques stay within `torque_limits` (N m, N for a prismatic joint) and change by at most
-    `rate_limits` (N m/s, N/s) times `period` (s; None is the law's own) from one control period to the next, but for
-    the first; limits are infinite, that is off, unless given. While either holds the torque back, the error is not the
-    estimate's fault, and nothing is learned from that period (unless `freeze` is False): an integrator's anti-windup by
-    conditional integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5). Estimates of the law's k
-    parameters stay within `estimate_bounds`, lower and upper, one number or (k,) each, SI units, none where None.
+    The controller is `of`, a law for r joints. Torques stay within `torque_limits` (N m, N for a prismatic joint) and
+    change by at most `rate_limits` (N m/s, N/s) times `period` (s; None is the law's own) from one control period to
+    the next, but for the first; limits are infinite, that is off, unless given. While either limits the torque, the
+    tracking error is not caused by the estimate, and nothing is learned from that period (unless `freeze` is False): an
+    integrator's anti-windup by conditional integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5).
+    Estimates of the law's k parameters stay within `estimate_bounds`, lower and upper, one number or (k,) each, SI
+    units, none where None.
 
     The arm is braked by `stop_damping` (N m s/rad or N s/m; None is the law's own damping) from the first of these on,
     until `init` makes a new state: a measurement, a reference, or anything that the law makes of them is not finite; a
     joint is outside `position_limits`, lower and upper (r,) in rad (m), none where None, or faster than
     `velocity_limits` (rad/s or m/s); or a joint rings, which is a correlation of its sliding variable (its velocity
     error where the law has none) with itself one control period ago below -0.9 for 25 control periods in a row. Gravity
-    is not held then: a mechanical brake must hold the arm. Numbers are scalars or (r,), one for each of r joints.
+    is not compensated then: a mechanical brake must hold the arm. Limits and damping are one number or (r,), one for
+    each joint.
 
-    What the guards do in a control period is in the state's `marks`. Raises `InputError` for limits that are not
-    positive, limits and bounds of another shape, ranges that are no pair or whose lower end is not below the upper, a
-    first estimate out of bounds, bounds for a law that estimates nothing, a damping below 0, a period that is not
-    positive, and where the law has no damping, or no period for finite `rate_limits`, and none is given;
-    `NonFiniteError` for NaN in any of these numbers but the period.
+    What the guards do in a control period is in the internal state's field `marks`. Raises `InputError` for limits that
+    are not positive, limits and bounds of another shape, bounds and position limits that are no pair or whose lower end
+    is not below the upper, an initial estimate out of bounds, bounds for a law that estimates nothing, a damping below
+    0, a period that is not positive, and where neither the law nor the arguments give a damping or, for finite
+    `rate_limits`, a period; `NonFiniteError` for NaN in any of these numbers but the period, which raises `InputError`.
     """
 
     of: Controller[Any]
@@ -147,33 +152,34 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def dof(self) -> int:
-        """Number r of joints that the wrapped control law moves."""
+        """Number r of joints that the wrapped control law, the attribute `of`, moves."""
         return self.of.dof
 
     @property
     def home(self) -> Array:
-        """Positions (r,), rad or m, of r joints where the wrapped control law can start and is compiled."""
+        """Positions (r,) of the r joints, rad (m if prismatic), at which the wrapped control law can start and is
+        compiled."""
         return self.of.home
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of the wrapped law's reference points, positions, velocities or accelerations: r joints,
-        or m coordinates where they are in a task space."""
+        """Length of each part (positions, velocities or accelerations) of the wrapped law's reference points: r for
+        joints, or m for coordinates in a task space."""
         return self.of.reference_size
 
     def start(self, p: Array, v: Array) -> GuardedState:
-        """The memory before the first control period, of arms at positions `p` (..., r), rad or m, and velocities `v`
-        (..., r), rad/s or m/s, of r joints: the wrapped law's own, zero torque, and zero for all marks (records of what
-        the guards did). Raises what the wrapped law's `start` does."""
+        """The internal state before the first control period, a `GuardedState`: the wrapped law's own state, zero
+        torque, and zero for all flags of what the guards did. Arms are at positions `p` (..., r), rad (m if prismatic),
+        and velocities `v` (..., r), rad/s (m/s), of r joints. Raises what the wrapped law's method `start` does."""
         marks = Marks(*(np.zeros(1) for _ in Marks._fields))
         return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), Ringing.silent(self.dof), marks)
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, within the limits of
-        torque and rate, and the memory after it; at measured positions `p` (r,), rad or m, and velocities `v` (r,),
-        rad/s or m/s, towards `reference`, the wrapped law's reference point, with the last control period's `memory`.
-        Numbers that are not finite raise nothing: the wrapped law is given 0 for them, and the arm is braked. Shapes
-        are not checked here: `step` checks them."""
+        torque and rate, and the internal state after it. Positions `p` (r,), rad (m), and velocities `v` (r,), rad/s
+        (m/s), are measured; `reference` is the wrapped law's reference point, `memory` the internal state of the last
+        control period. NaN and infinity raise nothing: the wrapped law is given 0 in their place, and the arm is
+        braked. Shapes are not checked here: the method `step` checks them."""
         given = (p, v, *reference)
         clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
@@ -312,7 +318,7 @@ def _chosen(condition: Condition, yes: Parts, no: Parts) -> Parts:
 
 
 def _with_applied_torque(memory: Parts, applied: Column) -> Parts:
-    """The memory of a law that remembers its torque, with the one that is applied."""
+    """The internal state of a law that remembers its torque, with the one that is applied."""
     if "torque" not in getattr(memory, "_fields", ()):
         return memory
     replaced: Parts = memory._replace(torque=applied)  # type: ignore[attr-defined]  # it has `_fields`

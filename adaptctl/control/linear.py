@@ -26,7 +26,7 @@ _LABEL = re.compile(r"(\w+)\[(\d+)\]")
 
 
 class LinearState(NamedTuple):
-    """The memory of a linear controller: its state `x` (n,), n numbers, at first zero. Nothing is checked."""
+    """Internal state of a linear controller: `x` (n,), the n state variables, at first zero. Nothing is checked."""
 
     x: Any
     """(n,) the system's state"""
@@ -34,14 +34,14 @@ class LinearState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearController(Controller[LinearState]):
-    """Linear controller in discrete time: torque = C x + D z, then x = A x + B z, with the state x (n,), n numbers, and
-    the signals z (5 r,): measured positions and velocities, then the reference's positions, velocities and
-    accelerations, of r joints, in rad (m), rad/s (m/s) and rad/s^2 (m/s^2). Torques are in N m (N for a prismatic
-    joint).
+    """Linear controller in discrete time: torque = C x + D z, then x = A x + B z, with n state variables x (n,) and
+    signals z (5 r,).
 
-    `A` is (n, n), `B` (n, 5 r), `C` (r, n), `D` (r, 5 r). The torque that the inverse dynamics of the mechanism
-    `feedforward` asks for on the reference is added, none for None. Raises `InputError` on wrong shapes, for numbers
-    that are not finite, and for a `feedforward` that is no tree of r joints.
+    The signals are measured positions and velocities, then the reference's positions, velocities and accelerations, of
+    r joints, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 for a prismatic joint). Torques are in N m (N). `A` is (n, n),
+    `B` (n, 5 r), `C` (r, n), `D` (r, 5 r). The torque that the inverse dynamics of the mechanism `feedforward` asks for
+    on the reference is added, none for None. Raises `InputError` on wrong shapes, for numbers that are not finite, and
+    for a `feedforward` that is no tree of r joints.
 
     Guarantees what the linear design does, near the motion that it was made for.
 
@@ -64,12 +64,12 @@ class LinearController(Controller[LinearState]):
 
     @classmethod
     def state_feedback(cls, gain: ArrayLike, feedforward: Mechanism | None = None) -> LinearController:
-        """The state feedback torque = -K (p - p_d, v - v_d) of r joints: p and v are measured positions and velocities,
-        p_d and v_d desired ones. `gain` is K (r, 2 r), r columns for positions, in N m/rad (N/m for a prismatic joint),
-        then r for velocities, in N m s/rad (N s/m), as `control.lqr` and `control.dlqr` return it. The torque that the
-        inverse dynamics of the mechanism `feedforward` asks for on the reference is added, none for None. Raises
-        `InputError` for another shape, for a gain that is not finite, and for a `feedforward` that is no tree of r
-        joints."""
+        """State feedback of r joints as a `LinearController`: torque = -K (p - p_d, v - v_d), with measured positions p
+        and velocities v and the desired ones p_d and v_d. `gain` is K (r, 2 r), r columns for positions, in N m/rad
+        (N/m for a prismatic joint), then r for velocities, in N m s/rad (N s/m), as `control.lqr` and `control.dlqr`
+        return it. The torque that the inverse dynamics of the mechanism `feedforward` asks for on the reference is
+        added, none for None. Raises `InputError` for another shape, for a gain that is not finite, and for a
+        `feedforward` that is no tree of r joints."""
         K = np.atleast_2d(numbers(gain, "state feedback: gain"))
         r = len(K)
         if K.shape != (r, 2 * r):
@@ -81,15 +81,17 @@ class LinearController(Controller[LinearState]):
     def of_system(
         cls, system: control.StateSpace, period: float, feedforward: Mechanism | None = None
     ) -> LinearController:
-        """Linear controller made of a linear system of python-control in discrete time, `system`, whose r outputs are
-        the torques of the r joints, in their order, in N m (N for a prismatic joint), at the control `period` in s.
+        """Linear controller made of `system`, a linear system of python-control in discrete time at the control
+        `period` (s). The system's r outputs are the torques of the r joints, in their order, in N m (N for a prismatic
+        joint).
 
         The system's inputs are named p[j], v[j], reference_p[j], reference_v[j], reference_a[j], error[j] (reference_p
         - p) or error_rate[j] (reference_v - v), with j from 0 to r - 1 for the r joints, in any order and number: p and
         v are measured positions and velocities, the others the reference's, a accelerations. The torque that the
         inverse dynamics of the mechanism `feedforward` asks for on the reference is added, none for None. Raises
-        `InputError` for a period that is not positive, for what is no linear system, for a system in continuous time,
-        at another period, or of inputs of other names, and for a `feedforward` that is no tree of r joints.
+        `InputError` for a period that is not positive, for a `system` that python-control makes no linear system of,
+        for one in continuous time, at another period, or of inputs of other names, and for a `feedforward` that is no
+        tree of r joints.
         """
         import control
 
@@ -111,15 +113,15 @@ class LinearController(Controller[LinearState]):
         return len(self.D)
 
     def start(self, p: Array, v: Array) -> LinearState:
-        """The memory before the first control period: the n numbers of the controller's state x (n,), zero whatever the
-        positions p and velocities v (..., r) of the r joints are."""
+        """The internal state before the first control period: n state variables (n,), zero for any positions p and
+        velocities v (..., r) of the r joints, which are ignored."""
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after it,
-        the n numbers of the controller's state x (n,); at measured positions p in rad (m) and velocities v in rad/s
-        (m/s), (r,), towards `reference`, positions, velocities and accelerations (r,) in rad (m) and s, from the state
-        in `memory`. Nothing is checked here: `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
+        after it, n state variables (n,). Positions p in rad (m) and velocities v in rad/s (m/s), (r,), are measured;
+        `reference` has the desired positions, velocities and accelerations (r,) in rad (m) and s; `memory` is the
+        internal state of the last control period. Nothing is checked here: the method `step` checks shapes."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward

@@ -12,16 +12,17 @@ from adaptctl.errors import InputError
 
 
 def has_sliding_variable(controller: object) -> bool:
-    """True if `controller` is Slotine and Li's law with its own sliding variable s = e' + Lambda e, of the tracking
-    error e of the joints, its derivative in time e' and the bandwidth Lambda. False for laws with another s, such as
-    `PassivityIntegral` and `TaskSpaceSlotineLi`, and for any other object."""
+    """True if `controller` is Slotine and Li's law with its own sliding variable s = e' + Lambda e. e is the tracking
+    error of the joints, measured less desired positions, e' its derivative in time and Lambda the bandwidth. False for
+    laws with another s, such as `PassivityIntegral` and `TaskSpaceSlotineLi`, and for any other object. Nothing is
+    raised."""
     own = SlotineLi.reference_velocity
     return isinstance(controller, SlotineLi) and type(controller).reference_velocity is own
 
 
 def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
-    """The sliding variable s = e' + Lambda e (T, r), rad/s or m/s, at the T samples of a `run` of r joints under
-    Slotine and Li's law.
+    """The sliding variable s = e' + Lambda e (T, r), rad/s (m/s if prismatic), at the T samples of a `run` of r joints
+    under Slotine and Li's law.
 
     e is the tracking error, measured less desired positions, e' its rate, and Lambda the `controller`'s bandwidth.
     Raises `InputError` for another law, such as `PassivityIntegral` or `TaskSpaceSlotineLi`, whose s is another one.
@@ -34,14 +35,14 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
 
 def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> Array:
     """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 of Slotine and Li's law, in J, at the T samples
-    of a run, with the mass matrix M and the parameters of the true `mechanism`; these two primes are transposes.
+    of a `run`. M is the mass matrix of the true `mechanism`; these two primes are transposes.
 
     s = e' + Lambda e is the sliding variable, e the tracking error (measured less desired positions), e' its derivative
     in time, Lambda the `controller`'s bandwidth, `error` (k,) the estimate of k parameters less the true ones and Gamma
-    the adaptation gain. An adaptation law may have its own distance for the second term; with adaptation off only the
-    first is left. Where the parameters are no physical set, M need not be positive definite, and V is then no distance;
-    it is reported as it is. Raises `InputError` for an adaptation law whose distance depends on more than the estimate,
-    and for a control law with another s, such as `PassivityIntegral` or `TaskSpaceSlotineLi`.
+    the adaptation gain. An adaptation law may have its own distance in place of the second term; with adaptation off V
+    is s'Ms/2 alone. Where the true parameters are not physically consistent, M need not be positive definite, and V may
+    then be negative. Raises `InputError` for an adaptation law whose distance depends on more than the estimate, and
+    for a control law with another s, such as `PassivityIntegral` or `TaskSpaceSlotineLi`.
     """
     s = sliding_variable(controller, run)
     kinetic = 0.5 * np.einsum("ti,tij,tj->t", s, mechanism.mass_matrix(run.p), s)

@@ -21,13 +21,13 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True, eq=False)
 class ManyArms:
-    """Control law for many arms at once: compiled to one native step in SIMD lanes (arms computed at once) where
-    `native` is True, else NumPy on arrays of arms.
+    """Control law for many arms at once: one native step in SIMD lanes (arms computed at once) where `native` is True,
+    else NumPy on arrays of arms.
 
-    `law` is the law's equation for one arm: called with Columns by keyword, it returns the torque (r,) of r joints, N
-    m (N if prismatic), and then the columns of the memory after the control period, in the order of `memory`. `given`
-    has the names and lengths of the columns that it is given each time, `memory` those of the memory, which each call
-    replaces. Nothing is checked at construction.
+    `law` is the law's equation for one arm: called with Columns by keyword, it returns the torque (r,) of r joints, N m
+    (N if prismatic), and then the columns of the internal state after the control period, in the order of `memory`.
+    `given` has the names and lengths of the columns that it is given each time, `memory` those of the internal state,
+    which each call replaces. Nothing is checked at construction.
     """
 
     law: Callable[..., tuple[Column, ...]]
@@ -39,13 +39,14 @@ class ManyArms:
     write again what they hold, costs more than a tick."""
 
     def step(self, arms: int, given: Columns, memory: Columns) -> tuple[Array, list[Array]]:
-        """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N = `arms` arms, and the list
-        of their memory's arrays (N, n) after it, in the order of the attribute `memory`; all are new arrays.
+        """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N = `arms` arms, and the
+        internal state after it. This state is a list of arrays (N, n), in the order of the attribute `memory`; all
+        arrays are new.
 
-        `given` and `memory` hold the columns given and the last memory by name, arrays (N, n), n a column's length, or
-        (n,) for all arms alike. In native code the first call compiles the law, and the memory returned is read-only.
-        Raises `InputError` for arrays of another shape in native code, and `TraceError` at the first call for a law
-        that cannot be traced; NaN and infinity are not looked for.
+        `given` and `memory` hold the columns given and the last internal state by name, arrays (N, n), n a column's
+        length, or (n,) for all arms alike. In native code the first call compiles the law, and the state returned is
+        read-only. Raises `InputError` for arrays of another shape in native code, and `TraceError` at the first call
+        for a law that cannot be traced; NaN and infinity are not looked for.
         """
         if not self.native:
             return self._on_arrays(arms, given, memory)

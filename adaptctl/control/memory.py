@@ -20,9 +20,9 @@ Parts = tuple[tuple[str, Any], ...]
 
 
 def leaves(memory: tuple[Any, ...]) -> list[Any]:
-    """The columns of a control law's `memory` as a flat list: `memory` is a (named) tuple of columns, arrays (..., n),
-    n the length of each, or Columns (n scalars), in the order of its fields, and of further such tuples, whose
-    columns stand in their place. Nothing is checked."""
+    """Flat list of the columns of `memory`, a control law's internal state. This is a (named) tuple of columns, arrays
+    (..., n), n the length of each, or Columns (n scalars), in the order of its fields, and of further such tuples,
+    whose columns are put at their position. Nothing is checked."""
     flat: list[Any] = []
     for part in memory:
         if isinstance(part, tuple):
@@ -33,10 +33,10 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
 
 
 def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
-    """Iterator over the dotted names of the columns of a control law's `memory`, such as ``state.learning.filtered``,
-    one for each column, in the order of the fields, those of a tuple within it in its place. `memory` is a (named)
-    tuple of columns and of further such tuples; without field names a part's index stands for its name. `to` is what
-    names begin with, "state" unless given. Nothing is checked."""
+    """Iterator over the dotted names of the columns of `memory`, a control law's internal state, such as
+    ``state.learning.filtered``. There is one for each column, in the order of the fields, those of a tuple within it at
+    its position. `memory` is a (named) tuple of columns and of further such tuples; without field names a part's index,
+    from 0, stands for its name. `to` is what names begin with, "state" unless given. Nothing is checked."""
     for name, part in zip(_names(memory), memory, strict=True):
         if isinstance(part, tuple):
             yield from paths(part, f"{to}.{name}")
@@ -45,9 +45,9 @@ def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
 
 
 def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
-    """A control law's memory of the kind of `pattern`, a (named) tuple of columns and of further such tuples, whose
-    columns are `parts`, in the order of its fields, those of a tuple within it in its place. The columns of `pattern`
-    itself are not used. Raises `StopIteration` for too few parts; further ones are left out."""
+    """A control law's internal state with the fields of `pattern`, a (named) tuple of columns and of further such
+    tuples. Its columns are `parts`, in the order of the fields, those of a tuple within it at its position; the columns
+    of `pattern` itself are not used. Raises `StopIteration` for too few parts; further ones are ignored."""
     return _filled(pattern, iter(parts))
 
 
@@ -63,13 +63,13 @@ def _names(memory: Any) -> tuple[str, ...]:
 
 
 class InOneArray(tuple[Any, ...]):
-    """Memory of a control law, a named tuple of columns and of further such tuples, whose columns are views of one
-    array (..., n), n their lengths together: native code reads and makes that one array. `in_one_array` makes the type
-    for the memories of one law.
+    """Internal state of a control law, a named tuple of columns and of further such tuples, whose columns are views of
+    one array (..., n), n their lengths together. Native code reads and makes that one array. `in_one_array` makes the
+    type for the internal states of one law.
 
-    It is an instance of the law's own kind of memory, with the same fields; views are made when they are asked for.
-    What is made of it with other parts, as by `_replace` or by calling its type with `parts`, is an ordinary memory. It
-    is equal to itself alone and has no hash. Nothing is checked.
+    An instance is also one of the law's own named tuple, with the same fields; views are made when they are asked for.
+    What is made of it with other parts, as by `_replace` or by calling its type with `parts`, is an ordinary named
+    tuple. It is equal to itself alone and has no hash. Nothing is checked.
     """
 
     __slots__ = ()
@@ -119,9 +119,10 @@ class InOneArray(tuple[Any, ...]):
 
 
 def in_one_array(memory: tuple[Any, ...]) -> type[InOneArray]:
-    """The subclass of `InOneArray`, and of the type of `memory`, for memories with the fields and column lengths of
-    `memory`: a (named) tuple of columns (..., n), n the length of each, and of further such tuples. Its instances keep
-    all columns in one array. Raises `IndexError` for a column that is one number, without an axis."""
+    """The subclass of `InOneArray`, and of the type of `memory`, for internal states of a control law with the fields
+    and column lengths of `memory`. This is a (named) tuple of columns (..., n), n the length of each, and of further
+    such tuples. Instances of the class keep all columns in one array. Raises `IndexError` for a column that is one
+    number, without an axis."""
     parts = zip(_names(memory), memory, strict=True)
     described = ((name, in_one_array(x) if isinstance(x, tuple) else np.shape(x)[-1]) for name, x in parts)
     return _type(getattr(memory, "_kind", type(memory)), tuple(described))

@@ -15,19 +15,19 @@ from adaptctl.scalars import Column, column
 
 
 class BranchState(NamedTuple):
-    """The memory of a control law that learns nothing: the configuration `q` (n,) of all n joints of the mechanism's
-    spanning tree in the last control period, rad (m if prismatic). With closed kinematic loops the next configuration
-    is found from it. Nothing is checked."""
+    """Internal state of a control law that learns nothing: the configuration `q` (n,) of all n joints of the
+    mechanism's spanning tree in the last control period, rad (m if prismatic). With closed kinematic loops the next
+    configuration is found from it. Nothing is checked."""
 
     q: Any
-    """(n,) the tree's joints at the last tick, from which the next configuration is found"""
+    """(n,) the tree's joints in the last control period, from which the next configuration is found"""
 
 
 class ModelBased(Controller[BranchState]):
     """Base class of control laws for a `mechanism` with given `parameters` (P,), right or wrong: all its P inertial and
-    friction parameters, SI units, None for the mechanism's own. A subclass is a frozen dataclass that writes the method
-    `law(p, v, reference, memory)`, which returns the torque (r,) and the `BranchState` after it, and calls
-    `self._settle()` at construction, which raises `InputError` for parameters of another shape or not finite."""
+    friction parameters in SI units, None for the mechanism's own. A subclass is a frozen dataclass that writes the
+    method `law(p, v, reference, memory)`, which returns the torque (r,) of r joints and the `BranchState` after it. It
+    calls `self._settle()` at construction, which raises `InputError` for parameters of another shape or not finite."""
 
     mechanism: Mechanism
     parameters: Array | None
@@ -46,15 +46,15 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the r primary (independent) joints, rad (m if prismatic), at which the mechanism's
-        kinematic loops are known to close; zeros without loops."""
+        """Positions (r,) of the r primary (independent) joints, rad (m if prismatic), at the mechanism's home
+        configuration, where its kinematic loops are known to close; zeros without loops."""
         return self.mechanism.home
 
     def start(self, p: Array, v: Array) -> BranchState:
-        """The memory before the first control period: the configuration (..., n), rad (m if prismatic), of all n joints
-        of the mechanism's spanning tree at positions p (..., r) of its r primary (independent) joints; v is not used.
-        Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a
-        configuration that locks kinematic loops."""
+        """The internal state before the first control period, a `BranchState`: the configuration (..., n), rad (m if
+        prismatic), of all n joints of the mechanism's spanning tree at positions `p` (..., r) of its r primary
+        (independent) joints. `v` is not used. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or
+        infinity in it, `SingularityError` near a singularity of the kinematic loops."""
         return BranchState(self.mechanism.configuration(p))
 
     @property
@@ -63,7 +63,8 @@ class ModelBased(Controller[BranchState]):
 
 
 def embedded_parameters(model: ReducedModel, parameters: ArrayLike | None) -> Array:
-    """All P inertial and friction parameters (P,) of the model's mechanism, SI units, that give the same torques as its
-    k fundamental (base) `parameters` (k,), None for the true ones. Those that the model has removed are zero, so that
-    their terms are never computed. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+    """All P inertial and friction parameters (P,), SI units, of the `model`'s mechanism that give the same torques as
+    its k fundamental (base) `parameters` (k,), None for the true ones. The parameters that the model has removed are
+    zero, so that their terms are never computed. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+    infinity."""
     return model.embed(model.fundamental_parameters if parameters is None else parameters)

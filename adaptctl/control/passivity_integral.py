@@ -15,14 +15,14 @@ from adaptctl.scalars import Column, column
 
 
 class Integral(NamedTuple):
-    """The memory of integral action on r joints: `integral` (r,), the integral in time of the tracking error (measured
-    less desired positions) so far, rad s (m s if prismatic), and `error` (r,), that error in the last control period,
-    rad (m). Nothing is checked."""
+    """Internal state of integral action on r joints: `integral` (r,), the integral in time of the tracking error
+    (measured less desired positions) so far, rad s (m s if prismatic), and `error` (r,), that error in the last control
+    period, rad (m). Nothing is checked."""
 
     integral: Any
     """(r,) of the error so far, rad s"""
     error: Any
-    """(r,) at the last tick"""
+    """(r,) in the last control period"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +46,17 @@ class PassivityIntegral(SlotineLi):
     Gives up: convergence under other disturbances. In motion, and while adapting, a constant load leaves an error: s
     that is not zero is integrated by the estimate, which drifts (a leak or `Projection` bounds it). The integral
     overshoots, and winds up where torques are limited after the controller. Like adaptation, it stands still in a
-    period whose torque is beyond `torque_limits` or whose `elapsed`, the time in the memory, is set to zero.
+    period whose torque is beyond `torque_limits` or whose `elapsed`, the time in the internal state, is set to zero.
 
     Arguments and defaults are those of `SlotineLi`: `model`, with its k parameters, `bandwidth` Lambda in 1/s and
     `damping` K in N m s/rad (N s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or Gamma (k,) or
-    (k, k) in units of the parameters squared per J, or None for none; `initial` (k,), SI units, None for zero; `period`
-    T_c, 1e-3 s; `workspace`, the positions at which the period must carry the gains, None for all that the joints'
-    limits allow; `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for the
-    mechanism's; `prior` (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates
-    could ring, None for none. Raises `GainError` where T_c lambda_max(M^-1 (K + 2 M Lambda)), lambda_max the largest
-    eigenvalue, is above 1.5, and `InputError` on wrong shapes, for gains, limits or a period that are not positive, and
-    for a law that does not fit the model.
+    (k, k) in units of the parameters squared per J, or None, the default, for none; `initial` (k,), SI units, None for
+    zero; `period` T_c, 1e-3 s; `workspace`, the set of joint positions for which the gains are checked, None for all
+    that the joints' limits allow; `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None
+    for the mechanism's; `prior` (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where
+    estimates could ring, None for none. Raises `GainError` where T_c lambda_max(M^-1 (K + 2 M Lambda)), lambda_max the
+    largest eigenvalue, is above 1.5, and `InputError` on wrong shapes, for gains, limits or a period that are not
+    positive, and for an adaptation law that does not fit the model.
     """
 
     tunable = SlotineLi.tunable
@@ -64,12 +64,13 @@ class PassivityIntegral(SlotineLi):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) in rad/s (m/s), its derivative
-        a_r (r,) in rad/s^2 (m/s^2), for r joints, and the memory: the integral (r,) in rad s (m s) and the last e (r,).
+        """The reference velocity v_r = v_d - 2 Lambda e - Lambda^2 (integral of e) (r,) of r joints, in rad/s (m/s if
+        prismatic), its derivative in time a_r (r,) in rad/s^2 (m/s^2), and the state of the integral action. That is
+        the integral (r,) in rad s (m s) and the last e (r,).
 
         e = p - p_d is the tracking error and Lambda the bandwidth (1/s); `reference` has the desired p_d, v_d and a_d
-        (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is that of the last control period. The
-        positions q (n,) of all n joints of the spanning tree are not used.
+        (r,). p in rad (m) and v in rad/s (m/s), (r,), are measured, `memory` is the internal state of the last control
+        period. The positions q (n,) of all n joints of the spanning tree are not used. Nothing is checked here.
         """
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth

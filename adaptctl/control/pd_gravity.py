@@ -25,16 +25,16 @@ class PDGravity(ModelBased):
     p and v are the measured positions and velocities of r joints, p_d and v_d the desired ones, e = p - p_d, g
     gravity's torque and M the mass matrix; a prime is the transpose.
 
-    Guarantees, with the true gravity: a p_d that stands still is reached from anywhere, as v'Mv/2 + e'Kp e/2 falls by
-    -v'Kd v; whatever the inertias.
+    Guarantees, with the true gravity: a p_d that stands still is reached from anywhere, as v'Mv/2 + e'Kp e/2 falls at
+    the rate v'Kd v, for any inertias.
 
     Gives up: a moving reference is followed with the error that inertia and Coriolis forces make; a wrong gravity
     leaves the error Kp^-1 times what is missing. Nothing learns.
 
     `stiffness` is Kp in N m/rad (N/m for a prismatic joint) and `damping` Kd in N m s/rad (N s/m), each one number or
-    (r,); `parameters` (P,), all P inertial and friction ones, are in SI units, None for the `mechanism`'s own. `finite`
-    is True: a step refuses NaN and infinity in its arguments too, by `NonFiniteError`. Raises `InputError` on wrong
-    shapes, for numbers that are not finite, and for gains that are not positive.
+    (r,); `parameters` (P,), all P inertial and friction ones, are in SI units, None for the `mechanism`'s own. The
+    class attribute `finite` is True: a step refuses NaN and infinity in its arguments too, by `NonFiniteError`. Raises
+    `InputError` on wrong shapes, for numbers that are not finite, and for gains that are not positive.
     """
 
     tunable = ("stiffness", "damping")
@@ -56,18 +56,18 @@ class PDGravity(ModelBased):
     def on(
         cls, model: ReducedModel, stiffness: ArrayLike, damping: ArrayLike, parameters: ArrayLike | None = None
     ) -> PDGravity:
-        """PD control with gravity compensation on a model, with `parameters` (k,), the model's k fundamental (base)
-        parameters in SI units, None for the true ones. `stiffness` is in N m/rad (N/m for a prismatic joint) and
-        `damping` in N m s/rad (N s/m), one number or one for each of r joints (r,). Raises `InputError` for numbers of
-        the wrong shape or not finite, and for gains that are not positive."""
+        """PD control law with gravity compensation, a `PDGravity`, on a reduced `model`. `parameters` (k,) are the
+        model's k fundamental (base) parameters in SI units, None for the true ones. `stiffness` is in N m/rad (N/m for
+        a prismatic joint) and `damping` in N m s/rad (N s/m), one number or one for each of r joints (r,). Raises
+        `InputError` for numbers of the wrong shape or not finite, and for gains that are not positive."""
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period: gravity's, a spring's and
-        a damper's; and the memory after it, the positions (n,) of all n joints of the spanning tree. Measured positions
-        p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and velocities (r,), in rad
-        (m) and s, its accelerations are not used; `memory` is that of the last control period. Nothing is checked here:
-        `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, gravity's less a spring's
+        and a damper's, and the internal state after it: the positions (n,) of all n joints of the spanning tree.
+        Measured positions p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and
+        velocities (r,), in rad (m) and s, its accelerations are not used; `memory` is the internal state of the last
+        control period. Nothing is checked here: the method `step` checks shapes."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

@@ -18,8 +18,8 @@ ALLOWED = 0.05
 
 
 def require_point(point: object) -> None:
-    """Raise `InputError` unless `point`, what a reference trajectory returned, has the attributes p, v and a of a
-    `ReferencePoint`: positions, velocities and accelerations. Their shapes are not looked at."""
+    """Raise `InputError` unless `point`, the value that a reference trajectory returned, has the attributes p, v and a
+    of a `ReferencePoint`: positions, velocities and accelerations. Their shapes are not checked."""
     if not all(hasattr(point, name) for name in ReferencePoint._fields):
         raise InputError(
             f"reference: expected it to return ReferencePoint(p, v, a), each (n, r) at times (n,), got a "
@@ -30,10 +30,11 @@ def require_point(point: object) -> None:
 def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: float, stacklevel: int = 2) -> None:
     """Warn (`ReferenceWarning`) where a `reference`'s velocities or accelerations are not the derivatives of its
     positions and velocities, naming the r joints by their `names`, r texts. Derivatives are central differences at 41
-    times within `duration` (s); the median difference of a joint may be 5 % of its largest derivative. At most one
-    warning is given, and nothing is looked at where the duration is below some 0.2 ms. `stacklevel` says which line the
-    warning points to, as in `warnings.warn`: at 1 the call of this function, at 2, the default, the call of its caller.
-    Raises `InputError` where the reference returns no `ReferencePoint`."""
+    times within `duration` (s). A joint is named where the median, over these times, of the absolute difference is
+    above 5 % of its largest derivative, plus 1e-6. At most one warning is given, and nothing is checked where the
+    duration is below some 0.2 ms. `stacklevel` says which line the warning points to, as in `warnings.warn`: at 1 the
+    call of this function, at 2, the default, the call of its caller. Raises `InputError` where the reference returns no
+    `ReferencePoint`."""
     time = STEP + (duration - 2.0 * STEP) * (np.arange(TIMES) + 0.382) / TIMES
     if not time[0] < time[-1]:
         return

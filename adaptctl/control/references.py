@@ -25,10 +25,10 @@ DEGREE = 5
 
 
 def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1, at the share `u` of its time, and its first and second
-    derivative by u: three scalars without a unit; outside [0, 1] it rests at 0 or 1.
+    """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1, at the fraction `u` of its duration, and its first and
+    second derivative by u: three scalars without a unit. Outside [0, 1] the step rests at 0 or 1.
 
-    Flash and Hogan (1985). Over scalars of any kind: floats, arrays (element by element), symbols.
+    Flash and Hogan (1985). Over scalars of any kind: floats, arrays (element by element), symbols. Nothing is checked.
     """
     u = clip(u, 0.0, 1.0)
     rest = 1.0 - u
@@ -37,9 +37,10 @@ def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class SinusoidNumbers(NamedTuple):
-    """Numbers of the sums of sinusoids `Sinusoids`, of r joints and h harmonics, as arrays or columns: `center` (r,)
-    and `amplitude` (h r,) in rad or m, `frequency` (h r,) in Hz, `phase` (h r,) in rad, and `start_time` (1,) in s, the
-    length of the fade-in. The r terms of one harmonic come after those of the one before. Nothing is checked."""
+    """Parameters of sums of sinusoids (`Sinusoids`) of r joints and h harmonics, as arrays or columns. `center` (r,)
+    and `amplitude` (h r,) are in rad (m if prismatic), `frequency` (h r,) in Hz, `phase` (h r,) in rad, and
+    `start_time` (1,) in s is the length of the fade-in. The r terms of one harmonic come after those of the one before.
+    Nothing is checked."""
 
     center: Any
     """(r,)"""
@@ -55,14 +56,14 @@ class SinusoidNumbers(NamedTuple):
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
     """The reference point at a `time` t (s) of sums of sinusoids, center + fade(t) sum_i amplitude_i sin(2 pi
-    frequency_i t + phase_i): columns (r,) of positions in rad (m), velocities in rad/s (m/s) and accelerations in
-    rad/s^2 (m/s^2).
+    frequency_i t + phase_i). It has columns (r,) of positions in rad (m if prismatic), velocities in rad/s (m/s) and
+    accelerations in rad/s^2 (m/s^2).
 
     `numbers`, for r joints and h sinusoids i of each, are center (r,) and amplitude in rad (m), frequency (Hz) and
-    phase (rad), the last three (h r,), the r numbers of one i before those of the next, and start_time (1,), s, in
-    which the fade 10u^3 - 15u^4 + 6u^5, u = t/start_time, rises from 0 to 1, where it stays; without one, at start_time
-    0, it is 1. Time and numbers are scalars of any kind: floats, symbols, or arrays with an entry for each of many
-    arms.
+    phase (rad), the last three (h r,), the r entries of one i before those of the next, and start_time (1,), s, in
+    which the fade 10u^3 - 15u^4 + 6u^5, u = t/start_time, rises from 0 to 1, where it stays; at start_time 0 it is 1
+    throughout. Time and numbers are scalars of any kind: floats, symbols, or arrays with an entry for each of many
+    arms. Nothing is checked.
     """
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
@@ -93,11 +94,12 @@ def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
 @lru_cache(maxsize=32)
 def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
     """Native code of sums of sinusoids, `sinusoids_at`, for r joints and h harmonics: a function that returns the
-    reference point, positions (r,) in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2).
+    reference point. It has positions (r,) in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in
+    rad/s^2 (m/s^2).
 
-    Its arguments are a time (1,) in s and the five arrays of `SinusoidNumbers`: center and amplitude (rad or m),
-    frequency (Hz), phase (rad) and start_time (s). `sizes` are their lengths: r, h r, h r, h r, 1. It raises
-    `InputError` on a wrong shape.
+    The function's arguments are a time (1,) in s and the five arrays of `SinusoidNumbers`: center and amplitude (rad or
+    m), frequency (Hz), phase (rad) and start_time (s). `sizes` are their lengths: r, h r, h r, h r, 1. The function
+    raises `InputError` on a wrong shape; `sizes` that are not five raise `ValueError` here.
     """
 
     def equation(time: Column, **numbers: Column) -> ReferencePoint:
@@ -110,12 +112,12 @@ def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
 @lru_cache(maxsize=32)
 def power_kernel(size: int) -> Callable[..., ReferencePoint]:
     """Native code of polynomials c_5 u^5 + ... + c_0 in time u for r joints: a function that returns the reference
-    point, positions (r,) in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2), the last two zero
-    at rest.
+    point. It has positions (r,) in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2
+    (m/s^2), the last two zero at rest.
 
-    Its arguments are an array (2,), the time u since the polynomials' start (s) and 1 where they move or 0 at rest, and
-    the coefficients (`size`,), `size` = 6 r: c_5 of all joints first, c_0 last, c_k in rad/s^k (m/s^k). It raises
-    `InputError` on a wrong shape.
+    The function's arguments are an array (2,), the time u since the polynomials' start (s) and 1 where they move or 0
+    at rest, and the coefficients (`size`,), `size` = 6 r: c_5 of all joints first, c_0 last, c_k in rad/s^k (m/s^k). It
+    raises `InputError` on a wrong shape.
     """
     joints = size // (DEGREE + 1)
 
@@ -133,11 +135,12 @@ def power_kernel(size: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
-    """Native code of a minimum-jerk stretch of r `joints`: a function that returns the reference point, positions (r,)
-    in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2).
+    """Native code of a minimum-jerk motion between two waypoints for r `joints`: a function that returns the reference
+    point. It has positions (r,) in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2
+    (m/s^2).
 
-    Its arguments are an array (2,), the time since the stretch's start and its length (s), and the first and the last
-    positions (r,), rad or m, in which it rests before and after the stretch. It raises `InputError` on a wrong shape.
+    The function's arguments are an array (2,), the time since the motion's start and its duration (s), and the first
+    and the last positions (r,), rad (m), at which it rests before and after. It raises `InputError` on a wrong shape.
     """
 
     def equation(given: Column, start: Column, end: Column) -> ReferencePoint:
@@ -155,12 +158,12 @@ class Sinusoids:
 
     p(t) = center + fade(t) sum_i amplitude_i sin(2 pi frequency_i t + phase_i)
 
-    `center` (r,) in rad or m; `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero) are (r,) for one
-    sinusoid a joint or (h, r) for the sum of h; `start_time`, 2 s by default, is the length of the fade 10u^3 - 15u^4 +
-    6u^5, u = t/start_time, from 0 to 1, and 0 for none. With a fade the arm is at rest in the centre at time 0 and
-    before; without one the sinusoids run at all times. Called with times t (...) in s, it returns the `ReferencePoint`
-    then: positions, velocities and accelerations (..., r). Raises `InputError` for other shapes, what is no number or
-    not finite, and a negative start time.
+    `center` (r,) is in rad (m if prismatic); `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero)
+    are (r,) for one sinusoid a joint or (h, r) for the sum of h; `start_time`, 2 s by default, is the length of the
+    fade 10u^3 - 15u^4 + 6u^5, u = t/start_time, from 0 to 1; 0 is for no fade. With a fade the arm is at rest in the
+    centre at time 0 and before; without one the sinusoids run at all times. Called with times t (...) in s, it returns
+    the `ReferencePoint` then: positions, velocities and accelerations (..., r). Raises `InputError` for other shapes,
+    what is no number or not finite, and a negative start time.
     """
 
     center: Array
@@ -188,9 +191,10 @@ class Sinusoids:
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
-        accelerations in rad/s^2 (m/s^2). With a fade-in it is at rest in the centre at time 0 and before, else the
-        sinusoids run at all times. Computed in a microsecond, for loops that ask each period."""
+        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m if prismatic), velocities in
+        rad/s (m/s) and accelerations in rad/s^2 (m/s^2). With a fade-in it is at rest in the centre at time 0 and
+        before, else the sinusoids run at all times. Computed in about a microsecond, for loops that ask each period.
+        NaN is not refused."""
         return self._kernel(np.array((t,)), *self._flat)
 
     @cached_property
@@ -203,9 +207,10 @@ class Sinusoids:
 
     @property
     def numbers(self) -> SinusoidNumbers:
-        """The numbers of these sums of sinusoids as flat arrays, for r joints and h harmonics: `center` (r,) and
-        `amplitude` (h r,) in rad or m, `frequency` (h r,) in Hz, `phase` (h r,) in rad, and `start_time` (1,), the
-        length of the fade-in in s. The r terms of one harmonic come after those of the one before."""
+        """Parameters of these sums of sinusoids as flat arrays, for r joints and h harmonics, a `SinusoidNumbers`.
+        `center` (r,) and `amplitude` (h r,) are in rad (m if prismatic), `frequency` (h r,) in Hz, `phase` (h r,) in
+        rad, and `start_time` (1,) in s is the length of the fade-in. The r terms of one harmonic come after those of
+        the one before."""
         phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
         amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
         return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))
@@ -216,14 +221,14 @@ class Spline:
     """Reference trajectory through given positions at given times: the spline of degree 5, whose acceleration has two
     derivatives.
 
-    `positions` (w, r) are w >= 6 positions of r joints in rad or m, `times` (w,) in s, increasing: samples of a path
-    that has no formula in joints, such as what inverse kinematics makes of one in space. Velocities and accelerations
-    are the spline's own derivatives. Before the first time it rests in the first position and after the last time in
-    the last, with a jump of velocity and acceleration unless the samples rest there. Called with times t (...) in s, it
-    returns the `ReferencePoint` then: positions, velocities and accelerations (..., r).
+    `positions` (w, r) are w >= 6 positions of r joints in rad (m if prismatic), `times` (w,) in s, strictly increasing:
+    samples of a path that has no formula in joints, such as what inverse kinematics makes of one in space. Velocities
+    and accelerations are the spline's own derivatives. Before the first time it rests in the first position and after
+    the last time in the last, with a jump of velocity and acceleration unless the samples rest there. Called with times
+    t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (..., r).
 
     Raises `InputError` for fewer positions, another number of times, what is no number or not finite, and times that do
-    not increase; `MissingExtraError` at the first use without SciPy.
+    not strictly increase; `MissingExtraError` at the first use without SciPy.
     """
 
     positions: Array
@@ -246,10 +251,10 @@ class Spline:
         return ReferencePoint(p, np.where(resting, 0.0, v), np.where(resting, 0.0, a))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
-        accelerations in rad/s^2 (m/s^2); before the first of `times` at rest in the first position, after the last of
-        them at rest in the last; computed in microseconds, for loops that ask each period. Raises `MissingExtraError`
-        without SciPy."""
+        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m if prismatic), velocities in
+        rad/s (m/s) and accelerations in rad/s^2 (m/s^2). Before the first of the attribute `times` it rests in the
+        first position, after the last of them in the last. Computed in microseconds, for loops that ask each period.
+        Raises `MissingExtraError` without SciPy."""
         inside = min(max(t, self._starts[0]), float(self.times[-1]))
         k = max(bisect_right(self._starts, inside) - 1, 0)
         return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])
@@ -286,14 +291,14 @@ class Spline:
 
 @dataclass(frozen=True, eq=False)
 class MinimumJerk:
-    """Reference trajectory through waypoints, at rest in each of them; each stretch between two is a quintic of least
+    """Reference trajectory through waypoints, at rest in each of them; each motion between two is a quintic of least
     jerk (Flash and Hogan 1985).
 
-    `waypoints` (w, r) are w >= 2 positions of r joints in rad or m, `times` (w,) when they are reached, in s,
-    increasing. Before the first time it rests in the first waypoint, after the last time in the last. Called with times
-    t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (..., r). Raises
-    `InputError` for fewer waypoints, another number of times, what is no number or not finite, and times that do not
-    increase.
+    `waypoints` (w, r) are w >= 2 positions of r joints in rad (m if prismatic), `times` (w,) when they are reached, in
+    s, strictly increasing. Before the first time it rests in the first waypoint, after the last time in the last.
+    Called with times t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (...,
+    r). Raises `InputError` for fewer waypoints, another number of times, what is no number or not finite, and times
+    that do not strictly increase.
     """
 
     waypoints: Array
@@ -317,9 +322,9 @@ class MinimumJerk:
         return ReferencePoint(self.waypoints[stretch] + fade * way, slope * way / length, bend * way / length**2)
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m), velocities in rad/s (m/s) and
-        accelerations in rad/s^2 (m/s^2); at rest in the first waypoint before its time, in the last after its; computed
-        in microseconds, for loops that ask each period."""
+        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m if prismatic), velocities in
+        rad/s (m/s) and accelerations in rad/s^2 (m/s^2). It rests in the first waypoint before its time, in the last
+        after its. Computed in microseconds, for loops that ask each period. NaN is not refused."""
         starts = self._starts
         k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
         given = np.array((t - starts[k], starts[k + 1] - starts[k]))
@@ -336,13 +341,13 @@ class MinimumJerk:
 
 @dataclass(frozen=True, eq=False)
 class Halted:
-    """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then along its path to rest within
-    `over` (s; 1 by default), and stays there. It excites an adaptive controller for an interval, and no longer.
+    """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then comes to rest along its path
+    within `over` (s; 1 by default), and stays there. It excites an adaptive controller for a limited interval.
 
     After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
     1 to 0, so that positions, velocities and accelerations stay continuous. Called with times t (...) in s, it returns
-    a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for a negative stop, an `over` that
-    is not positive, or either no number or not finite.
+    a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for a `stop` below 0, an `over` that
+    is not positive, and for either that is no number or not finite.
     """
 
     of: Reference

@@ -30,23 +30,24 @@ class Ringing(NamedTuple):
     """
 
     product: Any
-    """(r,) of s now times s a tick ago"""
+    """(r,) of s now times s one control period ago"""
     square: Any
-    """(r,) of s a tick ago, squared"""
+    """(r,) of s one control period ago, squared"""
     s: Any
     """(r,) the last"""
     lasting: Any
-    """(2,) ticks in a row in which some joint's rho was below ALARM and below BRAKE: a single jump is neither"""
+    """(2,) control periods in a row in which some joint's rho was below ALARM and below BRAKE: a single jump is
+    neither"""
 
     @classmethod
     def silent(cls, dof: int) -> Ringing:
-        """The detector of ringing of `dof` joints before the first control period: all its averages and counts are
-        zero."""
+        """Detector of ringing for `dof` joints before the first control period: all its averages and counts are zero.
+        Nothing is checked."""
         return cls(np.zeros(dof), np.zeros(dof), np.zeros(dof), np.zeros(2))
 
     def heard(self, s: Column) -> Ringing:
-        """The detector of ringing after one more control period, in which the sliding variable was `s`, a `Column` (r,)
-        of r joints in rad/s (m/s if prismatic). The detector's own fields must be Columns too. Nothing is checked."""
+        """Detector of ringing after one more control period, in which the sliding variable was `s`, a `Column` (r,) of
+        r joints in rad/s (m/s if prismatic). The detector's own fields must be Columns too. Nothing is checked."""
         keep, new = 1.0 - 1.0 / SPAN, 1.0 / SPAN
         product = keep * self.product + new * (self.s * s)
         square = keep * self.square + new * (self.s * self.s)
@@ -56,16 +57,16 @@ class Ringing(NamedTuple):
 
     @property
     def alarm(self) -> Any:
-        """Alarm of ringing, one scalar for all joints: 1 where for 25 control periods in a row some joint's sliding
-        variable had a correlation with itself one control period ago below -0.5 (it mostly changed its sign), else
-        0."""
+        """Alarm of ringing, one scalar for all joints: 1 where some joint rings, else 0. A joint rings where, for 25
+        control periods in a row, its sliding variable had a correlation with itself one control period ago below -0.5,
+        that is, mostly changed its sign."""
         return where(self.lasting[0] >= LASTING, 1.0, 0.0)
 
     @property
     def brake(self) -> Any:
-        """Signal to brake the arm, one scalar for all joints: 1 where for 25 control periods in a row some joint's
-        sliding variable had a correlation with itself one control period ago below -0.9 (hardly anything but ringing
-        was left), else 0."""
+        """Signal to brake the arm, one scalar for all joints: 1 where ringing dominates, else 0. It does where, for 25
+        control periods in a row, some joint's sliding variable had a correlation with itself one control period ago
+        below -0.9."""
         return where(self.lasting[1] >= LASTING, 1.0, 0.0)
 
 
@@ -74,9 +75,9 @@ def correlation(product: Column, square: Column) -> Column:
     ago: rho = product/(square + 1e-4), which goes to 0 where s is below 0.01 rad/s (m/s).
 
     `product` (r,) is the moving average of s_j s_(j-1) and `square` (r,) that of s_(j-1)^2, j counting the control
-    periods, both in rad^2/s^2 (m^2/s^2 if prismatic). In a loop that nothing disturbs rho is 1 - h, h its hold number,
-    which must be below 2: the control period times the rate at which the held torque damps s. Raises `ValueError` for
-    columns of different lengths.
+    periods, both in rad^2/s^2 (m^2/s^2 if prismatic). In a loop without disturbance rho is 1 - h. h is its hold number,
+    the control period times the rate at which the held torque damps s; the loop is stable for h below 2. Raises
+    `ValueError` for columns of different lengths.
     """
     return Column(x / (y + FAINT * FAINT) for x, y in zip(product, square, strict=True))
 
@@ -90,10 +91,10 @@ def _least(values: Column) -> Any:
 
 def ringing(s: Array) -> Array:
     """The correlation rho (T, r), without a unit, of the sliding variables of r joints with themselves one control
-    period ago, averaged over about 100 control periods, in the T control periods of a run, the averages starting at 0.
-    -0.5 is an alarm: s mostly changes its sign from one control period to the next, the loop rings. At -0.9 it is about
-    to be lost. `s` (T, r) has the sliding variables in every control period, in rad/s (m/s if prismatic). Nothing is
-    checked."""
+    period ago, in the T control periods of a run. It is taken of exponential moving averages over about 100 control
+    periods, which start at 0. At -0.5 the loop rings: the sliding variable changes its sign in most control periods. At
+    -0.9 it is about to diverge. `s` (T, r) has the sliding variables in every control period, in rad/s (m/s if
+    prismatic). Nothing is checked."""
     averages, found = Ringing(*map(Column, Ringing.silent(s.shape[-1]))), np.empty(s.shape)
     for k, row in enumerate(s):
         averages = averages.heard(Column(row.tolist()))

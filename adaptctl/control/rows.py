@@ -12,10 +12,10 @@ from adaptctl.errors import InputError
 
 
 def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[int, ...]) -> dict[str, Array]:
-    """Float64 arrays by name, made of `values`: numbers (..., n) of each of N arms, whose leading axes have the shape
-    `arms`, become rows (N, n), and numbers (n,) for all arms alike stay (n,). `sizes` has the name and the length n of
-    each, in the order of `values`. Raises `InputError` for another shape and for what holds no numbers, `ValueError`
-    for more or fewer `values` than `sizes`."""
+    """Float64 arrays by name, made of `values`. Numbers (..., n) of each of N arms, whose leading axes have the shape
+    `arms`, become rows (N, n); numbers (n,) for all arms alike stay (n,). `sizes` has the name and the length n of
+    each, in the order of `values`. Raises `InputError` for another shape and for values that are no numbers,
+    `ValueError` for more or fewer `values` than `sizes`."""
     columns = {}
     for (name, size), given in zip(sizes.items(), values, strict=True):
         try:
@@ -29,9 +29,9 @@ def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tu
 
 
 def row_each(array: Array, arms: tuple[int, ...], name: str) -> Array:
-    """The n numbers (..., n) of each of the arms, whose leading axes have the shape `arms`: `array` itself where it has
-    that shape, and a read-only view, repeated for all arms, of an `array` (n,). Raises `InputError` for another shape;
-    `name` is the numbers' name in its message."""
+    """The n numbers (..., n) of each of some arms, from `array`, where the shape of the leading axes is `arms`. It is
+    `array` itself where that has this shape, and a read-only view, repeated for all arms, of an `array` (n,). Raises
+    `InputError` for another shape; `name` is the numbers' name in its message."""
     size = array.shape[-1]
     if array.shape not in ((*arms, size), (size,)):
         raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {array.shape}")

@@ -10,7 +10,7 @@ from adaptctl.arrays import Array
 class TrackedRun(Protocol):
     """Protocol of a closed-loop run: T control periods of r joints, and the reference that they followed. Positions
     `p`, velocities `v`, and the reference's `reference_p` and `reference_v` are arrays (T, r), in rad and rad/s (m and
-    m/s if prismatic), one row a sample."""
+    m/s if prismatic), one row a sample. Nothing is checked."""
 
     @property
     def p(self) -> Array:
@@ -34,9 +34,9 @@ class TrackedRun(Protocol):
 
 
 class SampledRun(TrackedRun, Protocol):
-    """Protocol of a closed-loop run of T samples of r joints (positions and velocities, and the reference's), which
-    also has its reference's accelerations `reference_a` (T, r), rad/s^2 (m/s^2 if prismatic), and its sampling time
-    `control_period`, s."""
+    """Protocol of a closed-loop run of T samples of r joints, a `TrackedRun` (positions and velocities, and the
+    reference's) with two more attributes: its reference's accelerations `reference_a` (T, r), rad/s^2 (m/s^2 if
+    prismatic), and its sampling time `control_period`, s. Nothing is checked."""
 
     @property
     def reference_a(self) -> Array:
@@ -51,8 +51,9 @@ class SampledRun(TrackedRun, Protocol):
 
 
 class LearningRun(TrackedRun, Protocol):
-    """Protocol of a closed-loop run of T samples of r joints (positions and velocities, and the reference's), which
-    also has its adaptive controller's estimates `estimate` (T, k) of k parameters, SI units."""
+    """Protocol of a closed-loop run of T samples of r joints, a `TrackedRun` (positions and velocities, and the
+    reference's) with one more attribute: its adaptive controller's estimates `estimate` (T, k) of k parameters, SI
+    units. Nothing is checked."""
 
     @property
     def estimate(self) -> Array:

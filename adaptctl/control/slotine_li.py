@@ -23,10 +23,10 @@ from adaptctl.scalars import Column, column
 
 
 class ReferenceVelocity(NamedTuple):
-    """Reference velocity of Slotine and Li's law for r joints: `v_r` (r,), rad/s (m/s if prismatic), from which the
-    sliding variable s = v - v_r of the velocities v is measured; its derivative in time `a_r` (r,), rad/s^2 (m/s^2);
-    and `more`, the memory, a named tuple of columns, from which the law makes both in the next control period, empty
-    where it needs none. Nothing is checked."""
+    """Reference velocity of Slotine and Li's law for r joints. `v_r` (r,), rad/s (m/s if prismatic), is the velocity
+    from which the sliding variable s = v - v_r of the measured velocities v is taken; `a_r` (r,), rad/s^2 (m/s^2), is
+    its derivative in time; and `more` is the internal state, a named tuple of columns, from which the law makes both in
+    the next control period, empty where it needs none. Nothing is checked."""
 
     v_r: Column
     a_r: Column
@@ -55,17 +55,17 @@ class SlotineLi(AdaptiveController):
     `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K in N m s/rad (N s/m for a prismatic
     joint), each one number or one a joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its
     diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch adaptation off; `initial`
-    (k,) is the first estimate in SI units, None for zero; `period` is the control period T_c in s, 1 ms by default;
-    `workspace` is where the period must carry the gains, None for all that the joints' limits allow; nothing is learned
-    from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N), None for the mechanism's own;
-    `prior` (k,), in SI units, is how far each parameter may be from its first estimate: with it, `StabilityWarning`
-    tells where the estimate could come to ring (`estimate_hold`), which is no reason not to try; None looks for no such
-    place. `tunable` names the numbers that `tuned` changes.
+    (k,) is the initial estimate in SI units, None for zero; `period` is the control period T_c in s, 1 ms by default;
+    `workspace` is the set of joint positions for which the gains are checked, None for all that the joints' limits
+    allow; nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N), None
+    for the mechanism's own; `prior` (k,), in SI units, is how far each parameter may be from its initial estimate: with
+    it, a `StabilityWarning` is given where the hold number of the gains plus `estimate_hold` is 2 or more, so that
+    estimates on their way could make the loop ring; None, the default, checks nothing of this.
 
-    Raises `GainError` when the period cannot carry the gains: the hold number T_c lambda_max(M^-1 K + Lambda),
-    lambda_max the largest eigenvalue, above 1.5 in the workspace, or M not positive definite there; `InputError` on
-    wrong shapes, on gains, limits or a period that are not positive, and on an adaptation law that does not fit the
-    model.
+    Raises `GainError` where the gains are too large for the period: the hold number T_c lambda_max(M^-1 K + Lambda),
+    lambda_max the largest eigenvalue, is above 1.5, or M not positive definite, at a position that a local search over
+    `workspace` finds; `InputError` on wrong shapes, on gains, limits or a period that are not positive, and on an
+    adaptation law that does not fit the model.
     """
 
     tunable: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "initial")
@@ -91,10 +91,11 @@ class SlotineLi(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the memory after
-        learning from the period that has passed; at measured positions p in rad (m) and velocities v in rad/s (m/s),
-        (r,), towards the `reference`, positions, velocities and accelerations (r,) in rad (m) and per s and s^2, with
-        the last control period's `memory`, at first that of `start`. Nothing is checked here: `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
+        after learning from the period that has passed. Positions p in rad (m) and velocities v in rad/s (m/s), (r,),
+        are measured; `reference` has the desired positions, velocities and accelerations (r,) in rad (m), s and s^2;
+        `memory` is the internal state of the last control period, at first that of the method `start`. Nothing is
+        checked here: the method `step` checks shapes."""
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
@@ -113,11 +114,12 @@ class SlotineLi(AdaptiveController):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r = v_d - Lambda e (r,) in rad/s (m/s), e = p - p_d, its derivative in time a_r (r,)
-        in rad/s^2 (m/s^2), and an empty memory; Lambda is the bandwidth (1/s). p in rad (m) and v in rad/s (m/s), (r,),
-        are the measured positions and velocities of r joints; `reference` has the desired p_d, v_d and their derivative
-        a_d (r,). The positions q (n,), rad (m), of all n joints of the spanning tree and the last control period's
-        `memory` are for subclasses that need them. Nothing is checked here."""
+        """The reference velocity v_r = v_d - Lambda e (r,) of r joints, in rad/s (m/s if prismatic), its derivative in
+        time a_r (r,) in rad/s^2 (m/s^2), and an empty internal state, as a `ReferenceVelocity`. e = p - p_d is the
+        tracking error and Lambda the bandwidth (1/s). p in rad (m) and v in rad/s (m/s), (r,), are the measured
+        positions and velocities; `reference` has the desired p_d, v_d and their derivative a_d (r,). The positions q
+        (n,), rad (m), of all n joints of the spanning tree and `memory`, the internal state of the last control period,
+        are for subclasses that need them. Nothing is checked here."""
         bandwidth = column(self.bandwidth)
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())

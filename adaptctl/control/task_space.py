@@ -32,12 +32,12 @@ SMALLEST = 1e-12
 
 
 class Goal(NamedTuple):
-    """The memory of a task-space law whose reference is given in joints: `q` (n,), the reference's positions of all n
-    joints of the mechanism's spanning tree in the last control period, rad (m if prismatic), from which closed
+    """Internal state of a task-space law whose reference is given in joints: `q` (n,), the reference's positions of all
+    n joints of the mechanism's spanning tree in the last control period, rad (m if prismatic), from which closed
     kinematic loops are followed. Nothing is checked."""
 
     q: Any
-    """(n,) its tree's joints at the last tick"""
+    """(n,) the tree's joints in the last control period"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +54,12 @@ class TaskSpaceSlotineLi(SlotineLi):
     variable. A prime is a derivative in time, but the transpose of J and, in V below, of s and error.
 
     x (m,) are m of the three world coordinates of the point, in metres: `axes`, rising, 0 to 2 for x to z, by default
-    all. `tool` (3,) is the point in the frame of `link`, in metres, None for its origin; `link` is a name, None for the
-    last one. With m < r the rest of the motion is drawn to `posture` (r,) in rad (m), None for the mechanism's home, at
-    `posture_rate` in 1/s, by default 1. `singularity` is mu in m: zero, the default, inverts J itself (m = r) or takes
-    the least motion (m < r). Where J J' is nearly singular, det(J J')/(tr(J J')/m)^m = w below w_0 = 1e-3, the square
-    of mu grows by a share (1 - w/w_0)^2 of 1e-2 of tr(J J')/m, smoothly from 0 (Nakamura and Hanafusa 1986), so that
-    v_r and a_r stay finite.
+    all. `tool` (3,) is the point in the frame of `link`, in metres, None for the frame's origin; `link` is a name, None
+    for the last one. With m < r the rest of the motion is drawn to `posture` (r,) in rad (m if prismatic), None for the
+    mechanism's home configuration, at `posture_rate` in 1/s, by default 1. `singularity` is mu in m: zero, the default,
+    inverts J itself (m = r) or takes the least motion (m < r). Where J J' is nearly singular, det(J J')/(tr(J J')/m)^m
+    = w below w_0 = 1e-3, mu^2 grows by 1e-2 (1 - w/w_0)^2 tr(J J')/m, smoothly from 0 (Nakamura and Hanafusa 1986), so
+    that v_r and a_r stay finite.
 
     Guarantees: s goes to zero with V = s'Ms/2 + error' Gamma^-1 error/2, as for `SlotineLi`, whatever J; M is the mass
     matrix, Gamma the adaptation gain, error the estimate's. Where J has full rank and mu is zero, x' - x_d' + Lambda (x
@@ -72,14 +72,14 @@ class TaskSpaceSlotineLi(SlotineLi):
     velocities and accelerations (r,), as an environment gives them, and x_d is where they put the point. `bandwidth` is
     Lambda (1/s), a number or (m,); other arguments and defaults are those of `SlotineLi`: `model`, with its k
     parameters; `damping` K in N m s/rad (N s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or
-    Gamma (k,) or (k, k) in units of the parameters squared per J, or None for none; `initial` (k,), SI units, None for
-    zero; `period` T_c, 1e-3 s; `workspace`, the positions at which the period must carry the gains, None for all that
-    the joints' limits allow; `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for
-    the mechanism's; `prior` (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates
-    could ring, None for none. Raises `GainError` where T_c (lambda_max(M^-1 K) + the greatest of Lambda and
-    `posture_rate`), lambda_max the largest eigenvalue, is above 1.5 or M not positive definite, and `InputError` for
-    arguments that `SlotineLi` refuses, for axes, link, tool, posture, posture rate or mu that do not fit, and where,
-    with mu zero, the joints cannot move the point along all axes.
+    Gamma (k,) or (k, k) in units of the parameters squared per J, or None, the default, for none; `initial` (k,), SI
+    units, None for zero; `period` T_c, 1e-3 s; `workspace`, the set of joint positions for which the gains are checked,
+    None for all that the joints' limits allow; `torque_limits`, one number or (r,), N m (N), beyond which nothing is
+    learned, None for the mechanism's; `prior` (k,), SI units, the greatest errors of `initial`, for a
+    `StabilityWarning` where estimates could ring, None for none. Raises `GainError` where T_c (lambda_max(M^-1 K) + the
+    greatest of Lambda and `posture_rate`), lambda_max the largest eigenvalue, is above 1.5 or M not positive definite,
+    and `InputError` for arguments that `SlotineLi` refuses, for axes, link, tool, posture, posture rate or mu that do
+    not fit, and where, with mu zero, the joints cannot move the point along all axes.
     """
 
     tunable = (*SlotineLi.tunable, "posture_rate")
@@ -111,22 +111,24 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point, position, velocity or acceleration: m, the number of `axes`, or the
-        number r of primary (independent) joints where `reference_in_joints` is true."""
+        """Length of each part of a reference point (position, velocity or acceleration): m, the number of the law's
+        attribute `axes`, or the number r of primary (independent) joints where its attribute `reference_in_joints` is
+        True."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r (r,) of the r primary (independent) joints in rad/s (m/s), at which the tool is
-        led to its path, its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers, and the law's
-        memory for the next control period.
+        """The reference velocity v_r (r,) of the r primary (independent) joints, in rad/s (m/s if prismatic), with
+        which the tool follows its path, its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers,
+        and a further internal state, as a `ReferenceVelocity`.
 
-        With a reference in joints, that memory is the reference's configuration (n,) of the tree's n joints, from which
+        With a reference in joints, that state is the reference's configuration (n,) of the tree's n joints, from which
         kinematic loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in
         rad (m) and v (r,) in rad/s (m/s) the primary joints' measured positions and velocities, `memory` the
-        controller's in the last control period. `reference` is the tool's position, velocity and acceleration (m,), in
-        metres and seconds, along the m axes, or those of the joints (r,).
+        controller's internal state of the last control period. `reference` is the tool's position, velocity and
+        acceleration (m,), in metres and seconds, along the m axes, or those of the joints (r,). Nothing is checked
+        here.
         """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
@@ -134,9 +136,9 @@ class TaskSpaceSlotineLi(SlotineLi):
         return ReferenceVelocity(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
-        """The tool's coordinates x (m,), in metres, along the m world `axes`, and the m rows (r,) of their Jacobian J
-        (m, r) by the r primary (independent) joints, in m/rad (no unit for a prismatic joint), at the configuration q
-        (n,) of the tree's n joints in rad (m)."""
+        """The tool's coordinates x (m,), in metres, along the law's m world axes, and the Jacobian J (m, r) of x by the
+        r primary (independent) joints, as a list of m rows (r,). J is in m/rad (no unit for a prismatic joint). The
+        configuration is q (n,) of the tree's n joints, in rad (m). Nothing is checked."""
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]

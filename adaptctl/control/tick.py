@@ -10,10 +10,10 @@ from adaptctl.scalars import Column
 
 
 def ticked(law: Any, *given: Any) -> Any:
-    """The torque and the next memory, as the method `law` of the controller `law` returns them for the arguments
-    `given` (positions, velocities, reference point, memory): `law.law(*given)`, not checked. Raises `TraceError`, which
-    names the controller, where it applies a NumPy function to a `Column`, a vector of scalars of any kind, which takes
-    none; other errors go through."""
+    """The torque and the next internal state, as the method `law` of the controller `law` returns them: the value of
+    `law.law(*given)`, not checked. `given` are the arguments: positions, velocities, reference point, internal state.
+    Raises `TraceError`, which names the controller, where the method applies a NumPy function to a `Column`, a vector
+    of scalars of any kind, which takes none; other errors go through."""
     try:
         return law.law(*given)
     except TypeError as error:
@@ -26,10 +26,10 @@ def ticked(law: Any, *given: Any) -> Any:
 
 
 def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
-    """The torque, a `Column` (vector of scalars) of length r for r joints, and the memory, as the method `law` of a
-    controller `returned` them, once they are checked; the argument `law` is that controller. Raises `InputError` unless
-    `returned` is a tuple of such a column and a memory, a named tuple of as many columns, each as long, as the
-    controller's `start` gives."""
+    """The torque, a `Column` (vector of scalars) of length r for r joints, and the internal state in `returned`, the
+    value that the method `law` of the controller `law` returned. Raises `InputError` unless `returned` is a tuple of
+    such a column and an internal state: a named tuple of as many columns, each as long, as the controller's method
+    `start` gives."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")

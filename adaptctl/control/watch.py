@@ -23,8 +23,8 @@ class Watch(NamedTuple):
     `adaptation` (T,) is T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off: theorems of discrete adaptation ask for
     less than 2, or 2 - h. `hold` (T,) is h = T_c lambda_max(M^-1 (K + M^ Lambda)): velocities ring above 2; infinite
     where M is not positive definite. `ringing` (T, r) is the correlation rho of each joint's sliding variable s = e' +
-    Lambda e with itself one control period ago, averaged over about 100 control periods: -0.5 is an alarm, -0.9 a loop
-    about to be lost.
+    Lambda e with itself one control period ago, averaged over about 100 control periods: at -0.5 the loop rings, at
+    -0.9 it is about to diverge.
 
     T_c is the control period (s), r the number of primary (independent) joints, lambda_max the largest eigenvalue, K
     the damping, Lambda the bandwidth, Gamma the adaptation gain, Y the torque regressor and Y' its transpose, M the
@@ -37,7 +37,7 @@ class Watch(NamedTuple):
     hold: Array
     """(T,) h = T_c lambda_max(M^-1 (K + M^ Lambda)) with the true M and the estimate's M^: velocities ring above 2"""
     ringing: Array
-    """(T, r) rho of every joint: -0.5 is an alarm, -0.9 a loop about to be lost"""
+    """(T, r) rho of every joint: at -0.5 the loop rings, at -0.9 it is about to diverge"""
 
 
 class _Run(LearningRun, SampledRun, Protocol):
@@ -45,18 +45,18 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 
 def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> Watch:
-    """The stability numbers, a `Watch` without units, of a run of Slotine and Li's law, `controller`, at T of its
-    samples, every `every`-th from the first on, by default all.
+    """The stability numbers, a `Watch` without units, of a `run` of Slotine and Li's law, `controller`, at T of its
+    samples: every `every`-th from the first on, by default all.
 
-    The record's fields are `adaptation` (T,), T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off, and `hold` (T,),
-    T_c lambda_max(M^-1 (K + M^ Lambda)) of the held torque, both stable below 2; and `ringing` (T, r), the correlation
-    of the sliding variable of each of the r primary (independent) joints with itself one control period ago. T_c is the
+    Its fields are `adaptation` (T,), T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off, and `hold` (T,), T_c
+    lambda_max(M^-1 (K + M^ Lambda)) of the held torque, both stable below 2; and `ringing` (T, r), the correlation of
+    the sliding variable of each of the r primary (independent) joints with itself one control period ago. T_c is the
     control period, lambda_max the largest eigenvalue, K the damping, Lambda the bandwidth, Gamma the adaptation gain, Y
     the torque regressor and Y' its transpose, M the mass matrix of the true `mechanism` and M^ the estimated one. The
-    `run` must have every control period as a sample: positions, velocities, the reference's and its accelerations, and
-    the estimates. The first two numbers cost a regressor and a mass matrix a sample. Raises `InputError` for relatives
-    of Slotine and Li's law with another sliding variable, such as `TaskSpaceSlotineLi`, and for an adaptation law
-    without a constant gain; `SingularityError` near a configuration that locks kinematic loops.
+    run must have every control period as a sample: positions, velocities, the reference's and its accelerations, and
+    the estimates. `adaptation` and `hold` cost a regressor and a mass matrix a sample. Raises `InputError` for
+    relatives of Slotine and Li's law with another sliding variable, such as `TaskSpaceSlotineLi`, and for an adaptation
+    law without a constant gain; `SingularityError` near a singularity of the kinematic loops.
     """
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from adaptctl.description.visual import Visual
 
 GROUND = -1
-"""The parent index of a link that hangs on the ground."""
+"""The parent index of a link whose joint is on the ground."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 LARGEST_INERTIA, LARGEST_GRAVITY = LARGEST_TERM, 1e9
@@ -41,25 +41,25 @@ class JointKind(Enum):
 
     @property
     def turns(self) -> bool:
-        """True where the joint's coordinate is an angle (rad), False where a length (m)."""
+        """True for revolute and continuous joints, whose coordinate is an angle (rad); False for prismatic ones (m)."""
         return self is not JointKind.PRISMATIC
 
     @property
     def position_unit(self) -> str:
-        """Unit of the joint's coordinate: "rad" for an angle, "m" for a length."""
+        """Unit of the coordinate of a joint of this kind: "rad" for an angle, "m" for a length."""
         return "rad" if self.turns else "m"
 
     @property
     def effort_unit(self) -> str:
-        """Unit of the joint's effort: "N m" for a torque, "N" for a force."""
+        """Unit of the effort of a joint of this kind: "N m" for a torque, "N" for a force."""
         return "N m" if self.turns else "N"
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a joint: its position range `lower` to `upper` (rad or m), greatest speed `velocity` (rad/s or m/s) and
-    greatest `effort` (N m or N); infinite by default, for no limit. Raises `InputError` unless lower < upper and the
-    others are positive."""
+    """Limits of a joint: its position range `lower` to `upper` (rad, or m if prismatic), greatest speed `velocity`
+    (rad/s, or m/s) and greatest torque or force `effort` (N m, or N), each infinite, so no limit, by default. Raises
+    `InputError` unless lower < upper and the others are positive."""
 
     lower: float = -math.inf
     upper: float = math.inf
@@ -76,9 +76,9 @@ class Limits:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint called `name`, of one coordinate, about or along `axis` (3,), by default z, in the joint's frame, of any
-    length and made a unit vector. It has a `kind`, by default revolute, `limits`, by default none, and a `drive`, by
-    default without rotor and friction. Raises `InputError` for an axis not (3,), shorter than 1e-9 or not finite."""
+    """A joint of one coordinate called `name`: a rotation about or a translation along `axis` (3,), in the joint's
+    frame, of any length, kept as a unit vector, z by default. Its `kind` is by default revolute, its `limits` are
+    infinite, its `drive` without terms. Raises `InputError` for an axis not (3,), not finite or shorter than 1e-9."""
 
     name: str
     kind: JointKind = JointKind.REVOLUTE
@@ -100,13 +100,13 @@ class Joint:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link: a rigid body, and the joint that connects it to its parent, the link of index `parent`, from 0, or -1 for
-    the ground. `near` is the pose, in the parent link's frame, of the joint's frame at coordinate zero; `far` that of
-    the link's frame in the joint's moved frame: the identity for URDF, a Denavit-Hartenberg step for frames at the far
-    end. `inertia` (10,) holds m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, by default zero: mass (kg),
-    first moment (kg m) and inertia tensor (kg m^2) about the link frame's origin. A `massless` link only joins two
-    joints, as in a floating base: its `inertia` stays zero and is no parameter. Raises `InputError` for an inertia of
-    another shape, not finite, above 1e20, or of a massless link."""
+    """A link: a rigid body called `name`, and the `joint` that connects it to its parent, the link of zero-based index
+    `parent`, or -1 for the ground. `near` is the pose, in the parent link's frame, of the joint's frame at coordinate
+    zero; `far` that of the link's frame in the joint's moved frame: the identity for URDF, a Denavit-Hartenberg step
+    for frames at the far end. `inertia` (10,) holds m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, by default
+    zero: mass (kg), first moment (kg m) and inertia tensor (kg m^2) about the link frame's origin. A `massless` link
+    only joins two joints, as in a floating base; its inertia is no parameter. Raises `InputError` for an `inertia` of
+    another shape, not finite, above 1e20 in size, or not zero in a massless link."""
 
     name: str
     parent: int
@@ -126,13 +126,13 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """Description of a mechanism as immutable data: its `name` and its `links` in depth-first order (parents first,
-    each link's descendants together), in which `depth_first` puts them; on other orders Pinocchio gives wrong matrices,
-    silently. `gravity` (3,) is in the ground's frame, m/s^2, by default (0, 0, -9.81); `source` says where the numbers
-    come from; `loops` has what closes the tree into loops, None for a plain tree. `visuals` are shapes to draw,
-    `frames` named frames besides joints' and links'; hashes leave both out. Raises `InputError` for another order, no
-    links, empty or repeated names, gravity not (3,), not finite or above 1e9, visuals, frames or drives of unknown
-    links or joints, `NotFoundError` for unknown names in `loops`."""
+    """A mechanism's description as immutable data: its `name` and its `links` in depth-first order (parents first, each
+    link's descendants together; the function `depth_first` sorts them so, and Pinocchio gives wrong matrices in other
+    orders). `gravity` (3,) is in the ground's frame, m/s^2, by default (0, 0, -9.81); `source` says where the values
+    come from; `loops` has the constraints that close loops, None for a plain tree. `visuals` are shapes to draw and
+    `frames` named frames besides joints' and links'; hashes leave both out. Raises `InputError` for links in another
+    order, no links, empty or repeated names, gravity not (3,), not finite or above 1e9, and visuals, frames or drives
+    that refer to unknown links or joints; `NotFoundError` for unknown names in `loops`."""
 
     name: str
     links: tuple[Link, ...]
@@ -175,8 +175,8 @@ class Description:
 
     @property
     def shafts(self) -> list[list[object]]:
-        """Lists [index of a joint, from 0, [[name of another joint, ratio as text], ...]], in JSON's types for hashing,
-        of joints whose motor shaft turns with others too: its speed is the joint's own plus each ratio times theirs."""
+        """Motor shafts that turn with several joints, as lists in JSON's types for hashing: [zero-based index of the
+        drive's joint, [[name of another joint, ratio, shaft speed over that joint's speed, as text], ...]]."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
@@ -187,18 +187,19 @@ class Description:
 
     @cached_property
     def primary(self) -> tuple[int, ...]:
-        """Indices, from 0, among all joints of the r primary (independent) ones, in the order of positions p (r,)."""
+        """Zero-based indices, among all joints, of the r primary (independent) joints, in the order of positions p."""
         names = self.joint_names if self.loops is None else self.loops.primary
         return tuple(self.joint_names.index(name) for name in names)
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """Index, from 0, of every link's parent among the links, -1 for the ground."""
+        """Zero-based indices of the links' parents among the links, one for each link; -1 for the ground."""
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
-        """Mask (...) of positions p (..., r), rad (m), of the r primary joints: True where p keeps the loops'
-        conditions, bounds on weighted sums of p, and everywhere if there are none. Nothing is checked."""
+        """Boolean mask (...) of positions `p` (..., r) of the r primary joints (rad, m if prismatic): True where p
+        meets the loops' conditions, lower < weighted sum of p < upper, all True without conditions. Nothing is
+        checked."""
         p = np.asarray(p, dtype=np.float64)
         inside = np.ones(p.shape[:-1], dtype=np.bool_)
         for condition in self.loops.conditions if self.loops is not None else ():
@@ -208,48 +209,48 @@ class Description:
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """Indices, from 0, of links with ten inertial parameters (mass, first moment, inertia): all not massless."""
+        """Zero-based indices of the links that are not massless: each has ten inertial parameters, mass to inertia."""
         return tuple(i for i, link in enumerate(self.links) if not link.massless)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
-        """Names, in links' order, of those with ten inertial parameters (mass, first moment, inertia), not massless."""
+        """Names, in order, of the links that are not massless: each has ten inertial parameters, mass to inertia."""
         return tuple(self.links[i].name for i in self.bodies)
 
     @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
-        """Pairs (index of a link, parameter of its joint's drive) of all modelled drive parameters, in their order:
-        rotor inertias, viscous, Coulomb, square-root, Stribeck friction, offsets, each for all links in their order."""
+        """Pairs (zero-based link index, `DriveParameter` of its joint) of all modelled drive parameters: rotor
+        inertias, then viscous, Coulomb, square-root and Stribeck friction, then offsets, each in the links' order."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
     def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
-        """Pairs (index of a joint, ratio without unit) of the joints that turn the drive's shaft of joint number
-        `joint`, counted from 0: that joint first, with ratio 1. The shaft's speed, rad/s (m/s), is the sum of their
-        velocities times their ratios. Raises `InputError` for a number that is no joint's."""
+        """Pairs (zero-based joint index, ratio) of the joints that turn the motor shaft of the joint of index `joint`:
+        that joint first, with ratio 1. The shaft's speed (rad/s, m/s if prismatic) is the sum of ratio times joint
+        velocity. Raises `InputError` for an index that is no joint's."""
         drive = self.links[whole_number(joint, f"{self.name}: joint", 0, len(self.links) - 1)].joint.drive
         return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in drive.turns_with)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the P inertial parameters: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, first
-        moment, inertia) of links not massless, ``link3.I_xx``, then those of `drive_parameters`, ``joint2.viscous``."""
+        moment, inertia) of each link not massless, as ``link3.I_xx``, then drive parameters, as ``joint2.viscous``."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
 
     @property
     def energetic(self) -> int:
-        """Number of the inertial parameters that enter the energy: ten for each link that is not massless and one for
-        each modelled rotor inertia. Friction parameters, which do not, come after them."""
+        """Number of the inertial parameters that enter the kinetic or potential energy: ten for each link that is not
+        massless and one for each modelled rotor inertia. They come first; friction parameters, which do not, follow."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 
     @cached_property
     def inertial_parameters(self) -> Array:
         """The P inertial parameters (P,), read-only: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of the
-        links that are not massless (kg, kg m, kg m^2, about their frames' origins), then the drives' terms, SI units,
-        in the order of `drive_parameters`."""
+        links that are not massless (kg, kg m, kg m^2, about their frames' origins), then the drives' terms, SI units:
+        rotor inertias, viscous, Coulomb, square-root, Stribeck friction and offsets."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -258,8 +259,8 @@ class Description:
 
     @cached_property
     def weightless(self) -> tuple[str, ...]:
-        """Names of a tree's links without mass or rotor that carry no link with either, so that their joints'
-        accelerations are not determined; always empty with loops."""
+        """Names of a tree's links that have no inertia and no rotor, nor any descendant with either, so that their
+        joints' accelerations are not determined; always empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)
 
     @property
@@ -270,9 +271,9 @@ class Description:
         return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
-        """Description of the same mechanism with other inertial parameters (P,), SI units, in the order of
-        `parameter_names`, P names. Raises `InputError` for another number of them, values not finite or above 1e20 in
-        size, and rotors, viscous or Coulomb friction below 0."""
+        """A copy of this description with other inertial `parameters` (P,), SI units, in the order of its property
+        `parameter_names`. Raises `InputError` for another number of them, values not finite or above 1e20 in size, and
+        rotor inertia, viscous or Coulomb friction below 0."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
         for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
@@ -283,8 +284,8 @@ class Description:
         return replace(self, links=tuple(links))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
-        """Description of the same mechanism with other drives (rotor inertia and friction), one for all joints or one
-        each in order. Raises `InputError` for another number of drives, and for one that turns with unknown joints."""
+        """A copy of this description with other drives (rotor inertia and friction), one for all joints or one each in
+        order. Raises `InputError` for another number of drives, and for one that turns with unknown joints."""
         each = [drives] * len(self.links) if isinstance(drives, Drive) else list(drives)
         if len(each) != len(self.links):
             raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
@@ -294,8 +295,8 @@ class Description:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of name, gravity, links, drives and loops: equal mechanisms, equal hashes.
-        `source`, shapes to draw and named frames do not count."""
+        """SHA-256 hash (64 hexadecimal digits) of this description's name, gravity, links, drives and loops; equal ones
+        have equal hashes. Its source, shapes to draw and named frames do not count."""
         content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
         content["links"] = [_plain(link) for link in self.links]
         if self.drive_parameters:
@@ -311,9 +312,9 @@ class Description:
 
     @cached_property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of what decides which inertial parameters are identifiable: gravity, tree, links'
-        names, joints' axes, kinds and frames, loops and modelled drive terms. Inertial values, limits, the mechanism's
-        name and named frames do not; numbers are rounded to 1e-12, so that another machine's sine gives the same."""
+        """SHA-256 hash (hexadecimal) of the data that decide which inertial parameters are identifiable: gravity, tree,
+        links' names, joints' axes, kinds and frames, loops and modelled drive terms, rounded to 1e-12, to be the same
+        on all machines. Inertial values, limits, the mechanism's name and named frames do not count."""
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])
@@ -327,7 +328,7 @@ class Description:
 
     @property
     def closed(self) -> bool:
-        """True if the mechanism has loop closures; couplings, by which joints follow others, do not count."""
+        """True if loop closures constrain the mechanism; couplings, by which joints follow others, do not count."""
         return self.loops is not None and bool(self.loops.closures)
 
     def __eq__(self, other: object) -> bool:
@@ -339,7 +340,7 @@ class Description:
 
 def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
     """The `links` in depth-first order (parents first, descendants together, siblings as given), their `parent` indices
-    into that order, -1 the ground. Raises `InputError` for a link that the ground does not carry."""
+    into that order, -1 the ground. Raises `InputError` for a link whose chain of parents does not end at the ground."""
     given = tuple(links)
     order: list[int] = []
     pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]
@@ -354,8 +355,8 @@ def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
 
 
 def weightless_ends(links: Sequence[Link]) -> tuple[str, ...]:
-    """Names of the `links`, parents first, without mass or rotor that carry no link with either, so that their joints'
-    accelerations are not determined."""
+    """Names of those `links`, a tree with parents first, that have no inertia and no rotor, nor any descendant with
+    either, so that their joints' accelerations are not determined. Nothing is checked."""
     heavy: set[int] = set()
     for i, link in reversed(list(enumerate(links))):
         if i in heavy or np.any(link.inertia) or link.joint.drive.rotor_inertia:

@@ -13,8 +13,8 @@ from adaptctl.errors import InputError
 
 
 class DriveParameter(Enum):
-    """The parameters of a joint's drive, in their order behind the links' inertial parameters: rotor inertia, viscous,
-    Coulomb, square-root and Stribeck friction, and an offset, a constant torque.
+    """A parameter of a joint's drive, an enumeration in the order in which drive parameters follow the links' inertial
+    ones: rotor inertia, viscous, Coulomb, square-root and Stribeck friction, and an offset, a constant torque.
 
     The rotor inertia enters the kinetic energy. The others, friction terms, do not: they are found from torques alone.
     """
@@ -28,7 +28,8 @@ class DriveParameter(Enum):
 
     @property
     def is_friction(self) -> bool:
-        """True for a friction term (all but the rotor inertia), which adds a torque of its own and no energy."""
+        """True for a friction term (every parameter but the rotor inertia), which adds a torque of its own and no
+        energy."""
         return self is not DriveParameter.ROTOR_INERTIA
 
 
@@ -40,20 +41,24 @@ LARGEST_TERM = 1e20
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint's drive: rotor inertia, and friction at its shaft's speed s, rad/s or, for a prismatic joint, m/s.
+    """A joint's drive: rotor inertia, and friction at the speed s of its motor shaft, rad/s or, for a prismatic joint,
+    m/s.
 
-    `rotor_inertia` (kg m^2, or kg) is that seen at the joint, through the gears. The friction torque (N m, or N) is
+    `rotor_inertia` (kg m^2; kg if prismatic) is that seen at the joint, through the gears. The friction torque that the
+    drive must overcome (N m; N if prismatic), in the direction of positive s, is
 
         viscous s + sign(s) (coulomb + square_root sqrt|s| + stribeck/(1 + (s/0.1)^2)) + offset
 
     with `viscous` in N m s/rad, `square_root` in N m (s/rad)^(1/2) and the others in N m (prismatic: N for N m, m for
     rad) (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2; the square root is of lubricated gears). The
     equations of motion smooth it: there |s| is sqrt(s^2 + 0.01^2) and sign(s) is s/|s|, 0 at rest. A term that is None,
-    the default, is not modelled and no parameter. s is the joint's own velocity, and where the shaft `turns_with` other
-    joints, pairs (name, ratio), as in a wrist whose last motor sits before its second joint, that plus each of their
-    velocities times the ratio; the drive's torque acts on these joints in the same ratios. Raises `InputError` for a
-    term that is no number, not finite or above 1e20 in size, for rotor inertia, viscous and Coulomb friction below 0,
-    and for a ratio that is 0 or not finite.
+    the default, is not modelled and no parameter.
+
+    `turns_with`, empty by default, has pairs (name, ratio) of other joints that turn the same shaft, as in a wrist
+    whose last motor sits before its second joint. s is then the joint's own velocity plus each of theirs times its
+    ratio, and the drive's torque acts on these joints in the same ratios. Raises `InputError` for a term that is no
+    number, not finite or above 1e20 in size, for rotor inertia, viscous or Coulomb friction below 0, and for a ratio
+    that is 0 or not finite.
     """
 
     rotor_inertia: float | None = None
@@ -83,6 +88,7 @@ class Drive:
         return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
-        """The value, in SI units, of the drive's parameter `kind`; None where it is not modelled."""
+        """The value, in SI units, of this drive's term `kind`, such as its rotor inertia; None where the term is not
+        modelled. Nothing is raised."""
         value: float | None = getattr(self, kind.value)
         return value

@@ -14,7 +14,7 @@ from adaptctl.errors import InputError, NotFoundError
 
 
 class ClosureKind(Enum):
-    """The kind of a loop closure, by what coincides of two frames: their origins (POINT), their origins and z axes
+    """The kind of a loop closure, by what two frames have in common: their origins (POINT), their origins and z axes
     (AXIS, a hinge) or their whole poses (WELD)."""
 
     POINT = "point"
@@ -30,12 +30,13 @@ class ClosureKind(Enum):
 
 @dataclass(frozen=True)
 class Closure:
-    """A loop closure, the joint that was cut to make a tree: a frame on one link coincides with a frame on another.
+    """A loop closure, the joint that was cut to make a tree: a constraint that a frame on one link coincides with a
+    frame on another.
 
     `first` and `second` name the two links, None being the ground; `first_frame` and `second_frame` are the frames'
     poses in these links (m), by default the links' own frames. `kind` says what coincides: the frames' origins (POINT,
     the default), their origins and z axes (AXIS) or their whole poses (WELD). `name` is the closure's own. Raises
-    `InputError` for a link, or the ground, closed onto itself.
+    `InputError` where `first` and `second` are the same link, or both the ground.
     """
 
     name: str
@@ -52,11 +53,12 @@ class Closure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A coupling of two joints' positions through gears or a mimic joint: follower = ratio leader + offset (rad or m).
+    """A coupling of two joints' positions through gears or a mimic joint: follower = ratio * leader + offset (rad, m if
+    prismatic).
 
     `name` is the coupling's own, `follower` and `leader` are joint names; by default `ratio` is 1 (no unit, or m/rad or
-    rad/m) and `offset` 0. Raises `InputError` for a joint that follows itself, a ratio that is zero, and numbers that
-    are not finite.
+    rad/m) and `offset` 0 (in the follower's unit). Raises `InputError` for a joint that follows itself, a ratio that is
+    zero, and values that are not finite.
     """
 
     name: str
@@ -77,13 +79,13 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """A linear bound on the positions of the primary (independent) joints, within which a mechanism may work: lower <
-    sum of weight times position < upper (rad or m).
+    """A linear bound on the positions of the primary (independent) joints: lower < sum of weight times position <
+    upper.
 
-    `name` is what messages call it; `weights`, without a unit, go by joint name, joints not named having zero; an
-    infinite `lower` or `upper`, the default, bounds nothing. Sampled configurations and environments keep within it;
-    the semi-direct-drive arm's 0.5236 < p2 - p3 < 2.618 rad, of joints 2 and 3, is one. Raises `InputError` for no
-    weights, weights that are not finite, and unless lower < upper.
+    `name` is the condition's name in messages. `weights` (no unit) go by joint name; joints not named have weight zero.
+    `lower` and `upper` (rad, m if prismatic) are infinite, so no bound, by default. Sampled configurations and
+    environments keep within the bounds, such as those of the semi-direct-drive arm, 0.5236 < p2 - p3 < 2.618 rad, of
+    joints 2 and 3. Raises `InputError` for no weights, weights that are not finite, and unless lower < upper.
     """
 
     name: str
@@ -101,17 +103,17 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loops of a mechanism: the closures, couplings and primary joints that make a mechanism with loops of a tree
-    of links.
+    """The loop constraints of a mechanism: closures, couplings and primary joints that turn a tree of links into a
+    mechanism with loops.
 
     `primary` names the primary (independent) joints, which are driven and whose positions describe the motion; the
     others follow. `closures` and `couplings` are the constraints between links and between joints, by default none.
-    `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
-    followed, and so the assembly branch, which of several ways to close the loops is meant; in it, joints that are not
-    primary need only be near enough for the loops to close. `conditions`, by default none, bound where the mechanism
-    may work. Raises `InputError` for no primary joint, neither closures nor couplings, a closure's, coupling's,
-    follower's or primary joint's name given twice, a follower that is primary or leads another, and a condition on a
-    joint that is not primary.
+    `reference` gives the configuration (rad, m if prismatic, by joint name, zero where not given) from which the motion
+    is followed, and so the assembly branch, which of several ways to close the loops is meant; the values of joints
+    that are not primary only start the Newton iteration that closes the loops there. `conditions`, by default none,
+    bound weighted sums of primary joints' positions. Raises `InputError` for no primary joint, neither closures nor
+    couplings, a closure's, coupling's, follower's or primary joint's name given twice, a follower that is primary or
+    leads another, and a condition on a joint that is not primary.
     """
 
     primary: tuple[str, ...]
@@ -152,8 +154,8 @@ class Loops:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
 
     def require_known(self, links: Collection[str], joints: Collection[str]) -> None:
-        """Check of the names in the loops against `links` and `joints`, the names of the tree's links and joints;
-        nothing is returned. Raises `NotFoundError` where the loops name a link or a joint that is not among them."""
+        """Raise `NotFoundError` unless every link and every joint that these loops name is among `links` and `joints`,
+        the names of a tree's links and joints. Nothing is returned."""
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
         named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}
         named_joints |= dict.fromkeys(self.primary, "primary") | dict.fromkeys(self.reference, "reference")
@@ -163,9 +165,9 @@ class Loops:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
     def plain(self, digits: int | None = None) -> list[object]:
-        """The loops' contents that bear on motion, for hashing, as lists of JSON's types: primary joints, closures,
-        couplings, conditions and reference. Numbers (rad, m) are rounded to `digits` digits after the point, with None
-        not at all."""
+        """The data of these loops on which motion depends, for hashing, as nested lists of JSON's types: primary
+        joints, closures, couplings, conditions and reference. Values (rad, m) are rounded to `digits` digits after the
+        point, not at all for None, the default. Nothing is checked."""
 
         def text(x: float) -> str:
             return repr(_rounded(x, digits))

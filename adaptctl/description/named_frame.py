@@ -20,8 +20,9 @@ class FrameKind(Enum):
 
 @dataclass(frozen=True)
 class NamedFrame:
-    """A frame with a `name` that is fixed to the link of index `link`, from 0, or to the ground, -1, at `pose` in that
-    link's frame (m). `kind` is operational by default; no motion depends on it. Nothing is checked at construction."""
+    """A frame with a `name`, such as a tool's, fixed to the link of zero-based index `link`, or to the ground, -1, at
+    `pose` in that link's frame (m). `kind` is operational by default; no motion depends on it. Nothing is checked at
+    construction."""
 
     name: str
     link: int

@@ -16,11 +16,12 @@ LARGEST_LENGTH = 1e9
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """The rotation matrix (3, 3) by `angle` (rad) about `axis` (3,), a unit vector, which is not checked, by Rodrigues'
-    formula.
+    """The rotation matrix (3, 3) of a right-handed turn by `angle` (rad) about the unit vector `axis` (3,), by
+    Rodrigues' formula.
 
     Entries within 1e-15 of 0 and of +-1 are made exact, so that a right angle stays one in every product; an angle that
-    is truly off by more (3.1416 / 2, say) is kept as it is. Raises `ValueError` for an axis that is not three numbers.
+    is off by more (3.1416 / 2, say) is kept as it is. The length of `axis` is not checked; raises `ValueError` for an
+    axis that is not three numbers.
     """
     x, y, z = np.asarray(axis, dtype=np.float64)
     hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -49,8 +50,9 @@ def roll_pitch_yaw(angles: ArrayLike) -> Array:
 class Pose:
     """The pose of a child frame in a parent frame: `rotation` (3, 3) turns child coordinates into the parent's,
     `translation` (3,) is the child's origin in the parent (m). Both are read-only copies. `a @ b` is the pose, in the
-    parent of `a`, of the child of `b`, whose parent is the child of `a`. Raises `InputError` for another shape, numbers
-    that are not finite, a matrix that is no proper rotation to 1e-9, and lengths above 1e9 m."""
+    parent of `a`, of the child of `b`, whose parent is the child of `a`. Raises `InputError` for another shape, values
+    that are not finite, a matrix R with an entry of R R' - 1 above 1e-9 or a determinant below 0, and lengths above 1e9
+    m."""
 
     rotation: Array
     translation: Array

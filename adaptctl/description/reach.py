@@ -16,14 +16,14 @@ SHORTEST = 1e-6
 
 
 def joint_line(link: Link) -> tuple[Array, Array]:
-    """A point (3,) on the axis of the joint that carries a `link`, m, and the axis' direction (3,), a unit vector, both
-    in the link's frame."""
+    """The axis of the joint before a `link`, as a pair of a point (3,) on it, m, and its direction (3,), a unit vector,
+    both in the link's frame. Nothing is checked."""
     return link.far.inverse.translation, link.far.rotation.T @ link.joint.axis
 
 
 def link_end(link: Link) -> Array:
     """The point (3,) where a `link` ends, in its frame, m: the frame's origin or, where that is within 1e-6 m of the
-    joint and the link has mass, its centre of mass."""
+    joint before the link and the link has mass, its centre of mass. Nothing is checked."""
     start, _ = joint_line(link)
     if np.linalg.norm(start) > AT_JOINT or link.inertia[0] <= 0.0:
         return np.zeros(3)
@@ -31,10 +31,14 @@ def link_end(link: Link) -> Array:
 
 
 def attachments(description: Description) -> list[list[Array]]:
-    """The attachment points of every link of a mechanism, in the links' order: a list of points (3,) for each, m in the
-    link's frame. They are the places where the joints of other links and loop closures attach. The link's end is added
-    where it is farther from the link's own joint than all of these, unless they all are at that joint, and where there
-    are none. The end is the frame's origin or, where that is at the joint, the centre of mass."""
+    """The attachment points of every link of the mechanism of a `description`, in the links' order: a list of points
+    (3,) for each, m in the link's frame.
+
+    They are where joints of other links and loop closures attach. The link's end, its frame's origin or, where that is
+    within 1e-6 m of the link's own joint, its centre of mass, is added where there are no such points, and where it is
+    over 1e-6 m farther from that joint than all of them; not where they all lie within 1e-6 m of that joint. Nothing is
+    raised.
+    """
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
@@ -60,10 +64,10 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
 
 
 def chain_reach(links: Sequence[Link], index: int) -> float:
-    """The length (m) of the chain from the joint of the link on the ground to the end of the link of this `index`, from
-    0: the sum of the distances from joint to joint, and to the link's end (its frame's origin or, where that is at its
-    joint, its centre of mass). `links` are all links of a tree. Not checked: an index beyond them raises
-    `IndexError`."""
+    """The length (m) of the chain from the first joint, on the ground, to the end of the link of zero-based `index`:
+    the sum of the distances from joint to joint, and from the last joint to the link's end. A link's end is its frame's
+    origin or, where that is within 1e-6 m of its joint, its centre of mass. `links` are all links of a tree. Nothing is
+    checked; an index beyond them raises `IndexError`."""
     length = _length(links[index])
     while (parent := links[index].parent) != GROUND:
         length += _step(links, index)
@@ -72,9 +76,9 @@ def chain_reach(links: Sequence[Link], index: int) -> float:
 
 
 def reach_behind(links: Sequence[Link]) -> Array:
-    """The distances (n,), m, from the joints of n `links` to the farthest end of a chain that each carries, summed from
-    joint to joint. A link ends at its frame's origin or, where that is at its joint, at its centre of mass. The links
-    are a tree in depth-first order (parents first)."""
+    """The greatest distances (n,), m, from the joints of n `links` to the end of a chain of links that each joint
+    moves, summed from joint to joint. A link ends at its frame's origin or, where that is within 1e-6 m of its joint,
+    at its centre of mass. The links are a tree in depth-first order (parents first), which is not checked."""
     longest = np.array([_length(link) for link in links])
     for i in reversed(range(len(links))):
         if (parent := links[i].parent) != GROUND:

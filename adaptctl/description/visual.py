@@ -15,9 +15,9 @@ Color = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh of triangles in the file at `path`, for drawing; its lengths times `scale` (3,), by default 1, along x, y
-    and z are in m, and a negative factor mirrors. Raises `InputError` for a scale that is zero or not finite; the file
-    is not looked for."""
+    """A mesh of triangles for drawing, in the file at `path`. Its lengths times `scale` (3,), by default 1, along x, y
+    and z are in m; a negative factor mirrors. Raises `InputError` for a scale that is zero or not finite; the file is
+    not looked for."""
 
     path: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -40,8 +40,8 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder for drawing, centred at its frame's origin, its axis along z, of a `radius` and a `length` (m). Raises
-    `InputError` for lengths that are not positive and finite."""
+    """A cylinder for drawing, centred at its frame's origin, its axis along z, of a `radius` (m) and a `length` (m).
+    Raises `InputError` for lengths that are not positive and finite."""
 
     radius: float
     length: float
@@ -66,11 +66,11 @@ Solid = Mesh | Box | Cylinder | Sphere
 
 @dataclass(frozen=True)
 class Visual:
-    """A shape for drawing, `solid`, fixed to the link of index `link`, from 0, or to the ground, -1, at `pose` in that
-    link's frame (m).
+    """A shape for drawing, `solid`, fixed to the link of zero-based index `link`, or to the ground, -1, at `pose` in
+    that link's frame (m).
 
-    `color` is red, green, blue and opacity, from 0 to 1; None, the default, leaves the mesh's own colour, or the one
-    that a picture gives to links. Nothing is checked at construction.
+    `color` is red, green, blue and opacity, from 0 to 1; None, the default, leaves the mesh's own colour, or a viewer's
+    default for links. Nothing is checked at construction.
     """
 
     link: int
@@ -79,8 +79,9 @@ class Visual:
     color: Color | None = None
 
     def on(self, link: int, pose: Pose) -> Visual:
-        """A copy of this shape fixed to the link of index `link`, from 0, or to the ground, -1. `pose` (m) is that of
-        the frame of the link to which it was fixed before, in the new link's frame."""
+        """A copy of this shape fixed to another link, of zero-based index `link`, or to the ground, -1. `pose` (m) is
+        the pose, in the new link's frame, of the frame of the link to which the shape was fixed before. Nothing is
+        checked."""
         return replace(self, link=link, pose=pose @ self.pose)
 
 

@@ -23,16 +23,16 @@ PERCENT = 1.0
 @dataclass(frozen=True, eq=False)
 class AddedMass:
     """The effect of a body added to a link on the energy, the joint torques and the essential parameters of a
-    mechanism, over the states of a `task`.
+    mechanism, over the states of a `task`, a `DesignTask`.
 
     `link` is the link's name, `body` the `Payload` fixed to it, placed in the link's frame, and `percent` the energy
-    error (%) that `components`, a number of essential components, allows; essential components are combinations of the
-    inertial parameters, the right singular vectors of the task's energies. Energies, kinetic plus potential, are root
-    mean squares about their mean over the states. There are P inertial parameters: ten a link, about its frame's origin
-    (kg, kg m, kg m^2), and rotor inertias (kg m^2, kg for a prismatic joint); friction is left out. Made by
-    `added_mass`; nothing is refused at construction. An unknown link or a percentage that is no finite number of at
-    least 0 raises `InputError` where it is first used. `essential`, `components`, `changed` and `becomes_essential`
-    raise `RankError` where the number of identifiable parameters cannot be certified.
+    error (%) that the property `components`, a number of essential components, allows; essential components are the
+    parts of the inertial parameters along the right singular vectors of the task's energies. Energies, kinetic plus
+    potential, are root mean squares about their mean over the states. There are P inertial parameters: ten a link,
+    about its frame's origin (kg, kg m, kg m^2), and rotor inertias (kg m^2, kg for a prismatic joint); friction is left
+    out. Made by `added_mass`; nothing is checked at construction. An unknown link or a percentage that is no finite
+    number of at least 0 raises `InputError` where it is first used. The properties `essential`, `components`, `changed`
+    and `becomes_essential` raise `RankError` where the number of identifiable parameters cannot be certified.
     """
 
     task: DesignTask
@@ -43,84 +43,84 @@ class AddedMass:
 
     @cached_property
     def change(self) -> Array:
-        """The change (P,) of the P inertial parameters by the added body. Its link's ten change by the body's mass m
-        (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg
-        m^2), about the origin of the link's frame; the others by zero. The order is that of `parameters`: ten a link,
-        in the mechanism's order of links, then rotor inertias. Raises `InputError` for an unknown link and where a
-        number overflows. Read-only."""
+        """The change (P,) of a mechanism's P inertial parameters by the body added to a link of it. That link's ten
+        change by the body's mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy,
+        I_yy, I_xz, I_yz, I_zz (kg m^2), about the origin of the link's frame; the others by zero. The order is ten a
+        link, in the mechanism's order of links, then rotor inertias. Raises `InputError` for an unknown link and where
+        a parameter overflows. Read-only."""
         return frozen(change_of(self.task, self.link, self.body))
 
     @cached_property
     def parameters(self) -> Array:
-        """The P inertial parameters (P,) with the added body, without friction: of each link, in the mechanism's order,
-        its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz,
-        I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic joint).
-        Raises `InputError` for an unknown link. Read-only."""
+        """The P inertial parameters (P,) of a mechanism with the added body, without friction: of each link, in the
+        mechanism's order, its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx,
+        I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a
+        prismatic joint). Raises `InputError` for an unknown link. Read-only."""
         return frozen(self.task.parameters + self.change)
 
     @cached_property
     def essential(self) -> Array:
-        """The projection V1 V1' c (P,), in SI units, of the change c (P,) of the P inertial parameters by the added
-        body, in the order of `parameters`: the part of c that changes energies and torques. V1 (P, k) is an orthonormal
-        basis of the essential space: the k right singular vectors of the task's energies whose singular values are not
-        zero. Raises `InputError` for an unknown link, `RankError` where the number of identifiable parameters cannot be
-        certified. Read-only."""
+        """The projection V1 V1' c (P,), in SI units, of the change c (P,) of a mechanism's P inertial parameters by the
+        added body, in the order of the property `parameters`: the part of c that changes energies and torques. V1 (P,
+        k) is an orthonormal basis of the essential space: the k right singular vectors of the task's energies whose
+        singular values are not zero. Raises `InputError` for an unknown link, `RankError` where the number of
+        identifiable parameters cannot be certified. Read-only."""
         return frozen(self.task.space.project(self.change))
 
     @property
     def own_energy(self) -> float:
         """Energy of the added body alone, kinetic plus potential, J: the root mean square about its mean over the
-        task's states. Raises `InputError` for an unknown link, `NonFiniteError` where the energy is too large for
-        numbers."""
+        task's states. Raises `InputError` for an unknown link, `NonFiniteError` where the energy overflows."""
         return self.task.cost("energy", self.change)
 
     @property
     def energy_change(self) -> float:
         """Relative change (unitless) of the mechanism's energy by the added body, 0.1 for 10 % more. The energy is
         kinetic plus potential, as its root mean square about its mean over the task's states. Negative where the body
-        balances the mechanism; infinite where the energy was zero. Raises `InputError` for an unknown link,
-        `NonFiniteError` where the energy is too large for numbers."""
+        balances the mechanism; infinite where the energy without the body is zero. Raises `InputError` for an unknown
+        link, `NonFiniteError` where the energy overflows."""
         return self._change("energy")
 
     @property
     def torque_change(self) -> float:
         """Relative change (unitless) of the joint torques, without friction, by the added body, 0.1 for 10 % more. The
-        torques, each as a share of its joint's torque limit, count as one number: the root of the sum, over the joints,
-        of their mean squares over the task's states. Infinite where the torques were zero. Raises `InputError` for an
-        unknown link, `NonFiniteError` where the torques are too large for numbers."""
+        torques, each as a fraction of its joint's torque limit, count as one number: the square root of the sum, over
+        the joints, of their mean squares over the task's states. Infinite where the torques without the body are zero.
+        Raises `InputError` for an unknown link, `NonFiniteError` where the torques overflow."""
         return self._change("torque")
 
     @property
     def torques(self) -> Array:
         """Root mean square torques (r,) of the r primary (independently moving) joints with the added body, over the
         task's states, N m (N for a prismatic joint), without friction. Raises `InputError` for an unknown link,
-        `NonFiniteError` where the torques are too large for numbers."""
+        `NonFiniteError` where the torques overflow."""
         return self.task.torques(self.parameters)
 
     @property
     def components(self) -> int:
         """Least number of essential components that keep the mechanism's root mean square energy, with the added body,
-        to an error of `percent` (%; Sheu and Walker 1991, equation 23). Essential components are combinations of the
-        inertial parameters, the right singular vectors of the task's energies. Raises `InputError` for an unknown link
-        and for a percentage that is no finite number of at least 0, `RankError` where the number of identifiable
-        parameters cannot be certified."""
+        to an error of at most this object's `percent` (%; Sheu and Walker 1991, equation 23). Essential components are
+        the parts of the inertial parameters along the right singular vectors of the task's energies. Raises
+        `InputError` for an unknown link and for a percentage that is no finite number of at least 0, `RankError` where
+        the number of identifiable parameters cannot be certified."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def becomes_essential(self) -> tuple[str, ...]:
-        """Names of the fundamental (base) parameters that matter only with the added body: alone they make more than
-        1e-6 (unitless) of the root mean square energy with the body, and no more than that without it. Raises
-        `InputError` for an unknown link and where the energy is constant, with the body or without, `RankError` where
-        the number of identifiable parameters cannot be certified."""
+        """Names of the fundamental (base) parameters that matter only with the added body: the part of the energy that
+        each makes alone is more than 1e-6 (unitless) of the whole with the body, and at most 1e-6 without it. Energies
+        are kinetic plus potential, as root mean squares about their mean over the task's states. Raises `InputError`
+        for an unknown link and where the energy is constant, with the body or without, `RankError` where the number of
+        identifiable parameters cannot be certified."""
         before = set(self.task.carried())
         return tuple(name for name in self.task.carried(self.parameters) if name not in before)
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
-        """Pairs (name, change), in the order of `task.basis`, of the fundamental (base) parameters that the added body
-        changes, the changes in SI units (kg, kg m or kg m^2). Left out are changes whose number is at most 1e-9 of the
-        greatest change of one of the link's ten inertial parameters. Raises `InputError` for an unknown link,
-        `RankError` where the number of identifiable parameters cannot be certified."""
+        """Pairs (name, change), in the order of the basis `task.basis`, of the fundamental (base) parameters that the
+        added body changes, the changes in SI units (kg, kg m or kg m^2). Left out are changes whose magnitude, in SI
+        units, is at most 1e-9 of the greatest change of one of the link's ten inertial parameters. Raises `InputError`
+        for an unknown link, `RankError` where the number of identifiable parameters cannot be certified."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
@@ -134,15 +134,17 @@ class AddedMass:
 def added_mass(
     task: DesignTask, link: str, body: Payload | float, place: ArrayLike | None = None, *, percent: float = PERCENT
 ) -> AddedMass:
-    """The effect, an `AddedMass`, of adding a body to the link named `link`, over a task's states. The body is a
-    `Payload`, or a number: a point's mass in kg, from 0 to 1e20.
+    """The effect, an `AddedMass`, of adding a body to the link named `link` on energy, torques and essential parameters
+    of a task's mechanism, over the task's states. The body is a `Payload`, or a number: a point's mass in kg, from 0 to
+    1e20.
 
-    `place` (3,) is the body's centre of mass in the link's frame, m, in place of the payload's own; by default (None)
-    the payload's own `center`, or the frame's origin for a point. `percent` is the error (%), by default 1, of the root
-    mean square energy, kinetic plus potential, that the result's number of essential components allows. Raises
-    `InputError` for links that do not exist, masses out of range, percentages that are no finite number of at least 0,
-    places that are not three finite numbers, bodies with inertial parameters above 1e20 and tasks with constant energy,
-    `RankError` where the number of identifiable parameters cannot be certified.
+    `place` (3,) is the position of the body's centre of mass in the link's frame, m, which replaces the payload's own;
+    by default (None) the payload's own `center`, or the frame's origin for a point. `percent` is the error (%), by
+    default 1, of the root mean square energy, kinetic plus potential, that the result's number of essential components
+    allows. Raises `InputError` for links that do not exist, masses out of range, percentages that are no finite number
+    of at least 0, positions that are not three finite numbers, bodies with inertial parameters above 1e20 and tasks
+    with constant energy, `NonFiniteError` where the energy overflows, `RankError` where the number of identifiable
+    parameters cannot be certified.
     """
     loaded = Payload.of(body) if isinstance(body, Payload | Mapping) else point(body)
     if place is not None:
@@ -158,7 +160,7 @@ def change_of(task: DesignTask, link: str, body: Payload) -> Array:
     link's mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz,
     I_zz (kg m^2), about the origin of its frame, and zero for all others. The order is that of `task.parameters`: ten a
     link, in the mechanism's order of links, then rotor inertias. Raises `InputError` for an unknown link and where a
-    number overflows."""
+    parameter overflows."""
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():

@@ -19,10 +19,11 @@ EACH = 9
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """Cost of a point, of the `mass` (kg) of a `CostMap`, on a link named `link`: the `least` and the `most` of the
-    relative changes (unitless, 0.1 for 10 % more) that it makes of a cost of the mechanism's motion, such as its root
-    mean square energy, at the places `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`,
-    at the link's centre of mass. Made by `CostMap.over`; nothing is refused at construction."""
+    """Cost of a point mass on a link named `link`: the `least` and the `most` of the relative changes (unitless, 0.1
+    for 10 % more) that the mass makes, over a grid of positions, of a cost of the mechanism's motion, such as its root
+    mean square energy. `cheapest` and `dearest` (3,) are the positions of both, m in the link's frame; `at_center` is
+    the change with the mass at the link's centre of mass. Made by `CostMap.over`; nothing is checked at
+    construction."""
 
     link: str
     least: float
@@ -36,11 +37,11 @@ class LinkCost:
 
 @dataclass(frozen=True, eq=False)
 class CostMap:
-    """Map of the relative changes (unitless) that a point `mass` (kg), fixed at any place of any link, makes of a cost
-    of a mechanism's motion over a `task`.
+    """Map of the relative changes (unitless) that a point `mass` (kg), fixed at any position on any link, makes of a
+    cost of a mechanism's motion over a `task`, a `DesignTask`.
 
     `objective` names the cost, a root mean square over the task's states: "energy" of the kinetic plus potential energy
-    about its mean (J), "torque" of the joint torques as shares of their limits (unitless), "coupling" of the mass
+    about its mean (J), "torque" of the joint torques as fractions of their limits (unitless), "coupling" of the mass
     matrix's entries off the diagonal (kg m^2; their mean over pairs of joints), "components" of the energy about its
     mean, computed from the combinations of inertial parameters that change it (J). Made by `cost_map`. Raises
     `InputError` at construction for a mass that is not positive and finite, for an unknown objective and for a cost
@@ -60,10 +61,10 @@ class CostMap:
             )
 
     def at(self, link: str, places: ArrayLike) -> Array:
-        """Relative changes (...), unitless, 0.1 for 10 % more, of the cost that the map's `objective` names, by its
-        point mass at `places` (..., 3), m in the frame of the link named `link`. Raises `InputError` for unknown links
-        and wrong shapes, `NonFiniteError` for places that are not finite, or so far that the cost is too large for
-        numbers."""
+        """Relative changes (...), unitless, 0.1 for 10 % more, of the cost that this map's `objective` names, by its
+        point mass at the positions `places` (..., 3), m in the frame of the link named `link`. Raises `InputError` for
+        unknown links and for positions of another shape, `NonFiniteError` for positions that are not finite, or so far
+        that the cost overflows."""
         x = checked(places, 3, f"{link}: places")
         M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
         before = M @ self.task.parameters
@@ -78,14 +79,15 @@ class CostMap:
         return np.asarray((after - size) / size)
 
     def over(self, places: PlaceBounds, each: int = EACH) -> LinkCost:
-        """The least and the greatest relative change (unitless), 0.1 for 10 % more, of the cost that the map's
-        `objective` names, by its point mass on a grid of places on a link, and the places of both, as a `LinkCost`.
+        """The least and the greatest relative change (unitless), 0.1 for 10 % more, of the cost that this map's
+        `objective` names, by its point mass on a grid of positions on a link, and the positions of both, as a
+        `LinkCost`.
 
-        The grid has `each` places, 9 by default, along each edge of the box of `places`, which also names the link. The
-        `LinkCost` has the link's name, the changes `least` and `most`, their places `cheapest` and `dearest` (3,) in m
-        in the link's frame, and the change `at_center`, for the mass at the link's centre of mass. Raises `InputError`
-        for unknown links and `each` other than a whole number from 1 to 100, `NonFiniteError` for bounds so far that
-        the cost is too large for numbers.
+        The grid has `each` positions, 9 by default, along each edge of the box of `places`, a `PlaceBounds`, which also
+        names the link. The `LinkCost` has the link's name, the changes `least` and `most`, their positions `cheapest`
+        and `dearest` (3,), m in the link's frame, and the change `at_center`, for the mass at the link's centre of
+        mass. Raises `InputError` for unknown links and `each` other than a whole number from 1 to 100, `NonFiniteError`
+        for bounds so far that the cost overflows.
         """
         grid = places.grid(each)
         changes = self.at(places.link, grid)
@@ -95,16 +97,16 @@ class CostMap:
 
 
 def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
-    """The map, a `CostMap`, of the relative changes (unitless) that a point mass (kg; 1 by default), fixed at any place
-    of any link, makes of a cost of a mechanism's motion over a task.
+    """The map, a `CostMap`, of the relative changes (unitless) that a point mass (kg; 1 by default), fixed at any
+    position on any link, makes of a cost of a mechanism's motion over a task.
 
     `objective` names the cost, a root mean square over the task's states: "energy", the default, of the kinetic plus
-    potential energy about its mean (J), "torque" of the joint torques as shares of their limits (unitless), "coupling"
-    of the mass matrix's entries off the diagonal (kg m^2; their mean over pairs of joints), "components" of the energy
-    about its mean, computed from the combinations of inertial parameters that change it (J). Raises `InputError` for a
-    mass that is not positive and finite, for an unknown objective, for a cost that is zero without the mass and for a
-    task with constant energy, and `RankError` for "components" where the number of identifiable parameters cannot be
-    certified.
+    potential energy about its mean (J), "torque" of the joint torques as fractions of their limits (unitless),
+    "coupling" of the mass matrix's entries off the diagonal (kg m^2; their mean over pairs of joints), "components" of
+    the energy about its mean, computed from the combinations of inertial parameters that change it (J). Raises
+    `InputError` for a mass that is not positive and finite, for an unknown objective, for a cost that is zero without
+    the mass and for a task with constant energy, and `RankError` for "components" where the number of identifiable
+    parameters cannot be certified.
     """
     task.require_energy()
     return CostMap(task, mass, objective)

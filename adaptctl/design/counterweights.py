@@ -27,12 +27,12 @@ NO_MASS = 1e-6
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Counterweight:
-    """A counterweight: a solid ball of a `mass` (kg) and a `density` (kg/m^3) on the link named `link`, its centre at a
-    `place` (3,), m in the link's frame.
+    """A counterweight: a solid ball of a `mass` (kg) and a `density` (kg/m^3) on the link named `link`, its centre at
+    the position `place` (3,), m in the link's frame.
 
-    Raises `InputError` for a mass below zero or above 1e20 kg, a density not from 1e-100 to 1e100, a place that is not
-    of shape (3,), inertial parameters about the frame's origin above 1e20 (SI units), and numbers that are not finite.
-    The link's name is checked only where it is used.
+    Raises `InputError` for a mass below zero or above 1e20 kg, a density not from 1e-100 to 1e100, a position that is
+    not of shape (3,), inertial parameters about the frame's origin above 1e20 (SI units), and numbers that are not
+    finite. The link's name is checked only where it is used.
     """
 
     link: str
@@ -58,12 +58,13 @@ class Counterweights:
     """Result of `optimal_counterweights`: the counterweights that make a cost of a mechanism's motion least, within
     bounds, and the costs with and without them.
 
-    `task`, `objective` (the cost: "energy", "torque", "coupling", which is the mass matrix's entries off the diagonal,
-    or "components", which is the number of essential components), `within` (the bounds of masses and places, one
-    `PlaceBounds` for each link) and `percent` are those asked for. Essential components are combinations of the
-    inertial parameters; `percent` is the energy error (%) that their number allows. `weights` are the counterweights
-    found, in the order of `within`, without those of at most 1e-6 of the mass allowed on their link, and `evaluations`
-    is the number of designs evaluated. Nothing is refused at construction.
+    `task` (a `DesignTask`), `objective` (the cost: "energy", "torque", "coupling", which is the mass matrix's entries
+    off the diagonal, or "components", which is the number of essential components), `within` (the bounds of masses and
+    positions, one `PlaceBounds` for each link) and `percent` are those asked for. Essential components are the parts of
+    the inertial parameters along the right singular vectors of the task's energies; `percent` is the energy error (%)
+    that their number allows. `weights` are the counterweights found, in the order of `within`, without those of at most
+    1e-6 of the mass allowed on their link, and `evaluations` is the number of designs evaluated. Nothing is checked at
+    construction.
     """
 
     task: DesignTask
@@ -76,10 +77,10 @@ class Counterweights:
 
     @cached_property
     def parameters(self) -> Array:
-        """The P inertial parameters (P,) with the counterweights, without friction: of each link, in the mechanism's
-        order, its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a prismatic
-        joint). Raises `InputError` for a counterweight on an unknown link. Read-only."""
+        """The P inertial parameters (P,) of a mechanism with the counterweights, without friction: of each link, in the
+        mechanism's order, its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx,
+        I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a
+        prismatic joint). Raises `InputError` for a counterweight on an unknown link. Read-only."""
         D = np.array(self.task.parameters)
         for weight in self.weights:
             first = 10 * self.task.link(weight.link)
@@ -88,43 +89,46 @@ class Counterweights:
 
     @cached_property
     def balanced(self) -> DesignTask:
-        """The task with the counterweights, a `DesignTask`: the same states of the mechanism, but with the
-        counterweights in its inertial parameters. Raises `InputError` for a counterweight on an unknown link and for a
+        """Design task of the mechanism with the counterweights, a `DesignTask`: the same states as without them, and
+        inertial parameters that include them. Raises `InputError` for a counterweight on an unknown link and for a
         link's inertial parameter above 1e20 (SI units)."""
         return self.task.with_parameters(self.parameters)
 
     @property
     def cost_before(self) -> float:
-        """The cost, which `objective` names, of the motion without counterweights: a root mean square over the task's
-        states, of the energy about its mean, J ("energy"), of the joint torques as shares of their limits, unitless
-        ("torque"), or of the mass matrix's entries off the diagonal, kg m^2 ("coupling"); or the number of essential
-        components (combinations of inertial parameters) that keep the energy to an error of `percent` % ("components").
-        Raises `InputError` for an unknown objective and, for "components", for a percentage that is no finite number of
-        at least 0, `NonFiniteError` where the cost is too large for numbers, `RankError` for "components" where the
-        number of identifiable parameters cannot be certified."""
+        """The cost, which this object's `objective` names, of the mechanism's motion without counterweights: a root
+        mean square over the task's states, of the energy about its mean, J ("energy"), of the joint torques as
+        fractions of their limits, unitless ("torque"), or of the mass matrix's entries off the diagonal, kg m^2
+        ("coupling"); or the number of essential components (parts of the inertial parameters along the right singular
+        vectors of the energies) that keep the energy to an error of this object's `percent` % ("components"). Raises
+        `InputError` for an unknown objective and, for "components", for a percentage that is no finite number of at
+        least 0, `NonFiniteError` where the cost overflows, `RankError` for "components" where the number of
+        identifiable parameters cannot be certified."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
     def cost_after(self) -> float:
-        """The cost, which `objective` names, of the motion with the counterweights: a root mean square over the task's
-        states, of the energy about its mean, J ("energy"), of the joint torques as shares of their limits, unitless
-        ("torque"), or of the mass matrix's entries off the diagonal, kg m^2 ("coupling"); or the number of essential
-        components (combinations of inertial parameters) that keep the energy to an error of `percent` % ("components").
-        Raises `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI
-        units), for an unknown objective and, for "components", for a percentage that is no finite number of at least 0,
-        `NonFiniteError` where the cost is too large for numbers, `RankError` for "components" where the number of
-        identifiable parameters cannot be certified."""
+        """The cost, which this object's `objective` names, of the mechanism's motion with the counterweights: a root
+        mean square over the task's states, of the energy about its mean, J ("energy"), of the joint torques as
+        fractions of their limits, unitless ("torque"), or of the mass matrix's entries off the diagonal, kg m^2
+        ("coupling"); or the number of essential components (parts of the inertial parameters along the right singular
+        vectors of the energies) that keep the energy to an error of this object's `percent` % ("components"). Raises
+        `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for
+        an unknown objective and, for "components", for a percentage that is no finite number of at least 0,
+        `NonFiniteError` where the cost overflows, `RankError` for "components" where the number of identifiable
+        parameters cannot be certified."""
         return _cost(self.balanced, self.objective, self.percent)
 
     @property
     def saved(self) -> float:
-        """Share (unitless) of the cost of the motion, which `objective` names, that the counterweights found remove:
-        (before - after) / before, from 0 to 1, of `cost_before` and `cost_after`; 0 where the cost without them is
-        zero. The cost "components" is a number of essential components (combinations of inertial parameters that keep
-        the energy to an error of `percent` %). Raises `InputError` for a counterweight on an unknown link, for a link's
-        inertial parameter above 1e20 (SI units), for an unknown objective and, for "components", for a percentage that
-        is no finite number of at least 0, `NonFiniteError` where the cost is too large for numbers, `RankError` for
-        "components" where the number of identifiable parameters cannot be certified."""
+        """Fraction (unitless) by which the counterweights reduce the cost of the mechanism's motion that this object's
+        `objective` names: (before - after) / before, of the properties `cost_before` and `cost_after`; 0 where the cost
+        without them is zero. The cost "components" is the number of essential components (parts of the inertial
+        parameters along the right singular vectors of the energies) that keep the energy to an error of `percent` %.
+        Raises `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI
+        units), for an unknown objective and, for "components", for a percentage that is no finite number of at least 0,
+        `NonFiniteError` where the cost overflows, `RankError` for "components" where the number of identifiable
+        parameters cannot be certified."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
@@ -149,19 +153,20 @@ def optimal_counterweights(
 ) -> Counterweights:
     """The counterweights, at most one ball on each link of `within`, that make a cost of a mechanism's motion over a
     task least, as a `Counterweights`. `within` has one `PlaceBounds` for each such link: bounds of the ball's mass and
-    place.
+    position.
 
     `objective` names the cost: a root mean square over the task's states, of the energy about its mean ("energy", J),
-    of the joint torques as shares of their limits ("torque", unitless), or of the mass matrix's entries off the
-    diagonal ("coupling", kg m^2); or the number of essential components ("components"). Essential components are
-    combinations of the inertial parameters, the right singular vectors of the task's energies; the fewest are counted
+    of the joint torques as fractions of their limits ("torque", unitless), or of the mass matrix's entries off the
+    diagonal ("coupling", kg m^2); or the number of essential components ("components"). Essential components are the
+    parts of the inertial parameters along the right singular vectors of the task's energies; the fewest are counted
     that keep the energy to an error of `percent`, by default 1 %, and of designs with equally few, the one with the
     least error is taken. Balls, of a density in kg/m^3 (steel's 7850 by default), have a positive definite
     pseudo-inertia (the matrix of second moments, first moments and mass), so that links that are physically consistent
-    stay so. The search starts from the best of an even sample of designs, drawn by `seed`, and goes on by trust regions
-    within bounds (SciPy's `least_squares`): it is global as far as the sample is dense. Raises `InputError` for an
-    unknown objective or link, for no links or one given twice, for a `percent` that is no finite number of at least 0,
-    a density not positive and finite, a `seed` other than a whole number from 0 to 2^32 - 1 and a task with constant
+    stay so. The search starts from the ten best of 4096 designs of a scrambled Sobol sequence, the same for the same
+    `seed`, and of the design without counterweights, and goes on by trust regions within bounds (SciPy's
+    `least_squares`): a local optimum between the sampled designs can be missed. Raises `InputError` for an unknown
+    objective or link, for no links or one given twice, for a `percent` that is no finite number of at least 0, a
+    density not positive and finite, a `seed` other than a whole number from 0 to 2^32 - 1 and a task with constant
     energy, `RankError` where the number of identifiable parameters cannot be certified.
     """
     if objective not in OBJECTIVES:

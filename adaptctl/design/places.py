@@ -25,8 +25,8 @@ SLACK = 1e-9
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class PlaceBounds:
-    """Bounds of a counterweight on the link named `link`: the box of its places from `lower` (3,) to `upper` (3,), m in
-    the link's frame, and its greatest `mass` (kg).
+    """Bounds of a counterweight on the link named `link`: the box of positions of its centre from `lower` (3,) to
+    `upper` (3,), m in the link's frame, and its greatest `mass` (kg).
 
     Raises `InputError` for masses that are no numbers or below zero, for a `lower` above `upper` in a coordinate (equal
     ones are allowed), for ends that are not of shape (3,) and for numbers that are not finite. The link's name is
@@ -52,13 +52,13 @@ class PlaceBounds:
 
     @classmethod
     def of(cls, mechanism: Mechanism, link: str, share: float = SHARE, beyond: float = BEYOND) -> PlaceBounds:
-        """Default bounds of a counterweight on the link named `link` of a mechanism. Its places are a box along the
+        """Default bounds of a counterweight on the link named `link` of a mechanism. Its positions are a box along the
         axes of the link's frame: the smallest around the link's joint, the points where other links or loops join it,
         the frame's origin where that is farther from the joint than these points, and the centre of mass, widened on
-        all sides by a share `beyond` (unitless, by default 0.5) of the box's diagonal, and by 0.1 m at least.
+        all sides by the fraction `beyond` (unitless, by default 0.5) of the box's diagonal, and by 0.1 m at least.
 
-        Its greatest mass (kg) is a `share` (unitless, by default 0.2) of the link's own. Raises `InputError` for links
-        that are unknown or own no inertia and for shares that are no numbers, below zero or not finite.
+        Its greatest mass (kg) is the fraction `share` (unitless, by default 0.2) of the link's own. Raises `InputError`
+        for a link that is unknown or owns no inertia and for a fraction that is no number, below zero or not finite.
         """
         share, beyond = real_number(share, "places: share"), real_number(beyond, "places: beyond")
         if not 0.0 <= share < np.inf or not 0.0 <= beyond < np.inf:
@@ -73,18 +73,18 @@ class PlaceBounds:
         return cls(link, low - margin, high + margin, share * float(own.inertia[0]))
 
     def require(self, place: ArrayLike) -> None:
-        """Check of a place (3,), m in the link's frame: nothing is returned for one within the box from `lower` to
-        `upper` or at most 1e-9 m outside it. Raises `InputError`, which states the box, for one farther outside, and
-        for a place that is not three finite numbers."""
+        """Raise `InputError`, which states the box, unless a position `place` (3,), m in the link's frame, is within
+        the box from this object's `lower` to its `upper` or at most 1e-9 m outside it in each coordinate; `InputError`
+        too for a position that is not three finite numbers. Nothing is returned."""
         x = frozen_array(place, (3,), f"{self.link}: place")
         if np.any(x < self.lower - SLACK) or np.any(x > self.upper + SLACK):
             low, high = np.round(self.lower, 4).tolist(), np.round(self.upper, 4).tolist()
             raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
-        """Places (each^3, 3), m in the link's frame, evenly spaced over the box from `lower` to `upper`, faces
-        included, with `each` of them along every edge, z changing fastest, then y, then x; for 1, the corner `lower`
-        alone. Raises `InputError` for an `each` other than a whole number from 1 to 100."""
+        """Positions (each^3, 3), m in the link's frame, evenly spaced over the box from this object's `lower` to its
+        `upper`, faces included, with `each` of them along every edge, z changing fastest, then y, then x; for 1, the
+        corner `lower` alone. Raises `InputError` for an `each` other than a whole number from 1 to 100."""
         whole_number(each, "grid: places along an edge", 1, 100)
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -94,10 +94,10 @@ def bounds(
     mechanism: Mechanism, links: Iterable[str], share: float = SHARE, beyond: float = BEYOND
 ) -> tuple[PlaceBounds, ...]:
     """Default bounds of counterweights, a tuple of one `PlaceBounds` for each of the `links` named, in their order: a
-    greatest mass (kg) of a `share` (unitless, by default 0.2) of the link's own, and a box of places, m in its frame,
-    around its joints and centre of mass, widened on all sides by a share `beyond` (unitless, by default 0.5) of the
-    box's diagonal, and by 0.1 m at least. Raises `InputError` for no links or one given twice, links that are unknown
-    or own no inertia, and shares that are no numbers, below zero or not finite."""
+    greatest mass (kg), the fraction `share` (unitless, by default 0.2) of the link's own, and a box of positions, m in
+    its frame, around its joints and centre of mass, widened on all sides by the fraction `beyond` (unitless, by default
+    0.5) of the box's diagonal, and by 0.1 m at least. Raises `InputError` for no links or one given twice, links that
+    are unknown or own no inertia, and fractions that are no numbers, below zero or not finite."""
     names = tuple(links)
     if len(set(names)) < len(names) or not names:
         raise InputError(f"links: expected at least one, each once, got {', '.join(names) or 'none'}")

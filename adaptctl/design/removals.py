@@ -34,18 +34,18 @@ EACH = 13
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """A change of a mechanism's design after which k' inertial parameters are enough for its torques, fewer than the k
-    fundamental (base) parameters of a `basis` before.
+    """A change of a mechanism's design after which j inertial parameters are enough for its torques, fewer than the k
+    fundamental (base) parameters of a `basis`, a `FundamentalBasis`, before.
 
     `way` is "symmetry" (a link made its own mirror image), "balance" (a ball added) or "relocation" (a part of a link's
     mass moved), and `link` the name of the link to change, empty for all symmetries that links have already. `known`
     names the inertial parameters that are zero by symmetry (none for a ball or a moved part), `zero` the fundamental
-    parameters that are zero afterwards. `columns` (k',) are the indices, among all P inertial parameters without
-    friction, of those that are enough, and `regrouping` (k', P), in SI units, gives their values: Y D = Y[:, columns]
-    regrouping D for the inertial parameters D (P,) of the changed design, with the torque regressor Y (r, P) of r
-    primary (independently moving) joints. `mass` (kg) is added at `place` (3,), m in the link's frame, or moved there
-    from the link's centre of mass; 0 and None for a symmetry. `holds` is true where the mechanism has the symmetry
-    already. Made by `removals`; nothing is refused at construction.
+    parameters that are zero after the change. `columns` (j,) are the indices, from 0, among all P inertial parameters
+    without friction, of those that are enough, and `regrouping` (j, P), in SI units, gives their values: Y D = Y[:,
+    columns] regrouping D for the inertial parameters D (P,) of the changed design, with the torque regressor Y (r, P)
+    of r primary (independently moving) joints. `mass` (kg) is added at the position `place` (3,), m in the link's
+    frame, or moved there from the link's centre of mass; 0 and None for a symmetry. `holds` is True where the mechanism
+    has the symmetry already. Made by `removals`; nothing is checked at construction.
     """
 
     basis: FundamentalBasis
@@ -54,9 +54,9 @@ class Removal:
     known: tuple[str, ...]
     """inertial parameters that are zero by symmetry"""
     columns: tuple[int, ...]
-    """(k',) indices of the parameters that are enough afterwards"""
+    """(j,) indices of the parameters that are enough afterwards"""
     regrouping: Array
-    """(k', P) onto them: Y D = Y[:, columns] regrouping D for all D of the changed design"""
+    """(j, P) onto them: Y D = Y[:, columns] regrouping D for all D of the changed design"""
     zero: tuple[str, ...]
     """fundamental parameters that are zero afterwards"""
     mass: float = 0.0
@@ -68,22 +68,22 @@ class Removal:
 
     @property
     def rank(self) -> int:
-        """Number k' of inertial parameters that are enough for the mechanism's torques after the change of its design,
-        the length of `columns`."""
+        """Number of inertial parameters that are enough for the mechanism's torques after this change of its design (a
+        symmetry, a ball added or mass moved): the length of the field `columns`."""
         return len(self.columns)
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """Names of the fundamental (base) parameters of the mechanism that are not needed after the change of its
-        design, in the order of `basis`. They may be more than the change saves, where another inertial parameter takes
-        the place of one."""
+        """Names of the mechanism's fundamental (base) parameters that are not needed after this change of its design (a
+        symmetry, a ball added or mass moved), in the order of the field `basis`. They may be more than the difference
+        of the numbers of parameters, since another inertial parameter can replace one of them."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
     @property
     def words(self) -> str:
-        """Phrase, as text, for the change of the mechanism's design, such as "add 1.2 kg to link2 at (0.100, 0.000,
-        0.000) m", or for a symmetry that its links have already, such as "link2 is its own mirror image along x
+        """Phrase, as text, that describes this change of a mechanism's design, such as "add 1.2 kg to link2 at (0.100,
+        0.000, 0.000) m", or for a symmetry that a link has already, such as "link2 is its own mirror image along x
         already"."""
         if not self.link:
             return "rely on every symmetry that links have already"
@@ -98,16 +98,18 @@ class Removal:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, that the change of design alters, as they are before it. Each gives a
-        fundamental (base) parameter, marked with a star, as a sum of inertial parameters, such as "link2.mc_x* =
-        link2.mc_x + 0.4318 (link2.m + link3.m)". Coefficients are in SI units."""
+        """Regrouping equations, as text, that this change of a mechanism's design (a symmetry, a ball added or mass
+        moved) alters, as they are before it. Each gives a fundamental (base) parameter, with a star after its name, as
+        a sum of inertial parameters, such as "link2.mc_x* = link2.mc_x + 0.4318 (link2.m + link3.m)". Coefficients are
+        in SI units."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, that the change of design alters, as they are after it. Each gives a
-        fundamental (base) parameter, marked with a star, as a sum of inertial parameters; first come parameters that
-        become zero, "link3.I_xy* = 0". Coefficients are in SI units."""
+        """Regrouping equations, as text, that this change of a mechanism's design (a symmetry, a ball added or mass
+        moved) alters, as they are after it. Each gives a fundamental (base) parameter, with a star after its name, as a
+        sum of inertial parameters, coefficients in SI units. First come those that become zero, such as "link3.I_xy* =
+        0"."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 
@@ -118,10 +120,12 @@ class Removal:
 
 def operations_saved(task: DesignTask, removal: Removal) -> int:
     """Number of floating-point operations that an adaptive controller of the task's mechanism saves in each control
-    period after a change of design, a `removal`, since it needs fewer parameters. Counted are the torque Y beta and the
-    powers Y's, with beta (k,) the values of k parameters, Y (r, k) the regressor of r joints, Y' its transpose and s
-    (r,) joint rates; sines, cosines and roots are not. Friction's parameters stay. Raises `RankError` where the number
-    of identifiable parameters cannot be certified, `LoopError` where loops do not fit together."""
+    period after a change of its design, a `removal`, since it needs fewer parameters. Counted are the torques Y beta
+    (r,) of r primary (independently moving) joints and the powers Y's (k,), with the regressor Y (r, k), its transpose
+    Y', the values beta (k,) of the k parameters and the sliding variables s (r,), the joints' velocity errors plus
+    weighted position errors; sines, cosines and roots are not counted. Friction parameters are kept. Raises `RankError`
+    where the number of identifiable parameters cannot be certified, `LoopError` where kinematic loops cannot be
+    closed."""
     mechanism = task.mechanism
     friction = range(mechanism.energetic, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
@@ -131,16 +135,16 @@ def operations_saved(task: DesignTask, removal: Removal) -> int:
 def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = STEEL) -> tuple[Removal, ...]:
     """All changes of a mechanism's design that remove fundamental (base) parameters, as a tuple of `Removal`, the one
     that leaves the fewest first, of equal ones the one with the least mass. `within` has one `PlaceBounds` for each
-    link that may change: bounds of added or moved mass and of its places. Empty where there are no such changes.
+    link that may change: bounds of added or moved mass and of its position. Empty where there are no such changes.
 
-    By symmetry: a link becomes its own mirror image along axes of its frame. By balance: a ball of a density in kg/m^3
-    (steel's 7850 by default), added to a link, makes a fundamental parameter zero that makes more than 1e-6 of the root
-    mean square energy before. By relocation: a part of the link's own mass, taken from its centre of mass and placed as
-    such a ball, does so. The ball's place is that of 13 along each edge of the link's box where it does most, its mass
-    the least that is enough there. Each is one change alone; where links have symmetries already, one more takes all of
-    these at once. Raises `InputError` for an unknown link or one given twice, a density that is not positive and
-    finite and a task in whose states the energy is constant, `RankError` where the number of identifiable parameters
-    cannot be certified.
+    By symmetry: a link becomes its own mirror image along one or two axes of its frame. By balance: a ball of a density
+    in kg/m^3 (steel's 7850 by default), added to a link, makes one fundamental parameter zero. By relocation: a part of
+    the link's own mass, taken from its centre of mass and placed as such a ball, does so. Tried are the fundamental
+    parameters that alone make more than 1e-6 of the root mean square energy. The ball's position is the one with the
+    largest effect among 13 along each edge of the link's box, its mass the least that is enough there. Each is one
+    change alone; where links have symmetries already, one more takes all of these at once. Raises `InputError` for an
+    unknown link or one given twice, a density that is not positive and finite and a task in whose states the energy is
+    constant, `RankError` where the number of identifiable parameters cannot be certified.
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
     within = tuple(within)
@@ -156,11 +160,11 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
 
 
 def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Removal | None:
-    """The change of a design, a `Removal`, by which the inertial parameters named in `known`, such as "link3.I_xy", are
-    zero by symmetry; None where as many parameters are needed as before. `link` is the name of the link to change,
-    empty, the default, for several; it is only kept in the result. Which `known` belong to a symmetry is not checked.
-    Raises `InputError` for the name of no inertial parameter of the task's mechanism, `RankError` where the number of
-    identifiable parameters cannot be certified."""
+    """The change of a mechanism's design, a `Removal`, by which the inertial parameters named in `known`, such as
+    "link3.I_xy", are zero by symmetry; None where as many parameters are needed as before. `link` is the name of the
+    link to change, empty, the default, for several; it is only copied to the `Removal`. That the `known` belong to a
+    symmetry is not checked. Raises `InputError` for a name that is no inertial parameter of the task's mechanism,
+    `RankError` where the number of identifiable parameters cannot be certified."""
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
     if wrong:

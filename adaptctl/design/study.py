@@ -31,12 +31,14 @@ SHOWN = 6
 
 @dataclass(frozen=True, eq=False)
 class DesignStudy:
-    """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a `task`.
+    """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a `task`, a
+    `DesignTask`.
 
-    `body` is the `Payload` to add, `within` holds the bounds (`PlaceBounds`) of masses and places on every link,
-    `percent` is the energy error (%) that numbers of essential components (combinations of inertial parameters) allow,
-    `counterweights` has the optimal counterweights, and `removals` has all changes of design that remove fundamental
-    (base) parameters, those that leave the fewest first. Made by `design_study`; nothing is refused at construction.
+    `body` is the `Payload` to add, `within` holds the bounds (`PlaceBounds`) of masses and positions on every link,
+    `percent` is the energy error (%) that numbers of essential components (parts of the inertial parameters along the
+    right singular vectors of the energies) allow, `counterweights`, a `Counterweights`, has the optimal ones, and
+    `removals` has all design changes that remove fundamental (base) parameters, one `Removal` each, those that leave
+    the fewest first. Made by `design_study`; nothing is checked at construction.
     """
 
     task: DesignTask
@@ -49,38 +51,38 @@ class DesignStudy:
 
     @cached_property
     def map(self) -> CostMap:
-        """Map, a `CostMap`, of the relative changes (unitless) of the energy by a point with the body's mass, at any
-        place of any link. The energy is kinetic plus potential, as its root mean square about its mean over the task's
-        states. Raises `InputError` for a body without mass and a task with constant energy."""
+        """Map, a `CostMap`, of the relative changes (unitless) of a mechanism's energy by a point mass, that of the
+        study's `body`, at any position on any link. The energy is kinetic plus potential, as its root mean square about
+        its mean over the task's states. Raises `InputError` for a body without mass and a task with constant energy."""
         return cost_map(self.task, self.body.mass)
 
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
-        """The cheapest and the dearest place on every link, in the order of `within`, of 9 along each edge of its box
-        of places, for a point with the body's mass, as `LinkCost`: places (3,), m in the link's frame, and relative
-        changes (unitless) of the root mean square energy, kinetic plus potential, about its mean over the task's
-        states. Raises `InputError` for a body without mass and a task with constant energy, `NonFiniteError` for bounds
-        so far that the energy is too large for numbers."""
+        """The cheapest and the dearest position on every link for a point mass, that of the study's `body`, one
+        `LinkCost` for each of `within`, in that order. They are found among 9 positions along each edge of the link's
+        box: positions (3,), m in the link's frame, and relative changes (unitless) of the root mean square energy,
+        kinetic plus potential, about its mean over the task's states. Raises `InputError` for a body without mass and a
+        task with constant energy, `NonFiniteError` for bounds so far that the energy overflows."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property
     def added(self) -> tuple[AddedMass, ...]:
-        """Effects, one `AddedMass` for each link of `within`, in that order, of the body added to that link alone, the
-        body's centre of mass at the link's. Raises `InputError` for a task with constant energy and for a percentage
-        that is no finite number of at least 0, `RankError` where the number of identifiable parameters cannot be
-        certified."""
+        """Effects, one `AddedMass` for each link of `within`, in that order, of the study's `body` added to that link
+        alone, its centre of mass at the link's. Raises `InputError` for a task with constant energy and for a
+        percentage that is no finite number of at least 0, `RankError` where the number of identifiable parameters
+        cannot be certified."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
 
     @cached_property
     def worthwhile(self) -> tuple[tuple[Removal, int], ...]:
-        """Pairs (removal, number) of a change of design that removes fundamental (base) parameters, a `Removal`, and of
-        the number of floating-point operations that it saves an adaptive controller in each control period. First come
-        at most six changes by symmetry, then at most six by added or moved mass, of each kind those that leave the
-        fewest parameters, the fewest first. Of changes of one kind that remove the same parameters, the one with the
-        least mass is taken. Raises `RankError` where the number of identifiable parameters cannot be certified,
-        `LoopError` where loops do not fit together."""
+        """Pairs (removal, number) of a design change that removes fundamental (base) parameters, a `Removal`, and the
+        number of floating-point operations that it saves an adaptive controller in each control period. First come at
+        most six changes that make a link symmetric, then at most six that add or move mass, of each kind those that
+        leave the fewest parameters, the fewest first. Of changes of one kind that remove the same parameters, the one
+        with the least mass is taken. Raises `RankError` where the number of identifiable parameters cannot be
+        certified, `LoopError` where kinematic loops cannot be closed."""
         lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
         for removal in self.removals:
             lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)
@@ -103,21 +105,21 @@ def design_study(
     percent: float = PERCENT,
     seed: int = 0,
 ) -> DesignStudy:
-    """The design study, a `DesignStudy`, over a task of an added body (a `Payload`, a known body's name, "gripper",
+    """The design study, a `DesignStudy`, over a `task`, of an added body (a `Payload`, a known body's name, "gripper",
     "camera" or "motor", or a point mass in kg; 1 kg by default) and of counterweights.
 
     `links` are the names of the links that may carry counterweights. By default (empty) they are the six that may carry
     the heaviest, without links that turn on the ground about an axis along gravity, if others are left. A counterweight
-    has at most a `share` (unitless, 0.2 by default) of its link's mass; its places are a box around the link's joints
-    and centre of mass, widened by `beyond` (unitless, 0.5 by default) of the box's diagonal, and by 0.1 m at least.
-    `objective` names the cost that counterweights make least: "energy", the default (its root mean square about its
-    mean over the states), "torque" (joint torques as shares of their limits), "coupling" (the mass matrix's entries off
-    the diagonal) or "components" (the number of essential components that keep the energy to an error of `percent`, 1 %
-    by default). `seed` draws the designs that the search starts from. Raises `InputError` for unknown links or one
-    given twice, shares below zero or not finite, an unknown objective, a `percent` below zero or not finite, a `seed`
-    other than a whole number from 0 to 2^32 - 1, a body whose mass is 0, negative or above 1e20 kg, and a task with
-    constant energy, `NotFoundError` for an unknown body, `RankError` where the number of identifiable parameters cannot
-    be certified.
+    has at most the fraction `share` (unitless, 0.2 by default) of its link's mass; its positions are a box around the
+    link's joints and centre of mass, widened by `beyond` (unitless, 0.5 by default) of the box's diagonal, and by 0.1 m
+    at least. `objective` names the cost that counterweights make least: "energy", the default (its root mean square
+    about its mean over the states), "torque" (joint torques as fractions of their limits), "coupling" (the mass
+    matrix's entries off the diagonal) or "components" (the number of essential components that keep the energy to an
+    error of `percent`, 1 % by default). `seed` draws the sampled designs from which the search for counterweights
+    starts. Raises `InputError` for unknown links or one given twice, fractions below zero or not finite, an unknown
+    objective, a `percent` below zero or not finite, a `seed` other than a whole number from 0 to 2^32 - 1, a body whose
+    mass is 0, negative or above 1e20 kg, and a task with constant energy, `NotFoundError` for an unknown body,
+    `RankError` where the number of identifiable parameters cannot be certified.
     """
     carried = named_body(body)
     every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)
@@ -127,9 +129,9 @@ def design_study(
 
 
 def named_body(body: Payload | str | float) -> Payload:
-    """The body to add to a link, a `Payload`: one given by its name, "gripper", "camera" or "motor", a point mass (kg)
-    in the origin of the link's frame, given as a number, or the given `Payload` itself. Raises `InputError` for a mass
-    that is not above 0 and at most 1e20 kg, `NotFoundError` for another name."""
+    """The body to add to a link, a `Payload`, that `body` stands for: one given by its name, "gripper", "camera" or
+    "motor", a point mass (kg) at the origin of the link's frame, given as a number, or the given `Payload` itself.
+    Raises `InputError` for a mass that is not above 0 and at most 1e20 kg, `NotFoundError` for another name."""
     if isinstance(body, str):
         if body not in CATALOGUE:
             raise NotFoundError(f"there is no body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")

@@ -44,17 +44,17 @@ CARRIED = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class DesignTask:
-    """A task to judge a design by: states of a mechanism in motion, positions `p` (rad, or m for a prismatic joint),
-    velocities `v` (rad/s or m/s) and accelerations `a` (rad/s^2 or m/s^2), each (samples, r) for r primary
-    (independently moving) joints, and their `origin`, in words.
+    """A task to judge a mechanism's design by: states of the `mechanism` in motion, positions `p` (rad, or m for a
+    prismatic joint), velocities `v` (rad/s or m/s) and accelerations `a` (rad/s^2 or m/s^2), each (samples, r) for r
+    primary (independently moving) joints, and their `origin`, in words.
 
     A cost of a design is the norm |M D| of a matrix M (n, P), of n <= P rows, times the P inertial parameters D (P,),
     ten a link (kg, kg m, kg m^2) and rotor inertias (kg m^2, kg for a prismatic joint), without friction. At
     construction raises `InputError` for arrays of other shapes or of fewer than two states, for a mechanism with
     relations that bind some of its inertial parameters, and for positions and velocities that are alike to 1e-9 rad, m,
-    rad/s or m/s: a task without motion has no energy to judge by; `NonFiniteError` for NaN or infinity. With loops,
-    anything computed from states near locked loops raises `SingularityError`; states too large for numbers,
-    `NonFiniteError`.
+    rad/s or m/s: a task without motion has no energy to judge by; `NonFiniteError` for NaN or infinity. Methods and
+    properties raise `SingularityError` for states near a singularity of the mechanism's kinematic loops,
+    `NonFiniteError` for states at which energies or torques overflow.
     """
 
     mechanism: Mechanism
@@ -79,18 +79,19 @@ class DesignTask:
     def within_limits(
         cls, mechanism: Mechanism, samples: int = SAMPLES, seed: int = 0, speed: float = SPEED
     ) -> DesignTask:
-        """The task of random states, 1000 by default, drawn by `seed`: positions uniform within the joints' limits,
-        velocities normally distributed with a standard deviation of `speed` sqrt(g/L) in rad/s and clipped to the
-        joints' limits. L (m) is the mechanism's characteristic length, the largest distance from a joint to the next or
-        to its link's frame, and g its gravity (m/s^2), the standard one where it has none.
+        """The task, a `DesignTask`, of random states of a mechanism, 1000 by default, the same for the same `seed`:
+        positions uniform within the joints' limits, velocities normally distributed with a standard deviation of
+        `speed` sqrt(g/L) in rad/s and clipped to the joints' limits. L (m) is the mechanism's characteristic length,
+        the largest distance from a joint to the next or to its link's frame, and g its gravity (m/s^2), the standard
+        one where it has none.
 
         Accelerations are normal with a standard deviation of `speed`^2 g/L in rad/s^2; for prismatic joints both are
-        times L (m/s, m/s^2). At a `speed` (unitless) of 1 kinetic and potential energy weigh alike; an arm at work
-        moves at about a quarter of it, 0.25, the default. With loops, positions are on the assembly branch of the
-        reference configuration (the loops closed in the same of several ways). Raises `InputError` for `samples` other
-        than a whole number from 2 to 100000, a seed other than one from 0 to 2^32 - 1, a speed other than a number from
-        0 to 1e100, a mechanism with relations that bind some of its inertial parameters, states that are all alike, and
-        loops that reach hardly any state.
+        times L (m/s, m/s^2). At a `speed` (unitless) of 1 kinetic and potential energy are of one magnitude; 0.25, the
+        default, is typical of an arm at work. With loops, positions are on the assembly branch of the reference
+        configuration (the loops closed in the same of several ways). Raises `InputError` for `samples` other than a
+        whole number from 2 to 100000, a seed other than one from 0 to 2^32 - 1, a speed other than a number from 0 to
+        1e100, a mechanism with relations that bind some of its inertial parameters, states that are all alike, and
+        loops for which not enough states are found.
         """
         samples, seed = whole_number(samples, "task: samples", 2, MOST), whole_number(seed, "task: seed", 0, 2**32 - 1)
         speed = real_number(speed, "task: speed")
@@ -106,11 +107,12 @@ class DesignTask:
 
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
-        """The task, a `DesignTask`, of following a reference (positions, velocities and accelerations of the joints by
-        time): its states at evenly spaced times from 0 to a duration (s), 1000 of them by default. Raises `InputError`
-        for `samples` other than a whole number from 2 to 100000, for a duration that is not positive and finite, for a
-        reference of another number of joints or one that stands still, and for a mechanism with relations that bind
-        some of its inertial parameters; `NonFiniteError` for a reference that is not finite."""
+        """The task, a `DesignTask`, of following a `reference`, a function from times (s) to positions, velocities and
+        accelerations of the joints: its states at evenly spaced times from 0 to `duration` (s), both included, 1000 of
+        them by default. Raises `InputError` for `samples` other than a whole number from 2 to 100000, for a duration
+        that is not positive and finite, for a reference of another number of joints or one that stands still, and for a
+        mechanism with relations that bind some of its inertial parameters; `NonFiniteError` for a reference that is not
+        finite."""
         whole_number(samples, "task: samples", 2, MOST)
         positive_number(duration, "task: duration: expected a positive number of s")
         p, v, a = reference(np.linspace(0.0, duration, samples))
@@ -118,16 +120,17 @@ class DesignTask:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """The essential space of the mechanism's P inertial parameters, an `EssentialSpace`: the directions that change
-        energies and torques. Its singular values and its right singular vectors V1 (P, k), for k identifiable
-        parameters, are those of the task's energies about their mean, in J (root mean square over the states) per SI
-        unit of each parameter. Raises `RankError` where the number of identifiable parameters cannot be certified."""
+        """The essential space of the mechanism's P inertial parameters, an `EssentialSpace`: the k directions of
+        parameters that change energies and torques. Its singular values and its right singular vectors V1 (P, k), for k
+        identifiable parameters, are those of the task's energies about their mean, in J (root mean square over the
+        states) per SI unit of each parameter. Raises `RankError` where the number of identifiable parameters cannot be
+        certified."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
 
     @cached_property
     def basis(self) -> FundamentalBasis:
         """The fundamental basis of the mechanism, a `FundamentalBasis`: its k fundamental (base) parameters, and the
-        regrouping equations that add the other inertial parameters to them. Dependent parameters are removed in the
+        regrouping equations, which give each as a sum of inertial parameters. Dependent parameters are removed in the
         default order (`Priority.default`). Raises `RankError` where the number of identifiable parameters cannot be
         certified."""
         return fundamental_basis(self.space, Priority())
@@ -143,17 +146,16 @@ class DesignTask:
 
     @cached_property
     def torque_limits(self) -> Array:
-        """Torque limits (r,) of the r primary (independently moving) joints that torques are compared with, N m (N for
-        a prismatic joint): the joints' own. A joint without one gets four times its largest torque in up to 200 random
-        states at up to 2 rad/s (m/s) and 10 rad/s^2 (m/s^2), and at least 1 N m (N). Read-only."""
+        """Torque limits (r,) of the r primary (independently moving) joints by which the task's torques are divided, N
+        m (N for a prismatic joint): the joints' own. A joint without one gets four times its largest torque in up to
+        200 random states at up to 2 rad/s (m/s) and 10 rad/s^2 (m/s^2), and at least 1 N m (N). Read-only."""
         return frozen(finite_torque_limits(self.mechanism))
 
     def require_energy(self, parameters: ArrayLike | None = None) -> None:
-        """Check that the mechanism's energy, kinetic plus potential, varies over the task's states, for P inertial
-        parameters (P,) in SI units, by default (None) the mechanism's own; nothing is returned. Raises `InputError`
-        where its root mean square about its mean is at most 1e-12 of its root mean square, so that no share of it can
-        be computed, and for another shape of parameters, `NonFiniteError` where one is not finite or the energy is too
-        large for numbers."""
+        """Raise `InputError` unless the mechanism's energy, kinetic plus potential, varies over the task's states: its
+        root mean square about its mean must be above 1e-12 of its root mean square. `parameters` are the P inertial
+        ones (P,) in SI units, by default (None) the mechanism's own. Nothing is returned. Raises `InputError` too for
+        another shape of parameters, `NonFiniteError` where one is not finite or the energy overflows."""
         varying, D = self.cost("energy", parameters), self._given(parameters)
         with np.errstate(over="ignore"):
             whole = self.mechanism.energy_regressor(self.p, self.v)[:, : len(D)] @ D
@@ -165,15 +167,15 @@ class DesignTask:
 
     def matrix(self, objective: str) -> Array:
         """The matrix M (n, P), of n <= P rows, of the cost |M D| that `objective` names, for P inertial parameters D
-        (P,) in SI units, in the order of `parameters`: M D is in J for "energy" and "components", a share of the torque
-        limits (unitless) for "torque", and kg m^2 for "coupling".
+        (P,) in SI units, in the order of the property `parameters`: M D is in J for "energy" and "components", a
+        fraction of the torque limits (unitless) for "torque", and kg m^2 for "coupling".
 
         The cost is a root mean square over the states. For "energy" it is that of the energy about its mean: its square
         is half the mean square of the energy's differences among all pairs of states (Sheu and Walker 1991, equation
-        8). For "torque" it is that of the joint torques as shares of their limits, the squares summed over joints; for
-        "coupling" that of the mass matrix's entries off the diagonal, their mean over pairs of joints too, times the
-        characteristic length (m; the largest distance from a joint to the next or to its link's frame) for each
-        prismatic joint of the entry. For "components" it is that of the energy, by M = S V1' (k, P): the k singular
+        8). For "torque" it is that of the joint torques as fractions of their limits, the squares summed over joints;
+        for "coupling" that of the mass matrix's entries off the diagonal, averaged over pairs of joints too, each entry
+        times the characteristic length (m; the largest distance from a joint to the next or to its link's frame) for
+        each prismatic joint of its pair. For "components" it is that of the energy, by M = S V1' (k, P): the k singular
         values S of the energies that are not zero, times their right singular vectors V1 (P, k). Read-only. Raises
         `InputError` for another objective, and for "components" `RankError` where the number of identifiable parameters
         cannot be certified.
@@ -191,37 +193,38 @@ class DesignTask:
     def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
         """The cost of the motion that `objective` names, for P inertial parameters (P,) in SI units, in the order of
         the property `parameters`, by default (None) the mechanism's own. It is a root mean square over the task's
-        states: "energy" and "components" of the energy about its mean (J), "torque" of the torques as shares of their
-        limits (unitless; squares summed over joints), "coupling" of the mass matrix's entries off the diagonal (kg m^2;
-        a mean over pairs of joints too). Raises `InputError` for another objective or shape of parameters,
-        `NonFiniteError` where one is not finite or the cost is too large for numbers, and for "components" `RankError`
-        where the number of identifiable parameters cannot be certified."""
+        states: "energy" and "components" of the energy about its mean (J), "torque" of the torques as fractions of
+        their limits (unitless; squares summed over joints), "coupling" of the mass matrix's entries off the diagonal
+        (kg m^2; a mean over pairs of joints too). Raises `InputError` for another objective or shape of parameters,
+        `NonFiniteError` where one is not finite or the cost overflows, and for "components" `RankError` where the
+        number of identifiable parameters cannot be certified."""
         return float(np.linalg.norm(self._applied(self.matrix(objective), parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
         """Root mean square torques (r,) of the r primary (independently moving) joints over the task's states, N m (N
         for a prismatic joint), without friction, for P inertial parameters (P,) in SI units, in the order of the
         property `parameters`, by default (None) the mechanism's own. Raises `InputError` for another shape of
-        parameters, `NonFiniteError` where one is not finite or the torques are too large for numbers."""
+        parameters, `NonFiniteError` where one is not finite or the torques overflow."""
         return np.linalg.norm(self._applied(self._joint_torques, parameters), axis=-1)
 
     def components(self, percent: float, parameters: ArrayLike | None = None) -> int:
-        """The least number of essential components that keep the root mean square energy to an error of `percent` (%;
-        Sheu and Walker 1991, equation 23), for P inertial parameters (P,) in SI units, in the order of the property
-        `parameters`, by default (None) the mechanism's own. Essential components are combinations of the inertial
-        parameters, the right singular vectors of the task's energies. Raises `InputError` for a percentage that is no
-        finite number of at least 0 or another shape of parameters, `NonFiniteError` where a parameter is not finite or
-        the energy is too large for numbers, `RankError` where the number of identifiable parameters cannot be
-        certified."""
+        """The least number of essential components that keep the root mean square energy to an error of at most
+        `percent` (%; Sheu and Walker 1991, equation 23), for P inertial parameters (P,) in SI units, in the order of
+        the property `parameters`, by default (None) the mechanism's own. Essential components are the parts of the
+        inertial parameters along the right singular vectors of the task's energies. Raises `InputError` for a
+        percentage that is no finite number of at least 0 or another shape of parameters, `NonFiniteError` where a
+        parameter is not finite or the energy overflows, `RankError` where the number of identifiable parameters cannot
+        be certified."""
         return int(component_counts(self._applied(self._components, parameters), percent))
 
     def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
-        """Names of the fundamental (base) parameters that alone make more than a `share` (unitless, by default 1e-6) of
-        the root mean square energy about its mean over the task's states, for P inertial parameters (P,) in SI units,
-        in the order of the property `parameters`, by default (None) the mechanism's own. Raises `InputError` where the
-        energy is constant, for another shape of parameters and a share that is no number, `NonFiniteError` where a
-        parameter is not finite or the energy is too large for numbers, `RankError` where the number of identifiable
-        parameters cannot be certified."""
+        """Names of the fundamental (base) parameters whose contribution to the energy is more than a fraction `share`
+        (unitless, by default 1e-6) of the whole, in the order of the property `basis`. Energies, kinetic plus
+        potential, are root mean squares about their mean over the task's states; a contribution is the energy that one
+        parameter makes alone. `parameters` are the P inertial ones (P,) in SI units, in the order of the property
+        `parameters`, by default (None) the mechanism's own. Raises `InputError` where the energy is constant, for
+        another shape of parameters and a fraction that is no number, `NonFiniteError` where a parameter is not finite
+        or the energy overflows, `RankError` where the number of identifiable parameters cannot be certified."""
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
@@ -229,12 +232,12 @@ class DesignTask:
         )
 
     def weights(self, parameters: ArrayLike | None = None) -> Array:
-        """Shares (k,), unitless, of the root mean square energy about its mean over the task's states that each of the
-        k fundamental (base) parameters makes alone, in the order of `basis`, for P inertial parameters (P,) in SI
-        units, in the order of the property `parameters`, by default (None) the mechanism's own. Raises `InputError`
-        where the energy is constant, as `require_energy` does, and for another shape of parameters, `NonFiniteError`
-        where one is not finite or the energy is too large for numbers, `RankError` where the number of identifiable
-        parameters cannot be certified."""
+        """Fractions (k,), unitless, of the energy that each of the k fundamental (base) parameters makes alone, in the
+        order of the property `basis`: its root mean square energy about the mean over the task's states, divided by
+        that of all. They need not sum to 1. `parameters` are the P inertial ones (P,) in SI units, in the order of the
+        property `parameters`, by default (None) the mechanism's own. Raises `InputError` where the energy is constant,
+        as `require_energy` does, and for another shape of parameters, `NonFiniteError` where one is not finite or the
+        energy overflows, `RankError` where the number of identifiable parameters cannot be certified."""
         self.require_energy(parameters)
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
@@ -257,10 +260,10 @@ class DesignTask:
         return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
 
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
-        """The same task, a `DesignTask`, for the mechanism with other inertial parameters (P,), SI units, in the order
-        of the property `parameters`: all P that enter energies. Friction and the states stay. Raises `InputError` for
-        another shape of parameters, a link's parameter above 1e20 in size and a rotor inertia below 0 or above 1e20,
-        `NonFiniteError` where one is not finite."""
+        """Design task with the same states, a `DesignTask`, of the mechanism with other inertial parameters (P,), SI
+        units, in the order of the property `parameters`: all P that enter energies. Friction and the states stay.
+        Raises `InputError` for another shape of parameters, a link's parameter above 1e20 in size and a rotor inertia
+        below 0 or above 1e20, `NonFiniteError` where one is not finite."""
         own = np.array(self.mechanism.inertial_parameters)
         own[: self.mechanism.energetic] = self._given(parameters)
         return replace(self, mechanism=self.mechanism.with_parameters(own))
@@ -315,12 +318,12 @@ class DesignTask:
 
 
 def component_counts(weights: Array, percent: float) -> Array:
-    """The least numbers (...) of essential components that keep the root mean square energy to an error of `percent`
-    (%): the components of the least weight are left out as long as the root of their summed squares is at most
-    `percent`/100 of the root of the summed squares of all (Sheu and Walker 1991, equation 23). `weights` (..., k), in
-    J, are the root mean square energies of each of k essential components, which are combinations of the inertial
-    parameters, the right singular vectors of the energies. Raises `InputError` for a percentage that is no finite
-    number of at least 0."""
+    """The least numbers (...) of essential components that keep the root mean square energy to an error of at most
+    `percent` (%): the components of the least weight are left out as long as the root of their summed squares is at
+    most `percent`/100 of the root of the summed squares of all (Sheu and Walker 1991, equation 23). `weights` (..., k),
+    in J, are the root mean square energies of each of k essential components, the parts of the inertial parameters
+    along the right singular vectors of the energies. Raises `InputError` for a percentage that is no finite number of
+    at least 0."""
     percent = real_number(percent, "percent")
     if not 0.0 <= percent < np.inf:
         raise InputError(f"percent: expected a percentage of at least 0, got {percent}")

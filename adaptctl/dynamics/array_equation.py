@@ -41,22 +41,22 @@ class OnArrays(Protocol):
 
 
 class ArrayEquation:
-    """Equation of a mechanism on NumPy arrays, made from a function of Columns (vectors of scalars of any kind). Its
-    attribute `call` takes one array (..., size) in SI units for each argument, whose leading axes are samples and
+    """An equation of a mechanism, such as its inverse dynamics, evaluated on NumPy arrays in Python or in native code.
+    Its attribute `call` takes one array (..., size) in SI units for each argument, whose leading axes are samples and
     broadcast, and returns an array (..., m) or (..., m, k). Its attribute `into` takes the same after a float64 array
     `out` of the result's shape, which it fills and returns.
 
-    Made of the mechanism's `name`, for messages; `function`, called by position with one `Column` (size,) for each
-    argument, which returns one `Column` (m,) or a list of m of them, the rows (k,); `sizes`, a callable without
-    arguments that returns the arguments' sizes by name, first that of the positions p (r,) of the r primary
-    (independent) joints, rad (m if prismatic); `configured`, a callable that makes of p the configuration (..., n) of
-    the tree's n joints, which `function` takes in its place, None where that is p; `links`, the number n of links; and
-    `longest`, the most links with which it is compiled, 100 by default.
+    Made of the mechanism's `name`, for messages; `function`, called by position with one `Column` (size,), a vector of
+    scalars of any kind, for each argument, which returns one `Column` (m,) or a list of m of them, the rows (k,);
+    `sizes`, a callable without arguments that returns the arguments' sizes by name, first that of the positions p (r,)
+    of the r primary (independent) joints, rad (m if prismatic); `configured`, a callable that makes of p the
+    configuration (..., n) of the tree's n joints, which `function` then takes for p, None where that is p itself;
+    `links`, the number n of links; and `longest`, the most links with which it is compiled, 100 by default.
 
     It runs in Python at first. Once calls/50 + samples/25000, summed over all calls, is 1 it is compiled and runs as
-    native code, several samples at once in SIMD registers where there are many. Both agree to round-off. `call` and
-    `into` raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, in their arguments or the result,
-    `ValueError` for another number of arguments, and what `configured` and `function` raise.
+    native code, with several samples at once in SIMD registers. Both agree to round-off. `call` and `into` raise
+    `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, in their arguments or the result, `ValueError`
+    for another number of arguments, and what `configured` and `function` raise.
     """
 
     __slots__ = (

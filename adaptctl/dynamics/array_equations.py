@@ -21,19 +21,19 @@ REGRESSORS = "torque_regressor", "slotine_li_regressor"
 
 
 class ArrayMechanism(Protocol):
-    """Protocol of the members of a `Mechanism` that `ArrayEquations` uses: its description and equations of motion, its
-    name, the number r of its primary (independent) joints, its parameters' names, its configurations, and the check of
-    its links' mass."""
+    """Protocol of the members of a `Mechanism` from which `ArrayEquations` are made: its description and equations of
+    motion, its name, the number r of its primary (independent) joints, its parameters' names, its configurations, and
+    the check that its links have mass."""
 
     @property
     def description(self) -> Description:
-        """The `Description` that the mechanism is made of: its links, joints, loops, gravity and inertial
+        """The data that the mechanism is made of, as a `Description`: its links, joints, loops, gravity and inertial
         parameters."""
 
     @property
     def equations(self) -> Equations:
-        """The mechanism's equations of motion, an `Equations`, over scalars of any kind (floats, arrays, dual numbers,
-        symbolic ones)."""
+        """The mechanism's equations of motion over scalars of any kind (floats, arrays, dual numbers, symbolic ones),
+        as an `Equations`."""
 
     @property
     def name(self) -> str:
@@ -50,27 +50,29 @@ class ArrayMechanism(Protocol):
 
     def configuration(self, p: ArrayLike) -> Array:
         """The closed configuration (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of
-        the r primary (independent) joints, rad (m); p itself for a tree. An implementation raises `InputError` on a
-        wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit together, and
-        `SingularityError` near where they lock."""
+        the r primary (independent) joints; p itself for a tree. An implementation raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, and `SingularityError` near a
+        singularity of the loops."""
 
     def require_mass(self) -> None:
-        """Check that torques determine the accelerations; nothing is returned. An implementation raises `InputError`
-        for links of a tree that have neither mass nor rotor and carry none that has."""
+        """Raise `InputError` where torques do not determine the accelerations: for links of a tree that have neither
+        mass nor rotor, and no descendant with either. Nothing is returned."""
 
 
 class ArrayEquations:
-    """The equations of motion of one mechanism on NumPy arrays: ArrayEquations, whose `call` takes arrays and returns
-    one, as attributes. Made of a `Mechanism`, of r primary (independent) joints and P inertial and friction parameters.
+    """The equations of motion of one mechanism on NumPy arrays: attributes that are `ArrayEquation` objects, whose
+    method `call` takes arrays and returns one. Made of a `mechanism`, of r primary (independent) joints and P inertial
+    and friction parameters.
 
     `energy_regressor.call(p, v)` is (..., P), J per unit of each parameter; `torque_regressor.call(p, v, a)` and
     `slotine_li_regressor.call(p, v, v_r, a_r)` are (..., r, P), N m (N if prismatic) per unit of each;
     `inverse_dynamics.call(p, v, a, D)` is the torque (..., r), N m (N); `forward_dynamics.call(p, v, torque, D)` the
-    accelerations (..., r), rad/s^2 (m/s^2); `mass_matrix.call(p, D)` (..., r, r), kg m^2 (kg). p, v, a are positions,
-    velocities, accelerations (..., r), v_r and a_r Slotine and Li's reference velocities and accelerations, rad, rad/s,
-    rad/s^2 (m), and D (P,) or (..., P) parameters in SI units; leading axes are samples. Calls raise `InputError` on a
-    wrong shape and for accelerations of links without mass, `NonFiniteError` on NaN or infinity, `LoopError` where
-    loops do not fit together, `SingularityError` near where they lock. No equation is compiled before it is called.
+    accelerations (..., r), rad/s^2 (m/s^2); `mass_matrix.call(p, D)` (..., r, r), kg m^2 (kg between prismatic joints,
+    kg m mixed). p, v, a are positions, velocities, accelerations (..., r), v_r and a_r Slotine and Li's reference
+    velocities and accelerations, rad, rad/s, rad/s^2 (m for rad if prismatic), and D (P,) or (..., P) parameters in SI
+    units; leading axes are samples. Calls raise `InputError` on a wrong shape and for accelerations of links without
+    mass, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, `SingularityError` near a
+    singularity of the loops. No equation is compiled before it is called.
     """
 
     def __init__(self, mechanism: ArrayMechanism) -> None:
@@ -93,11 +95,13 @@ class ArrayEquations:
         self.torque_regressor, self.slotine_li_regressor = (self._regressor(name, None) for name in REGRESSORS)
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> OnArrays:
-        """The `ArrayEquation` of a `regressor`, "torque_regressor" or "slotine_li_regressor", of the k parameters of
-        indices `columns` alone, each from 0 to P - 1: its `call` takes arrays (p, v, a), or (p, v, v_r, a_r), each
-        (..., r), rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per unit of each parameter, for
-        r primary (independent) joints. The same request returns the same object. Raises `InputError` for another name;
-        indices are not checked."""
+        """The equation on arrays of a `regressor`, "torque_regressor" or "slotine_li_regressor", of the k parameters of
+        indices `columns` alone, each from 0 to P - 1.
+
+        Its `call` takes arrays (p, v, a), or (p, v, v_r, a_r), each (..., r), rad, rad/s, rad/s^2 (m for rad if
+        prismatic), and returns (..., r, k), N m (N) per unit of each parameter, for r primary (independent) joints. The
+        same request returns the same object. Raises `InputError` for another name; indices are not checked.
+        """
         if regressor not in REGRESSORS:
             raise InputError(f"regressor: expected {' or '.join(REGRESSORS)}, got {regressor!r}")
         key = regressor, columns
@@ -112,9 +116,10 @@ class ArrayEquations:
         longest: int = LARGEST_COMPILED,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
-        """An `ArrayEquation` of this mechanism from a `function` of Columns (vectors of scalars of any kind), which
-        is called with the configuration q (n,) of the tree's n joints, rad (m if prismatic), and one column for each
-        further name in `arguments`, and returns a `Column` (m,) or a list of m rows (k,).
+        """An equation of this mechanism on arrays, an `ArrayEquation`, from a `function` of `Column` objects (vectors
+        of scalars of any kind). The function is called with the configuration q (n,) of the tree's n joints, rad (m if
+        prismatic), and one column for each further name in `arguments`, and returns a `Column` (m,) or a list of m rows
+        (k,).
 
         The equation's `call` takes the positions p (..., r) of the r primary (independent) joints in place of q, then
         the further arguments, and returns an array (..., m) or (..., m, k). An argument named in `sizes` has that size,

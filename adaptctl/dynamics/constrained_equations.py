@@ -12,11 +12,11 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ConstrainedMotion(Motion):
-    """The motion of a mechanism of r primary (independent) joints at one instant, with torques and regressors in the Z
-    parameters z that linear constraints leave free: all P parameters are D = D0 + N z.
+    """The motion of a mechanism under linear constraints on its parameters at one instant, from which torques,
+    regressors and powers in the Z free parameters z follow. All P inertial and friction parameters are D = D0 + N z.
 
     Made of `equations`, the `ConstrainedEquations`, which have D0 (P,) and N (P, Z), and `whole`, the same motion of
-    the mechanism without constraints, a `Motion`. Nothing is checked.
+    the mechanism without constraints, a `Motion` of r primary (independent) joints. Nothing is checked.
     """
 
     __slots__ = ("equations", "whole")
@@ -26,24 +26,26 @@ class ConstrainedMotion(Motion):
 
     def torque(self, parameters: Column) -> Column:
         """The torque M a_r + C v_r + g + friction at v_r (r,), N m (N if prismatic), of the r primary (independent)
-        joints under reference velocities v_r and accelerations a_r, M the mass matrix, C the Christoffel (Coriolis)
-        matrix, g gravity's torque, for values z (Z,) of the Z free inertial and friction `parameters` in SI units, with
-        the torque of the values that linear constraints fix. Raises `ValueError` for another number of them."""
+        joints under reference velocities v_r and accelerations a_r, for values z (Z,) of the Z free inertial and
+        friction `parameters` in SI units. M is the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's
+        torque. The contribution of values that linear constraints fix is included. Raises `ValueError` for another
+        number of parameters."""
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the Slotine-Li regressor Y N (r, k), one `Column` (k,) each, for the k of the Z free inertial
-        and friction parameters z whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. By
+        """The Slotine-Li regressor Y N (r, k), as r rows, one `Column` (k,) each, for the k of the Z free inertial and
+        friction parameters z whose indices `columns` are, in their order: N m (N if prismatic) per unit of each. By
         linear constraints all P parameters are D = D0 + N z, and Y (r, P) is their regressor; over all columns Y N z is
-        the torque but for that of D0. Raises `IndexError` for an index of Z or more; negative ones are not refused."""
+        the torque less the contribution of D0. Raises `IndexError` for an index of Z or more; negative ones are not
+        refused."""
         needed = self.equations.needed(columns)
         rows = self.whole.regressor(needed)
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
         """The powers (Y N)' s (k,), W per unit of each, for the k of the Z free inertial and friction parameters whose
-        indices `columns` are, at rates s (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Y N (r,
-        Z), whose transpose is (Y N)', is the Slotine-Li regressor in the free parameters z, which is not formed; by
+        indices `columns` are, at rates `s` (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Y N
+        (r, Z), whose transpose is (Y N)', is the Slotine-Li regressor in the free parameters z, which is not formed; by
         linear constraints all P parameters are D = D0 + N z. Raises `IndexError` for an index of Z or more,
         `IndexError` or `ValueError` for too short an s; negative indices are not refused."""
         needed = self.equations.needed(columns)
@@ -51,12 +53,14 @@ class ConstrainedMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units that hold this motion, a `Column` of length `ConstrainedEquations.motion_size`: the
-        numbers of the same motion without constraints on parameters, in their order. These are, with loops, first the
-        derivatives of the dependent joints by each primary one in turn; then of every link the cosine and sine of its
-        joint's angle (or its displacement), of every link its twelve `LinkMotion.numbers`, and of every rotor or
-        friction term of a drive its torque per unit of the parameter. `ConstrainedEquations.remembered` makes the
-        motion from them again."""
+        """The scalars in SI units from which this motion can be rebuilt, a `Column` of length
+        `ConstrainedEquations.motion_size`: those of the same motion without constraints on parameters, in their order.
+
+        These are, with loops, first the derivatives of the dependent joints by each primary one in turn; then of every
+        link the cosine and sine of its joint's angle (or its displacement), of every link its twelve
+        `LinkMotion.numbers`, and of every rotor or friction term of a drive its torque per unit of the parameter.
+        `ConstrainedEquations.remembered` rebuilds the motion from them.
+        """
         return self.whole.numbers
 
 
@@ -64,7 +68,7 @@ class ConstrainedMotion(Motion):
 class ConstrainedEquations(Equations):
     """Equations of motion in the Z parameters z that linear constraints leave free, all P inertial and friction
     parameters being D = D0 + N z. Regressors are those of z alone: Y N, for a regressor Y (r, P) of D. Torques and
-    accelerations include the share of D0.
+    accelerations include the contribution of D0.
 
     `whole` are the equations without constraints; `spread` has for each of the Z columns of N its entries other than
     zero, as pairs (index from 0 to P - 1, entry), each in the unit of its D per unit of its z; `known` is D0 (P,), SI
@@ -73,9 +77,9 @@ class ConstrainedEquations(Equations):
 
     whole: Equations
     spread: tuple[tuple[tuple[int, float], ...], ...]
-    """for every z, the parameters it enters and its weight there: N by columns"""
+    """N by columns: for every z, pairs of the index of a parameter in D and N's entry there"""
     known: tuple[float, ...]
-    """D0"""
+    """D0 (P,), SI units"""
 
     @property
     def dof(self) -> int:
@@ -94,103 +98,110 @@ class ConstrainedEquations(Equations):
 
     @property
     def has_known_share(self) -> bool:
-        """True where linear constraints fix parameters at values other than zero (D0 of D = D0 + N z): torques and
-        energies then have a part for which regressors have no columns. False otherwise."""
+        """True where linear constraints fix parameters at values other than zero (D0 of D = D0 + N z), False otherwise.
+        Torques and energies then have a contribution for which regressors in the free parameters z have no columns."""
         return any(self.known)
 
     def closed(self, p: Column, guess: Column) -> Column:
         """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
         primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a
-        tree. Where no closed form exists it is found by Newton's steps, exact to round-off from within 0.05 rad.
-        Constraints on parameters do not change it. Not checked: where the loops stay open, nothing is raised; with
-        loops, too short a p or guess raises `ValueError` or `IndexError`, exactly locked loops `ZeroDivisionError` in
-        floats."""
+        tree. Where no closed form exists it is found by three Newton steps, exact to round-off from within 0.05 rad.
+        Constraints on parameters do not change it. Arguments are not checked: where the loops stay open, nothing is
+        raised; with loops, too short a p or guess raises `ValueError` or `IndexError`, an exactly singular closure
+        Jacobian `ZeroDivisionError` in floats."""
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
-        """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary (independent) joints'
-        positions of q (n,) and the loops closed: exactly where a closed form exists, else by one Newton step from q,
-        which is near a closed one; q itself for a tree. Constraints on parameters do not change it. Not checked: with
-        loops, too short a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in floats."""
+        """A configuration (n,) of the tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions of the
+        primary (independent) joints and the loops closed; q itself for a tree. It is exact where a closed form exists,
+        else one Newton step from q, which must be near a closed configuration (from 0.05 rad away, 1e-3 rad remain).
+        Constraints on parameters do not change it. Arguments are not checked: with loops, too short a q raises
+        `IndexError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their configuration q (n,), rad (m),
-        and velocities v (r,) of the r primary (independent) joints; J (n, r) is the derivative of q by the primary
-        positions. For a tree v itself. Not checked: with loops, vectors too short raise `IndexError` or `ValueError`,
-        exactly locked loops `ZeroDivisionError` in floats."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of the r
+        primary (independent) joints, at a configuration `q` (n,) of the tree, rad (m). J (n, r) is the derivative of q
+        by the primary positions. For a tree they are v itself. Arguments are not checked: with loops, vectors too short
+        raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.whole.rates(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
         """Energy regressor N' E (Z,), J per unit of each of the Z free inertial and friction parameters z, at a
         configuration q (n,) of the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary
         (independent) joints, rad/s (m/s). N' is the transpose of N, D = D0 + N z being all P parameters, and E (P,)
-        their energy regressor; the inner product with z is kinetic plus potential energy in J but for the share of D0.
-        Not checked: vectors too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in
-        floats."""
+        their energy regressor; the inner product with z is kinetic plus potential energy in J, less the contribution of
+        D0. Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure
+        Jacobian `ZeroDivisionError` in floats."""
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
         """The potential part (Z,) of the energy regressor, J per unit of each of the Z free inertial and friction
-        parameters z, at a configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with z
-        is the potential energy in J, 0 at the ground frame's origin, but for the share of the values that linear
-        constraints fix. Not checked: too short a q raises `IndexError`."""
+        parameters z, at a configuration q (n,) of the tree's n joints, rad (m if prismatic). Its inner product with z
+        is the potential energy in J, 0 at the ground frame's origin, less the contribution of values that linear
+        constraints fix. Arguments are not checked: too short a q raises `IndexError`."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:
-        """The state of motion, a `ConstrainedMotion`, at a configuration q (n,) of the tree's n joints, rad (m if
+        """The motion at one instant, from which torques, regressors and powers in the Z free inertial and friction
+        parameters follow, a `ConstrainedMotion`. It is at a configuration q (n,) of the tree's n joints, rad (m if
         prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary (independent)
-        joints, rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers in
-        the Z free inertial and friction parameters follow from it. Not checked: vectors too short raise `IndexError` or
-        `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        joints, rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Arguments are not checked: vectors
+        too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in
+        floats."""
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
-        """The state of motion, a `ConstrainedMotion`, made again from its `Motion.numbers` (`motion_size`,), scalars in
-        SI units, without the sines, the recursion over the links and the loops' Jacobian that it took to make it. Not
-        checked: too few numbers raise `TypeError` or `IndexError`, or pass until torques are asked for; too many may
-        pass."""
+        """The motion at one instant, a `ConstrainedMotion`, rebuilt from its property `numbers` (`motion_size`,),
+        scalars in SI units. The sines, the recursion over the links and the loops' Jacobian are not computed again.
+        Arguments are not checked: too few numbers raise `TypeError` or `IndexError`, or pass until torques are asked
+        for; too many may pass."""
         return ConstrainedMotion(self, self.whole.remembered(numbers))
 
     @property
     def motion_size(self) -> int:
-        """Number of scalars that store one state of motion, `Motion.numbers`: that of the equations without constraints
-        on parameters."""
+        """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: that of the equations
+        without constraints on parameters."""
         return self.whole.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under a torque (r,),
-        N m (N), gravity and friction, at a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,),
-        rad/s (m/s), for values z (Z,) of the Z free inertial and friction `parameters` in SI units, with the share of
-        the values that linear constraints fix. Not checked: vectors too short raise `IndexError` or `ValueError`, a
-        joint without inertia or locked loops `ZeroDivisionError` in floats."""
+        N m (N), gravity and friction, for values z (Z,) of the Z free inertial and friction `parameters` in SI units.
+        The contribution of values that linear constraints fix is included.
+
+        At a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s). Arguments are not
+        checked: vectors too short raise `IndexError` or `ValueError`, a joint without inertia or an exactly singular
+        closure Jacobian `ZeroDivisionError` in floats.
+        """
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
     def weightless(self) -> ConstrainedEquations:
-        """New equations of the same mechanism, sizes and constraints without gravity: there is no gravity torque and no
-        potential energy."""
+        """A copy of these equations without gravity: same mechanism, sizes and constraints, but no gravity torque and
+        no potential energy."""
         return replace(self, whole=self.whole.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the mass matrix (r, r) of the r primary (independent) joints, symmetric, rotors included, in kg
-        m^2 (kg between prismatic joints, kg m mixed), at a configuration q (n,) of the tree's n joints, rad (m), for
-        values z (Z,) of the Z free inertial and friction `parameters` in SI units, with the share of the values that
-        linear constraints fix. Not checked: vectors too short raise `IndexError` or `ValueError`, exactly locked loops
-        `ZeroDivisionError` in floats."""
+        """Mass matrix (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor inertias
+        included, in kg m^2 (kg between prismatic joints, kg m between one of each). It is at a configuration q (n,) of
+        the tree's n joints, rad (m if prismatic), for values z (Z,) of the Z free inertial and friction `parameters` in
+        SI units, the contribution of values that linear constraints fix included. Arguments are not checked: vectors
+        too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in
+        floats."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the damping matrix B (r, r) of the r primary (independent) joints, symmetric, in N m s/rad (N
-        s/m between prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s (m/s), but for
-        its constant offsets. At a configuration q (n,) of the tree's n joints, rad (m), for values z (Z,) of the Z free
-        inertial and friction `parameters` in SI units, with the share of the values that linear constraints fix. Not
-        checked: vectors too short raise `IndexError` or `ValueError` where they are read, exactly locked loops
-        `ZeroDivisionError` in floats."""
+        """Damping matrix B (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, in N m
+        s/rad (N s/m between prismatic joints, N s between one of each). B v is the friction torque that the drives must
+        overcome at velocities v (r,), rad/s (m/s), less its constant offsets. It is at a configuration q (n,) of the
+        tree's n joints, rad (m), for values z (Z,) of the Z free inertial and friction `parameters` in SI units, the
+        contribution of values that linear constraints fix included. Arguments are not checked: vectors too short raise
+        `IndexError` or `ValueError` where they are read, an exactly singular closure Jacobian `ZeroDivisionError` in
+        floats."""
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
         """All P inertial and friction parameters D = D0 + N z (P,) from values z (Z,) of the free `parameters`, SI
-        units: D0 (P,) and N (P, Z) are those of the linear constraints. Raises `ValueError` for another number than
+        units. D0 (P,) and N (P, Z) are those of the linear constraints. Raises `ValueError` for another number than
         Z."""
         terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]
         for z, enters in zip(parameters, self.spread, strict=True):
@@ -199,9 +210,9 @@ class ConstrainedEquations(Equations):
         return Column(map(_sum, terms))
 
     def needed(self, columns: Sequence[int]) -> list[int]:
-        """Indices, rising, of the parameters among all P that depend on the free ones of indices `columns`, from 0 to Z
+        """Indices, rising, of those of all P parameters that depend on the free ones of indices `columns`, from 0 to Z
         - 1: the rows in which these columns of N (P, Z), D = D0 + N z, have entries. Raises `IndexError` for an index
-        of Z or more."""
+        of Z or more; negative ones are not refused."""
         return sorted({place for column in columns for place, _ in self.spread[column]})
 
     def _gathered(self, entries: Sequence[Scalar]) -> Column:
@@ -209,8 +220,8 @@ class ConstrainedEquations(Equations):
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
         """Derivatives (k,) of one scalar, such as an energy or a joint's torque, by k of the Z free inertial and
-        friction parameters z, from its derivatives y (P,) by all P parameters D = D0 + N z: those entries of N' y, N'
-        being the transpose of N (P, Z), that `columns` has as indices. Their unit is that of y times that of N.
+        friction parameters z, from its derivatives y (P,) by all P parameters D = D0 + N z. They are those entries of
+        N' y, N' being the transpose of N (P, Z), whose indices `columns` has; their unit is that of y times that of N.
 
         `entries` has y's entries by index from 0 to P - 1, those of `needed(columns)` at least, else `KeyError` is
         raised; an index in `columns` of Z or more raises `IndexError`.

@@ -34,22 +34,25 @@ class Parametrisation:
     """
 
     left: tuple[int, ...]
-    """which of D the free parameters z are, rising"""
+    """Indices, rising, of the free parameters z among D"""
     matrix: Array
     """N (P, Z), with N[left] the identity"""
     known: Array
     """D0 (P,)"""
 
     def expanded(self, z: ArrayLike) -> Array:
-        """All P inertial and friction parameters D = D0 + N z (P,) from the free ones z (Z,), in SI units: N (P, Z) is
-        the `matrix` and D0 (P,) the `known` share. Raises `InputError` for a wrong shape and for numbers that are not
-        finite."""
+        """All P inertial and friction parameters D = D0 + N z (P,) from the free ones `z` (Z,), in SI units: N (P, Z)
+        is this object's `matrix` and D0 (P,) its `known`. Raises `InputError` for a wrong shape and for values that are
+        not finite."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
     def among(self, names: Sequence[str], others: Sequence[str]) -> Parametrisation:
-        """The same map for a mechanism with other drives: of the P parameters `names` it was made for, those that are
-        in `others` (P',), its parameters' names, stay as they are, and new ones are free. Raises `InputError`, naming
-        them, where a parameter that the constraints bind is missing."""
+        """The map D = D0 + N z of the same linear constraints for a mechanism with other drives.
+
+        `names` are the names of the parameters of the present mechanism, `others` those of the new one. Parameters that
+        are in both keep their rows and columns of N and D0; those only in `others` are free. Raises `InputError`,
+        naming them, where a parameter that the constraints bind is missing from `others`.
+        """
         taken = [i for i in range(len(names)) if i not in self.left]
         bound = {*taken, *(i for i, column in zip(self.left, self.matrix.T, strict=True) if column[taken].any())}
         if missing := [names[i] for i in sorted(bound) if names[i] not in others]:
@@ -71,9 +74,9 @@ class ConstrainedMechanism(Mechanism):
     regressors (..., Z) are those of z; `adaptctl.identifiability.constrained` makes it.
 
     `whole` is the mechanism without constraints, whose values of z are taken over, and `parametrisation` the map from z
-    to D. Regressors times z leave out the share of D0 (`known_torque`); torques, energies and accelerations include it.
-    Raises `InputError` for a mechanism that is constrained already and for parameters that its description refuses: not
-    finite, above 1e20 in size, rotors, viscous or Coulomb friction below 0.
+    to D. Regressors times z leave out the contribution of D0, which the method `known_torque` gives; torques, energies
+    and accelerations include it. Raises `InputError` for a mechanism that is constrained already and for parameters
+    that its description refuses: not finite, above 1e20 in size, rotor inertia, viscous or Coulomb friction below 0.
     """
 
     def __init__(self, whole: Mechanism, parametrisation: Parametrisation) -> None:
@@ -87,7 +90,7 @@ class ConstrainedMechanism(Mechanism):
     def equations(self) -> ConstrainedEquations:
         """The equations of motion in the Z free inertial and friction parameters z, a `ConstrainedEquations`, over
         scalars of any kind (floats, arrays, dual numbers, symbolic ones), to trace or to differentiate; they check
-        nothing. Raises `LoopError` where loops do not fit together."""
+        nothing. Raises `LoopError` where loops cannot be closed."""
         N = self.parametrisation.matrix
         columns = (np.flatnonzero(column) for column in N.T)
         spread = tuple(tuple((int(i), float(N[i, j])) for i in places.tolist()) for j, places in enumerate(columns))
@@ -95,8 +98,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def is_plain_tree(self) -> bool:
-        """False: linear constraints hold between the inertial parameters, so that bodies do not have ten free ones
-        each."""
+        """False, since linear constraints bind the inertial parameters: bodies do not have ten free ones each."""
         return False
 
     @property
@@ -113,8 +115,8 @@ class ConstrainedMechanism(Mechanism):
     @property
     def continuation(self) -> Continuation | None:
         """The `Continuation` that follows closed loops from the reference configuration to others on its assembly
-        branch, the same as without constraints on parameters; None for a tree. Raises `LoopError` where loops do not
-        fit together."""
+        branch, the same as without constraints on parameters; None for a tree. Raises `LoopError` where loops cannot be
+        closed."""
         return self.whole.continuation
 
     @cached_property
@@ -125,39 +127,40 @@ class ConstrainedMechanism(Mechanism):
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """Values (Z,) of the free inertial and friction parameters, in the order of `parameter_names`, in SI units
-        (masses kg, first moments kg m, inertias kg m^2); read-only."""
+        """Values (Z,) of the free inertial and friction parameters, in the order of this object's `parameter_names`, in
+        SI units (masses kg, first moments kg m, inertias kg m^2); read-only."""
         values = self.description.inertial_parameters[list(self.parametrisation.left)]
         return frozen_array(values, values.shape, "parameters")
 
     @property
     def energetic(self) -> int:
-        """Number of the free parameters that enter the energy: all but friction terms. They are the first of the Z free
-        inertial and friction parameters; free friction terms come after them."""
+        """Number of the free parameters that enter the kinetic or potential energy: all but friction terms. They are
+        the first of the Z free inertial and friction parameters; free friction terms come after them."""
         return sum(i < self.whole.energetic for i in self.parametrisation.left)
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of what decides which parameters are identifiable: gravity, joints, frames, link
-        names, loops, drive terms and the linear constraints, numbers rounded to 1e-12. Values of free parameters do not
-        count."""
+        """SHA-256 hash (hexadecimal) of the data that decide which parameters are identifiable: gravity, joints,
+        frames, link names, loops, drive terms and the linear constraints, numbers rounded to 1e-12. Values of free
+        parameters do not count."""
         N, known = self.parametrisation.matrix, self.parametrisation.known
         numbers = [[round(x, 12) + 0.0 for x in array.ravel().tolist()] for array in (N, known)]
         content = [self.whole.geometry_sha256, list(self.parametrisation.left), numbers]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def with_parameters(self, parameters: ArrayLike) -> ConstrainedMechanism:
-        """A new mechanism under the same constraints with other values (Z,) of its free parameters, SI units, in the
-        order of `parameter_names`. Raises `InputError` for another number of them, values not finite, and where any of
-        all P parameters is above 1e20 in size or a rotor, viscous or Coulomb friction below 0."""
+        """A copy of this mechanism, under the same constraints, with other values (Z,) of its free `parameters`, SI
+        units, in the order of its property `parameter_names`. Raises `InputError` for another number of them, values
+        not finite, and where any of all P parameters is above 1e20 in size or a rotor inertia, viscous or Coulomb
+        friction below 0."""
         whole = self.whole.with_parameters(self.parametrisation.expanded(parameters))
         return ConstrainedMechanism(whole, self.parametrisation)
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> ConstrainedMechanism:
-        """A new mechanism under the same constraints with other rotors and friction: one drive for all n joints of the
-        tree or one each, in the order of `links`. Terms that the constraints do not bind are free; values of those that
-        they do follow from them. Raises `InputError` for another number of drives, for one that turns with unknown
-        joints, and where a rotor that the constraints bind is missing."""
+        """A copy of this mechanism, under the same constraints, with other rotors and friction: one drive for all n
+        joints of the tree or one each, in the order of its property `links`. Terms that the constraints do not bind are
+        free; values of those that they bind follow from them. Raises `InputError` for another number of drives, for one
+        that turns with unknown joints, and where a term that the constraints bind is missing."""
         whole = self.whole.with_drives(drives)
         return ConstrainedMechanism(
             whole, self.parametrisation.among(self.whole.parameter_names, whole.parameter_names)
@@ -165,16 +168,18 @@ class ConstrainedMechanism(Mechanism):
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
         """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad (m
-        if prismatic), and velocities v, rad/s (m/s), both (..., r), of the r primary (independent) joints; with the
-        share of parameters that the constraints fix. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity, `LoopError` where loops do not fit together, `SingularityError` near where they lock."""
+        if prismatic), and velocities v, rad/s (m/s), both (..., r), of the r primary (independent) joints. The
+        contribution of parameters that the constraints fix is included. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, `SingularityError` near a
+        singularity of the loops."""
         return Mechanism(self.description).energy(p, v)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints due to the known share D0 of all
-        parameters D = D0 + N z, which regressors times the free parameters z leave out, at positions p, velocities v
-        and accelerations a, all (..., r), rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape and where D0
-        has a rotor's inertia, viscous or Coulomb friction below 0, `NonFiniteError` on NaN or infinity, `LoopError`
-        where loops do not fit together, `SingularityError` near where they lock."""
+        """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints due to the constant term D0 of
+        all parameters D = D0 + N z, which regressors times the free parameters z leave out. It is at positions p,
+        velocities v and accelerations a, all (..., r), rad, rad/s, rad/s^2 (m for rad if prismatic). Raises
+        `InputError` on a wrong shape and where D0 has a rotor's inertia, viscous or Coulomb friction below 0,
+        `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, `SingularityError` near a
+        singularity of the loops."""
         known = self.whole.with_parameters(self.parametrisation.known)
         return known.inverse_dynamics(p, v, a)

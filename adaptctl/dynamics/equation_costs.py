@@ -14,8 +14,7 @@ from adaptctl.scalars import Column, spread
 class EquationCosts(NamedTuple):
     """Counts of floating-point operations of one evaluation of a mechanism's equations with k of its inertial
     parameters, for r primary (independent) joints: additions, subtractions, multiplications, divisions and negations,
-    unitless; sines, cosines, roots and comparisons are not among them. Made by `equation_costs`; nothing is refused at
-    construction.
+    without sines, cosines, roots and comparisons. Made by `equation_costs`; nothing is checked at construction.
 
     `regressor` counts the Slotine-Li regressor Y (r, k). `tick` counts what an adaptive law needs in a control period,
     without forming Y: the torque Y beta (r,) of the parameters beta (k,) and the powers Y' s (k,), with the transpose
@@ -33,13 +32,13 @@ class EquationCosts(NamedTuple):
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:
-    """The `EquationCosts` of a mechanism: counts of floating-point operations, unitless, of its Slotine-Li regressor,
-    of a control period's torque and powers (see `EquationCosts`), and of its forward dynamics.
+    """Counts of floating-point operations of a mechanism's equations, as `EquationCosts`: of its Slotine-Li regressor,
+    of the torque and powers of a control period (`tick`), and of its forward dynamics.
 
     `columns` are the indices, from 0 to P - 1 in any order, of the k of its P inertial parameters that are counted, all
     others being zero; None for all P. With loops, the closed configuration is given: closing it is not counted. Sheu
-    and Walker (1991, section 5.3) compare such counts. A repeated index counts once. Raises `InputError` for what is no
-    index from 0 to P - 1, `LoopError` where loops do not fit together.
+    and Walker (1991, section 5.3) compare such counts. A repeated index counts once. Raises `InputError` for an entry
+    that is not a whole number from 0 to P - 1, `LoopError` where loops cannot be closed.
     """
     equations, r, P = mechanism.equations, mechanism.dof, len(mechanism.parameter_names)
     kept = sorted(set(range(P) if columns is None else required_columns(columns, P, mechanism.name)))

@@ -11,13 +11,13 @@ from adaptctl.scalars import Column, Scalar
 
 
 class Motion(ABC):
-    """The motion of a mechanism of r primary (independent) joints at one instant, from which torques, regressors and
-    powers follow: at a configuration q (n,) of the tree's n joints, rad (m if prismatic), under velocities v and
-    Slotine and Li's reference velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2).
-    Abstract, made by `Equations.motion`; calling the class raises `TypeError`.
+    """The motion of a mechanism at one instant, from which torques, regressors and powers of its r primary
+    (independent) joints follow. It is at a configuration q (n,) of the tree's n joints, rad (m if prismatic), under
+    velocities v and Slotine and Li's reference velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,),
+    rad/s^2 (m/s^2).
 
-    A subclass gives `torque`, `regressor`, `powers` and `numbers`. Its links are placed and moved once; what is asked
-    of them afterwards shares that work. Nothing is checked.
+    Abstract, made by `Equations.motion`; calling the class raises `TypeError`. A subclass gives `torque`, `regressor`,
+    `powers` and `numbers`. The links' poses and motions are computed once, for all of these. Nothing is checked.
     """
 
     __slots__ = ()
@@ -25,55 +25,60 @@ class Motion(ABC):
     @abstractmethod
     def torque(self, parameters: Column) -> Column:
         """The torque M a_r + C v_r + g + friction at v_r (r,), in N m (N if prismatic), of the r primary (independent)
-        joints under the motion's reference velocities v_r and accelerations a_r, M the mass matrix, C the Christoffel
-        (Coriolis) matrix, g gravity's torque, for values D (P,) of the P inertial and friction parameters in SI units;
-        with the torque of parameters that linear constraints fix. D is not checked: too short a one raises `IndexError`
-        or `ValueError`."""
+        joints under the motion's reference velocities v_r and accelerations a_r, for values D (P,) of the P inertial
+        and friction `parameters` in SI units. M is the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's
+        torque. The torque of parameters that linear constraints fix is included. Parameters are not checked: too few
+        raise `IndexError` or `ValueError`."""
 
     @abstractmethod
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the Slotine-Li regressor Y (r, k) of r primary (independent) joints, one `Column` (k,) each,
-        for the k of the P inertial and friction parameters whose indices `columns` are, in their order: N m (N if
-        prismatic) per unit of each parameter. Over all P columns Y D is the `torque` of parameters D (P,); under linear
+        """The Slotine-Li regressor Y (r, k) of r primary (independent) joints, as r rows, one `Column` (k,) each, for
+        the k of the P inertial and friction parameters whose indices `columns` are, in their order: N m (N if
+        prismatic) per unit of each parameter. Over all P columns Y D is the torque of parameters D (P,); under linear
         constraints D are the free ones, and Y D lacks the torque of those that are fixed. Raises `IndexError` for an
         index of P or more, `TypeError` for one not whole; negative ones are not refused, and may mean any parameter."""
 
     @abstractmethod
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """The powers Y' s (k,), W per unit of each parameter, with the transpose Y' of the Slotine-Li `regressor` Y (r,
-        k), which is not formed, for the k of the P inertial and friction parameters whose indices `columns` are, at
-        rates s (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Raises `IndexError` for an index
-        of P or more, `TypeError` for one not whole, `IndexError` or `ValueError` for s too short; negative indices are
-        not refused, and may mean any parameter."""
+        """The powers Y' s (k,), W per unit of each parameter, for the k of the P inertial and friction parameters whose
+        indices `columns` are, at rates `s` (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Y' is
+        the transpose of the Slotine-Li regressor Y (r, k), which is not formed. Raises `IndexError` for an index of P
+        or more, `TypeError` for one not whole, `IndexError` or `ValueError` for s too short; negative indices are not
+        refused, and may mean any parameter."""
 
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """The column (`Equations.motion_size`,) of scalars in SI units that hold this motion: with loops first the
-        derivatives of the dependent joints by each primary one in turn; then of every link in turn the cosine and sine
-        of its joint's angle (or its displacement); then of every link its twelve `LinkMotion.numbers`, in the link's
-        axes: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x, y, z of the angular acceleration and
-        of its origin's acceleration less gravity's; then of every rotor or friction term of a drive its torque per unit
-        of the parameter. From them `Equations.remembered` makes the same motion again."""
+        """The scalars in SI units from which this motion can be rebuilt, a `Column` of length `Equations.motion_size`.
+
+        With loops they are first the derivatives of the dependent joints by each primary one in turn; then of every
+        link in turn the cosine and sine of its joint's angle (or its displacement); then of every link its twelve
+        `LinkMotion.numbers`, in the link's axes: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x,
+        y, z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or
+        friction term of a drive its torque per unit of the parameter. `Equations.remembered` rebuilds the motion from
+        them.
+        """
 
 
 class Equations(ABC):
-    """The equations of motion of one mechanism, on Columns of scalars of any kind: floats, arrays of samples, dual
-    numbers, symbolic ones. Abstract: `Mechanism.equations` has them, calling the class raises `TypeError`.
+    """The equations of motion of one mechanism, on `Column` objects, vectors of scalars of any kind: floats, arrays of
+    samples, dual numbers, symbolic ones. Abstract: `Mechanism.equations` has them, calling the class raises
+    `TypeError`.
 
     Sizes: r primary (independent) joints, whose positions are p and velocities v; n joints of the tree, whose
     configuration is q; P inertial and friction parameters D, in the order of `Mechanism.parameter_names`. All are in SI
     units: rad, N m, or m, N for prismatic joints. For a tree n = r and q = p; with loops q must be closed, which the
-    caller sees to by `closed` or `projected`. No code branches on a scalar's value, and nothing is checked here:
-    `Mechanism`, which asks the same on arrays, does. Vectors too short raise `IndexError` or `ValueError`, those too
-    long may pass, NaN goes through, an infinite angle raises `ValueError` in floats. A system that is exactly singular,
-    as of locked loops or no inertia, raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays.
+    caller ensures by `closed` or `projected`. No code branches on a scalar's value, and nothing is checked here:
+    `Mechanism`, which has the same methods on arrays, does. Vectors too short raise `IndexError` or `ValueError`, those
+    too long may pass, NaN goes through, an infinite angle raises `ValueError` in floats. A system that is exactly
+    singular, such as the closure Jacobian at a singularity of the loops or the mass matrix of a joint without inertia,
+    raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays.
 
     Subclasses: `TreeEquations`, of a tree; `LoopEquations`, of a tree with closures; `ConstrainedEquations`, of either
-    under linear constraints, by which all parameters are D0 + N z. There the free parameters z take the place of D, P
-    is their number, and D0 is the known share. A subclass defines `dof`, `links`, `parameters`, `motion_size`,
-    `closed`, `projected`, `rates`, `energy_regressor`, `potential_regressor`, `motion`, `remembered`, `mass_matrix`,
-    `damping` and `weightless`; torque regressors, torques and accelerations follow from these.
+    under linear constraints, by which all parameters are D0 + N z: in these, D and P stand for the free parameters z
+    and their number. A subclass defines `dof`, `links`, `parameters`, `motion_size`, `closed`, `projected`, `rates`,
+    `energy_regressor`, `potential_regressor`, `motion`, `remembered`, `mass_matrix`, `damping` and `weightless`; torque
+    regressors, torques and accelerations follow from these.
     """
 
     @property
@@ -89,8 +94,8 @@ class Equations(ABC):
 
     @property
     def joints(self) -> int:
-        """Number n of joints of the tree, one a link: the primary (independent) joints and, with loops, those that
-        follow them."""
+        """Number n of joints of the tree, one for each link: the primary (independent) joints and, with loops, the
+        dependent ones."""
         return len(self.links)
 
     @property
@@ -101,8 +106,8 @@ class Equations(ABC):
 
     @property
     def has_known_share(self) -> bool:
-        """True where linear constraints fix parameters at values other than zero: torques and energies then have a part
-        due to these known parameters, for which regressors have no columns. False otherwise."""
+        """True where linear constraints fix parameters at values other than zero, False otherwise. Torques and energies
+        then have a contribution of these parameters for which regressors have no columns."""
         return False
 
     @abstractmethod
@@ -110,22 +115,24 @@ class Equations(ABC):
         """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
         primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a
         tree. It is found in closed form where the loops allow, else by three Newton steps, which is exact to round-off
-        from within 0.05 rad. Not checked: where the loops stay open, nothing is raised; too short a p or guess raises
-        `ValueError` or `IndexError` with loops, exactly locked loops `ZeroDivisionError` in floats."""
+        from within 0.05 rad. Arguments are not checked: where the loops stay open, nothing is raised; too short a p or
+        guess raises `ValueError` or `IndexError` with loops, an exactly singular closure Jacobian `ZeroDivisionError`
+        in floats."""
 
     @abstractmethod
     def projected(self, q: Column) -> Column:
-        """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary (independent) joints'
-        positions of q (n,) and the loops closed: exactly where a closed form exists, else more closely than in q, by
-        one Newton step, q being near a closed one. q itself for a tree. Not checked: with loops, too short a q raises
-        `IndexError`, loops exactly locked `ZeroDivisionError` in floats."""
+        """A configuration (n,) of the tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions of the
+        primary (independent) joints and the loops closed; q itself for a tree. It is exact where a closed form exists,
+        else one Newton step from q, which must be near a closed configuration (from 0.05 rad away, 1e-3 rad remain).
+        Arguments are not checked: with loops, too short a q raises `IndexError`, an exactly singular closure Jacobian
+        `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def rates(self, q: Column, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their configuration q (n,), rad (m),
-        and velocities v (r,) of the r primary (independent) joints, rad/s (m/s); J (n, r) is the derivative of q by the
-        primary positions. For a tree v itself. Not checked: with loops, vectors too short raise `IndexError` or
-        `ValueError`, loops exactly locked `ZeroDivisionError` in floats."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of the r
+        primary (independent) joints, at a configuration `q` (n,) of the tree, rad (m). J (n, r) is the derivative of q
+        by the primary positions. For a tree they are v itself. Arguments are not checked: with loops, vectors too short
+        raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def energy_regressor(self, q: Column, v: Column) -> Column:
@@ -133,83 +140,90 @@ class Equations(ABC):
         configuration q (n,) of the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary
         (independent) joints, rad/s (m/s). The inner product of E and D is kinetic plus potential energy in J, the
         latter 0 at the ground frame's origin. E is 0 for friction. Under linear constraints D are the free parameters,
-        and the energy lacks the share of those that are fixed. Not checked: vectors too short raise `IndexError` or
-        `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        and the energy lacks the contribution of those that are fixed. Arguments are not checked: vectors too short
+        raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def potential_regressor(self, q: Column) -> Column:
         """The potential part (P,) of the energy regressor, J per unit of each of the P inertial and friction parameters
-        D (P,), at a configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with D is the
+        D (P,), at a configuration q (n,) of the tree's n joints, rad (m if prismatic). Its inner product with D is the
         potential energy in J, 0 at the ground frame's origin. Under linear constraints D are the free parameters, and
-        the energy lacks the share of those that are fixed. Not checked: too short a q raises `IndexError`."""
+        the energy lacks the contribution of those that are fixed. Arguments are not checked: too short a q raises
+        `IndexError`."""
 
     @abstractmethod
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
-        """The state of motion, a `Motion`, at a configuration q (n,) of the tree's n joints, rad (m if prismatic),
-        under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary (independent) joints,
-        rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2): torques, regressors and powers follow from
-        it. Not checked: vectors too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError`
-        in floats."""
+        """The motion at one instant, from which torques, regressors and powers follow, a `Motion`. It is at a
+        configuration q (n,) of the tree's n joints, rad (m if prismatic), under velocities v and Slotine and Li's
+        reference velocities v_r (r,) of the r primary (independent) joints, rad/s (m/s), and reference accelerations
+        a_r (r,), rad/s^2 (m/s^2). Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, an
+        exactly singular closure Jacobian `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def remembered(self, numbers: Column) -> Motion:
-        """The state of motion, a `Motion`, made again from its `Motion.numbers` (`motion_size`,), scalars in SI units,
-        without the sines, the recursion over the links and the loops' Jacobian that it took to make it. Not checked:
-        too few numbers raise `TypeError` or `IndexError` or, where only a few lack, pass until the motion is asked for
-        torques; too many may pass."""
+        """The motion at one instant, a `Motion`, rebuilt from its property `numbers` (`motion_size`,), scalars in SI
+        units. The sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are not
+        checked: too few numbers raise `TypeError` or `IndexError` or, where only a few lack, pass until the motion is
+        asked for torques; too many may pass."""
 
     @property
     @abstractmethod
     def motion_size(self) -> int:
-        """Number of scalars that store one state of motion, `Motion.numbers`: 14 a link (13 if prismatic), one for each
-        rotor or friction term of a drive and, with loops, the derivative of each dependent joint by each primary
-        one."""
+        """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: 14 a link (13 if
+        prismatic), one for each rotor or friction term of a drive and, with loops, the derivative of each dependent
+        joint by each primary one."""
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the mass matrix (r, r) of the r primary (independent) joints, symmetric, rotors included, in kg
-        m^2 (kg between prismatic joints, kg m mixed), at a configuration q (n,) of the tree's n joints, rad (m), for
-        values D (P,) of the P inertial and friction `parameters` in SI units, with the share of those that linear
-        constraints fix. Not checked: vectors too short raise `IndexError` or `ValueError`, exactly locked loops
-        `ZeroDivisionError` in floats."""
+        """Mass matrix (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor inertias
+        included, in kg m^2 (kg between prismatic joints, kg m between one of each).
+
+        It is at a configuration q (n,) of the tree's n joints, rad (m if prismatic), for values D (P,) of the P
+        inertial and friction `parameters` in SI units; under linear constraints D are the free ones, and the
+        contribution of those that are fixed is included. Arguments are not checked: vectors too short raise
+        `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats.
+        """
 
     @abstractmethod
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the damping matrix B (r, r) of the r primary (independent) joints, symmetric, in N m s/rad (N
-        s/m between prismatic joints, N s mixed): B v is the drives' friction at v, but for its constant offsets, the
-        entries being secants of the friction curves. At a configuration q (n,) of the tree's n joints, rad (m), and
-        primary velocities v (r,), rad/s (m/s), for values D (P,) of the P inertial and friction `parameters` in SI
-        units. B is positive semidefinite where no friction parameter but offsets is negative. Not checked: vectors too
-        short raise `IndexError` or `ValueError` where they are read, exactly locked loops `ZeroDivisionError` in
-        floats."""
+        """Damping matrix B (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, in N m
+        s/rad (N s/m between prismatic joints, N s between one of each). B v is the friction torque that the drives must
+        overcome at velocities v, less its constant offsets; the entries are secants of the friction curves.
+
+        It is at a configuration q (n,) of the tree's n joints, rad (m), and primary velocities v (r,), rad/s (m/s), for
+        values D (P,) of the P inertial and friction `parameters` in SI units. B is positive semidefinite where no
+        friction parameter but offsets is negative. Arguments are not checked: vectors too short raise `IndexError` or
+        `ValueError` where they are read, an exactly singular closure Jacobian `ZeroDivisionError` in floats.
+        """
 
     @abstractmethod
     def weightless(self) -> Equations:
-        """New equations of the same mechanism and sizes without gravity: there is no gravity torque and no potential
+        """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential
         energy."""
 
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the torque regressor Y (r, k) of r primary (independent) joints, one `Column` (k,) each, for
-        the k of the P inertial and friction parameters whose indices `columns` are: N m (N if prismatic) per unit of
-        each. Over all P columns Y D = M a_r + C v_r + g + friction at v_r for parameters D (P,), M the mass matrix, C
-        the Christoffel (Coriolis) matrix, g gravity's torque; under linear constraints D are the free parameters, and
-        the torque lacks the share of those that are fixed.
+        """Torque regressor Y (r, k) of r primary (independent) joints, as r rows, one `Column` (k,) each, for the k of
+        the P inertial and friction parameters whose indices `columns` are: N m (N if prismatic) per unit of each.
 
-        At a configuration q (n,) of the tree's n joints, rad (m), velocities v and Slotine and Li's reference
-        velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Raises `IndexError` for
-        an index of P or more, `TypeError` for one not whole, `IndexError` or `ValueError` for vectors too short;
-        negative indices are not refused, and may mean any parameter.
+        Over all P columns Y D = M a_r + C v_r + g + friction at v_r for parameters D (P,), M the mass matrix, C the
+        Christoffel (Coriolis) matrix, g gravity's torque; under linear constraints D are the free parameters, and the
+        torque lacks the contribution of those that are fixed. It is at a configuration q (n,) of the tree's n joints,
+        rad (m), velocities v and Slotine and Li's reference velocities v_r (r,), rad/s (m/s), and reference
+        accelerations a_r (r,), rad/s^2 (m/s^2). Raises `IndexError` for an index of P or more, `TypeError` for one not
+        whole, `IndexError` or `ValueError` for vectors too short; negative indices are not refused, and may mean any
+        parameter.
         """
         return self.motion(q, v, v_r, a_r).regressor(columns)
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
         """Torque M a_r + C v_r + g + friction at v_r (r,), in N m (N if prismatic), of the r primary (independent)
-        joints, M the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque, for values D (P,) of the P
-        inertial and friction `parameters` in SI units.
+        joints, for values D (P,) of the P inertial and friction `parameters` in SI units. M is the mass matrix, C the
+        Christoffel (Coriolis) matrix, g gravity's torque.
 
-        At a configuration q (n,) of the tree's n joints, rad (m), velocities v and Slotine and Li's reference
-        velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Not checked: vectors
-        too short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats.
+        It is at a configuration q (n,) of the tree's n joints, rad (m), velocities v and Slotine and Li's reference
+        velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Arguments are not
+        checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian
+        `ZeroDivisionError` in floats.
         """
         return self.motion(q, v, v_r, a_r).torque(parameters)
 
@@ -218,10 +232,10 @@ class Equations(ABC):
         (r,), N m (N): M a = torque - C v - g - friction, M the mass matrix, C the Christoffel (Coriolis) matrix, g
         gravity's torque.
 
-        At a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s), for values D (P,)
-        of the P inertial and friction `parameters` in SI units. Not checked: vectors too short raise `IndexError` or
-        `ValueError`; an exactly singular mass matrix, as of a joint without inertia, or locked loops raise
-        `ZeroDivisionError` in floats, give infinity or NaN in arrays.
+        They are at a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s), for
+        values D (P,) of the P inertial and friction `parameters` in SI units. Arguments are not checked: vectors too
+        short raise `IndexError` or `ValueError`; an exactly singular mass matrix, as of a joint without inertia, or
+        closure Jacobian raises `ZeroDivisionError` in floats, gives infinity or NaN in arrays.
         """
         inertia = factorised(self.mass_matrix(q, parameters))  # first: its divisions wait for each other
         bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
@@ -230,16 +244,17 @@ class Equations(ABC):
     def damped_dynamics(
         self, q: Column, v: Column, torque: Column, parameters: Column, dt: float, more: Sequence[Scalar]
     ) -> Column:
-        """Accelerations a (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints over a time step dt
-        (s), friction being taken at its end, at the velocities v + dt a: (M + dt B) a = torque - C v - g - friction at
-        v, under a torque (r,), N m (N), M the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
+        """Accelerations a (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints over a time step
+        `dt` (s) with friction linearly implicit, taken at the velocities v + dt a of its end: (M + dt B) a = torque - C
+        v - g - friction at v. The torque (r,) is in N m (N); M is the mass matrix, C the Christoffel (Coriolis) matrix,
+        g gravity's torque.
 
-        At a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s), for values D (P,)
-        of the P inertial and friction `parameters` in SI units. B is the `damping` matrix at v, to whose diagonal
-        `more` (r,), N m s/rad (N s/m), is added: secants of other friction of the primary joints that is in the torque
-        already; empty for none, a shorter one for the first joints only. Not checked: vectors too short, or `more` too
-        long, raise `IndexError` or `ValueError`; an exactly singular M + dt B or locked loops raise `ZeroDivisionError`
-        in floats, give infinity or NaN in arrays.
+        They are at a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s), for
+        values D (P,) of the P inertial and friction `parameters` in SI units. B is the damping matrix that the method
+        `damping` gives at v, to whose diagonal `more` (r,), N m s/rad (N s/m), is added: secants of other friction of
+        the primary joints that is in the torque already; empty for none, a shorter one for the first joints only.
+        Arguments are not checked: vectors too short, or `more` too long, raise `IndexError` or `ValueError`; an exactly
+        singular M + dt B or closure Jacobian raises `ZeroDivisionError` in floats, gives infinity or NaN in arrays.
         """
         rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
         for i, secant in enumerate(more):

@@ -27,10 +27,9 @@ REACHED = 1e-9
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Tip:
-    """A point fixed to a link of a mechanism, such as a tool's tip, whose place in the world and whose inverse
-    kinematics are asked for.
+    """A point fixed to a link of a mechanism, such as a tool's tip, for its forward and inverse kinematics.
 
-    `mechanism` is the `Mechanism`, `link` the name of the link that carries the point, and `offset` (3,) its
+    `mechanism` is the `Mechanism`, `link` the name of the link to which the point is fixed, and `offset` (3,) its
     coordinates in the link's frame, m. Raises `InputError` for an unknown link and for an offset of another shape or
     not finite.
     """
@@ -48,18 +47,19 @@ class Tip:
     def at(self, p: ArrayLike) -> Array:
         """Coordinates (..., 3) of the point in the world frame, m, at positions p (..., r) of the mechanism's r primary
         (independent) joints, rad (m if prismatic). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity, `LoopError` where loops do not fit together, `SingularityError` near where they lock."""
+        infinity, `LoopError` where loops cannot be closed, `SingularityError` near a singularity of the loops."""
         return self._moved(self.mechanism.configuration(p))[0]
 
     def joints(self, goals: ArrayLike, start: ArrayLike) -> Array:
-        """Inverse kinematics: positions p (..., 3) of a mechanism's three primary joints, rad (m if prismatic), at
-        which the point is within 1e-9 m of `goals` (..., 3), coordinates in the world frame, m. Each is reached from
-        the positions `start` (3,) along a straight line of the point by Newton's steps of at most 0.02 m, on the
+        """Positions p (..., 3) of a mechanism's three primary joints, rad (m if prismatic), by inverse kinematics:
+        there the point is within 1e-9 m of `goals` (..., 3), coordinates in the world frame, m. Each goal is approached
+        from the positions `start` (3,) along a straight line of the point by Newton steps of at most 0.02 m, on the
         kinematic branch of `start`.
 
         Raises `InputError` for a mechanism of other than three degrees of freedom, goals or `start` of a wrong shape or
-        not finite, and goals that are out of reach, beyond a singularity or met where the point's Jacobian is singular;
-        `SingularityError` for a `start` near locked loops.
+        not finite, goals that are out of reach or beyond a singularity, and where the point's Jacobian is exactly
+        singular; `SingularityError` for a `start` near a singularity of the loops, `LoopError` where loops cannot be
+        closed.
         """
         aim = np.asarray(goals, dtype=np.float64)
         if self.mechanism.dof != 3 or aim.shape[-1:] != (3,) or not np.isfinite(aim).all():

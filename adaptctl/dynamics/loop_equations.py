@@ -22,8 +22,8 @@ NEWTON_STEPS = 3
 
 
 class LoopMotion(Motion):
-    """The motion of a mechanism with closed loops, of r primary joints, at one instant: that of its tree of n joints,
-    whose dependent joints follow the primary ones.
+    """The motion of a mechanism with closed loops at one instant, in its r primary (independent) joints, from that of
+    its tree of n joints, whose dependent joints follow the primary ones.
 
     Made of `following`, the `Following`, which has the Jacobian J (n, r) of the tree's joints by the primary ones, and
     `tree`, the tree's motion, a `TreeMotion`, under velocities that keep the loops closed. Nothing is checked.
@@ -36,48 +36,53 @@ class LoopMotion(Motion):
 
     def torque(self, parameters: Column) -> Column:
         """The torque J' tau (r,), N m (N if prismatic), of the r primary (independent) joints for values (P,) of the P
-        inertial and friction `parameters` in SI units: tau (n,) is the torque M a_r + C v_r + g + friction of the n
-        joints of the tree under its reference velocities v_r and accelerations a_r (M the mass matrix, C the
-        Christoffel matrix, g gravity), J (n, r) their Jacobian by the primary joints, J' its transpose. Too short
-        `parameters` raise `IndexError` or `ValueError`."""
+        inertial and friction `parameters` in SI units.
+
+        Here tau (n,) is the torque M a_r + C v_r + g + friction of the n joints of the tree under its reference
+        velocities v_r and accelerations a_r (M the mass matrix, C the Christoffel matrix, g gravity's torque), J (n, r)
+        their Jacobian by the primary joints, J' its transpose. Arguments are not checked: too few `parameters` raise
+        `IndexError` or `ValueError`.
+        """
         return self.following.primary(self.tree.torque(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The r rows of the Slotine-Li regressor Y = J' Y_tree (r, k) of r primary (independent) joints, one `Column`
-        (k,) each, for the k of the P inertial and friction parameters whose indices `columns` are, in their order: N m
-        (N if prismatic) per unit of each. Y_tree (n, k) is that of the tree's n joints, J' the transpose of their
-        Jacobian (n, r) by the primary ones. Raises `IndexError` for an index of P or more; negative ones are not
-        refused."""
+        """The Slotine-Li regressor Y = J' Y_tree (r, k) of r primary (independent) joints, as r rows, one `Column` (k,)
+        each, for the k of the P inertial and friction parameters whose indices `columns` are, in their order: N m (N if
+        prismatic) per unit of each. Y_tree (n, k) is that of the tree's n joints, J' the transpose of their Jacobian
+        (n, r) by the primary ones. Raises `IndexError` for an index of P or more; negative ones are not refused."""
         rows = self.tree.regressor(columns)
         by_column = [self.following.primary([row[k] for row in rows]) for k in range(len(columns))]
         return [Column(column[i] for column in by_column) for i in range(len(self.following.slopes))]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """The powers Y' s (k,), W per unit of each parameter, with the transpose Y' of the Slotine-Li regressor Y (r,
-        k), which is not formed, for the k of the P inertial and friction parameters whose indices `columns` are, at
-        rates s (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Raises `IndexError` for an index
-        of P or more, `ValueError` for s of a wrong length."""
+        """The powers Y' s (k,), W per unit of each parameter, for the k of the P inertial and friction parameters whose
+        indices `columns` are, at rates `s` (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Y' is
+        the transpose of the Slotine-Li regressor Y (r, k), which is not formed. Raises `IndexError` for an index of P
+        or more, `ValueError` for s of a wrong length."""
         return self.tree.powers(self.following.tree(s), columns)
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units that hold this motion, a `Column` of length `LoopEquations.motion_size`: for each of
-        the r primary joints in turn the derivatives of the n - r dependent joints by it, then the tree's
-        `TreeMotion.numbers` (of every link the cosine and sine of its joint's angle or its displacement, of every link
-        its twelve `LinkMotion.numbers`, of every rotor or friction term its torque per unit).
-        `LoopEquations.remembered` makes the motion from them again."""
+        """The scalars in SI units from which this motion can be rebuilt, a `Column` of length
+        `LoopEquations.motion_size`.
+
+        They are for each of the r primary joints in turn the derivatives of the n - r dependent joints by it, then the
+        tree's `TreeMotion.numbers`: of every link the cosine and sine of its joint's angle or its displacement, of
+        every link its twelve `LinkMotion.numbers`, and of every rotor or friction term its torque per unit of the
+        parameter. `LoopEquations.remembered` rebuilds the motion from them.
+        """
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
 
 
 @dataclass(frozen=True)
 class LoopEquations(Equations):
-    """Equations of motion of a mechanism with closed loops, a tree of n joints with closures, at configurations q (n,)
-    that close them, in velocities and torques of its r primary joints. Its P inertial and friction parameters are the
-    tree's.
+    """Equations of motion of a mechanism with closed loops, in velocities and torques of its r primary (independent)
+    joints. The mechanism is a tree of n joints with closures, at configurations q (n,) that close them; its P inertial
+    and friction parameters are the tree's.
 
     `tree` has the tree's equations; `closing` the closure conditions, and which joints are primary and which dependent;
-    `rules` the closed forms by which dependent joints follow from primary ones, in order, empty where Newton's steps
-    are used instead. Nothing is checked.
+    `rules` the closed forms by which dependent joints follow from primary ones, in order, empty (the default) where
+    Newton steps are used. Nothing is checked.
     """
 
     tree: TreeEquations
@@ -87,8 +92,8 @@ class LoopEquations(Equations):
 
     @property
     def dof(self) -> int:
-        """Number r of primary joints, the degrees of freedom: the joints of the tree whose positions determine the
-        others'."""
+        """Number r of primary joints, the degrees of freedom: the joints of the tree whose positions determine those of
+        the others."""
         return len(self.closing.primary)
 
     @property
@@ -103,14 +108,14 @@ class LoopEquations(Equations):
         return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
+        """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions `p` (r,) of the r
         primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration nearby: in closed
         form where one exists, else by three Newton steps.
 
-        In closed form, angles are within half a turn of the guess's. The number of steps is fixed, so that no code
-        branches on a value: from 0.05 rad away the first leaves 1e-3 rad, the second 1e-6 rad, the third round-off. Not
-        checked: where the loops stay open, nothing is raised; too short a p or guess raises `ValueError` or
-        `IndexError`, locked loops `ZeroDivisionError` in floats.
+        In closed form, angles are within half a turn of the guess's. The number of Newton steps is fixed, so that no
+        code branches on a value: from 0.05 rad away the first leaves 1e-3 rad, the second 1e-6 rad, the third
+        round-off. Arguments are not checked: where the loops stay open, nothing is raised; too short a p or guess
+        raises `ValueError` or `IndexError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats.
         """
         if isinstance(p, ClosedPositions) and p.equations is self and self.rules:
             return p.configuration
@@ -121,9 +126,10 @@ class LoopEquations(Equations):
         return q
 
     def projected(self, q: Column) -> Column:
-        """A configuration (n,) of the tree's n joints, rad (m if prismatic), with the primary joints' positions of q
-        (n,) and the loops closed: exactly where a closed form exists, else more closely than in q, by one Newton step
-        of the dependent joints, q being near a closed one. Not checked: too short a q raises `IndexError`, locked loops
+        """A configuration (n,) of the tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions of the
+        primary (independent) joints and the loops closed. It is exact where a closed form exists, else one Newton step
+        of the dependent joints from q, which must be near a closed configuration (from 0.05 rad away, 1e-3 rad remain).
+        Arguments are not checked: too short a q raises `IndexError`, an exactly singular closure Jacobian
         `ZeroDivisionError` in floats."""
         return self._placed(q) if self.rules else self._stepped(q)
 
@@ -149,100 +155,108 @@ class LoopEquations(Equations):
 
     def residual(self, q: Column) -> Column:
         """Closure residual (d,) of the loops and couplings at a configuration q (n,) of the tree's n joints, rad (m if
-        prismatic): by how much each of the d = n - r independent closure conditions, those of loops before those of
-        couplings, is violated, in m for positions and rad for directions, a coupling's in its joint's unit; zero at a
-        closed configuration. Not checked: too short a q raises `IndexError`."""
+        prismatic): the amounts by which d = n - r independent closure conditions are violated, zero at a closed
+        configuration. Those of loops, in m for positions and rad for directions, come before those of couplings, in the
+        joint's unit. Arguments are not checked: too short a q raises `IndexError`."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
-        """The `Posture` of a closed configuration q (n,) of the tree's n joints, rad (m if prismatic): the links'
-        placements, the factored closure Jacobian, and with it the Jacobian J (n, r) of all joints by the r primary
-        (independent) ones. Not checked: too short a q raises `IndexError`, exactly locked loops `ZeroDivisionError` in
-        floats."""
+        """The links' placements, the factored closure Jacobian and the Jacobian J (n, r) of all joints by the r primary
+        (independent) ones, as a `Posture`, at a closed configuration q (n,) of the tree's n joints, rad (m if
+        prismatic). Arguments are not checked: too short a q raises `IndexError`, an exactly singular closure Jacobian
+        `ZeroDivisionError` in floats."""
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
-        """The d columns (d,) of the Jacobian (d, d) of the closure residual by the d = n - r dependent joints, in their
-        order, at a configuration q (n,) of the tree's n joints, rad (m if prismatic): rad or m per rad or m. It is
-        singular where the loops lock, the primary joints not determining the others. Not checked: too short a q raises
-        `IndexError`."""
+        """Jacobian (d, d) of the closure residual by the d = n - r dependent joints, rad or m per rad or m, as its d
+        columns, each a `Column` (d,), in the joints' order. It is at a configuration `q` (n,) of the tree's n joints,
+        rad (m if prismatic), and is singular where the primary joints do not determine the others, at a singularity of
+        the loops. Arguments are not checked: too short a q raises `IndexError`."""
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
     def rates(self, q: Column, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), at their closed configuration q (n,),
-        rad (m), and velocities v (r,) of the r primary (independent) joints; J (n, r) is the derivative of q by the
-        primary positions. Not checked: vectors too short raise `IndexError` or `ValueError`, exactly locked loops
-        `ZeroDivisionError` in floats."""
+        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of the r
+        primary (independent) joints, at a closed configuration `q` (n,) of the tree, rad (m). J (n, r) is the
+        derivative of q by the primary positions. Arguments are not checked: vectors too short raise `IndexError` or
+        `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.posture(q).tree(v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
         """Energy regressor E (P,), J per unit of each of the P inertial and friction parameters D (P,), at a closed
         configuration q (n,) of the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary
-        (independent) joints, rad/s (m/s): the inner product of E and D is kinetic plus potential energy in J, the
-        latter 0 at the ground frame's origin. E is 0 for friction. Not checked: vectors too short raise `IndexError` or
-        `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        (independent) joints, rad/s (m/s). The inner product of E and D is kinetic plus potential energy in J, the
+        latter 0 at the ground frame's origin. E is 0 for friction. Arguments are not checked: vectors too short raise
+        `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.tree.energy_regressor(q, self.posture(q).tree(v))
 
     def potential_regressor(self, q: Column) -> Column:
         """The potential part (P,) of the energy regressor, J per unit of each of the P inertial and friction parameters
-        D (P,), at a configuration q (n,) of the tree's n joints, rad (m if prismatic): the inner product with D is the
-        potential energy in J, 0 at the ground frame's origin. Not checked: too short a q raises `IndexError`."""
+        D (P,), at a configuration `q` (n,) of the tree's n joints, rad (m if prismatic). Its inner product with D is
+        the potential energy in J, 0 at the ground frame's origin. Arguments are not checked: too short a q raises
+        `IndexError`."""
         return self.tree.potential_regressor(q)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
-        """The state of motion, a `LoopMotion`, at a closed configuration q (n,) of the tree's n joints, rad (m if
-        prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary (independent)
-        joints, rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). The tree's joints move at J v, J v_r
-        and J a_r + J_dot v_r, J (n, r) being their Jacobian by the primary ones. Not checked: vectors too short raise
-        `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        """The motion at one instant, from which torques, regressors and powers follow, a `LoopMotion`. It is at a
+        closed configuration q (n,) of the tree's n joints, rad (m if prismatic), under velocities v and Slotine and
+        Li's reference velocities v_r (r,) of the r primary (independent) joints, rad/s (m/s), and reference
+        accelerations a_r (r,), rad/s^2 (m/s^2). The tree's joints move at J v, J v_r and J a_r + J_dot v_r, J (n, r)
+        being their Jacobian by the primary ones and J_dot its rate under v. Arguments are not checked: vectors too
+        short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
     def remembered(self, numbers: Column) -> LoopMotion:
-        """The state of motion, a `LoopMotion`, made again from its `Motion.numbers` (`motion_size`,), scalars in SI
-        units, without the sines, the recursion over the links and the loops' Jacobian that it took to make it. Not
-        checked: too few numbers raise `TypeError`, or pass until the motion is asked for torques; too many may pass."""
+        """The motion at one instant, a `LoopMotion`, rebuilt from its property `numbers` (`motion_size`,), scalars in
+        SI units. The sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are
+        not checked: too few numbers raise `TypeError`, or pass until the motion is asked for torques; too many may
+        pass."""
         rest, size = iter(numbers), len(self.closing.dependent)
         slopes = [Column(islice(rest, size)) for _ in self.closing.primary]
         return LoopMotion(Following(self.closing, slopes), self.tree.remembered(Column(rest)))
 
     @property
     def motion_size(self) -> int:
-        """Number of scalars that store one state of motion, `Motion.numbers`: the tree's, and the derivative of each of
-        the n - r dependent joints by each of the r primary ones."""
+        """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: the tree's, and the
+        derivative of each of the n - r dependent joints by each of the r primary ones."""
         return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under their torque
-        (r,), N m (N), gravity and friction, at a closed configuration q (n,) of the tree's n joints, rad (m), and
-        velocities v (r,), rad/s (m/s), for values (P,) of the P inertial and friction `parameters` in SI units. Not
-        checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular mass matrix or locked loops
-        `ZeroDivisionError` in floats."""
+        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under their `torque`
+        (r,), N m (N), gravity and friction, for values (P,) of the P inertial and friction `parameters` in SI units.
+        They are at a closed configuration `q` (n,) of the tree's n joints, rad (m), and velocities `v` (r,), rad/s
+        (m/s). Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular mass
+        matrix or closure Jacobian `ZeroDivisionError` in floats."""
         posture = self.posture(q)
         inertia = factorised(self._mass_matrix(posture, q, parameters))
         bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
         return inertia.solved(torque - bias)
 
     def weightless(self) -> LoopEquations:
-        """New equations of the same mechanism and sizes without gravity: there is no gravity torque and no potential
+        """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential
         energy."""
         return replace(self, tree=self.tree.weightless())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the mass matrix J' M J (r, r) of the r primary (independent) joints, symmetric, rotors
-        included, in kg m^2 (kg between prismatic joints, kg m mixed), at a closed configuration q (n,) of the tree's n
-        joints, rad (m), for values (P,) of the P inertial and friction `parameters` in SI units: M (n, n) is the tree's
-        mass matrix, J (n, r) the Jacobian of its joints by the primary ones, J' its transpose. Not checked: vectors too
-        short raise `IndexError` or `ValueError`, exactly locked loops `ZeroDivisionError` in floats."""
+        """Mass matrix J' M J (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor
+        inertias included, in kg m^2 (kg between prismatic joints, kg m between one of each). It is at a closed
+        configuration q (n,) of the tree's n joints, rad (m if prismatic), for values (P,) of the P inertial and
+        friction `parameters` in SI units. M (n, n) is the tree's mass matrix, J (n, r) the Jacobian of its joints by
+        the primary ones, J' its transpose. Arguments are not checked: vectors too short raise `IndexError` or
+        `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The r rows of the damping matrix B = J' B_tree J (r, r) of the r primary (independent) joints, symmetric, in
-        N m s/rad (N s/m between prismatic joints, N s mixed): B v is the drives' friction at velocities v (r,), rad/s
-        (m/s), but for its constant offsets. At a closed configuration q (n,) of the tree's n joints, rad (m), for
-        values (P,) of the P inertial and friction `parameters` in SI units; J (n, r) is the Jacobian of these joints by
-        the primary ones, J' its transpose, B_tree (n, n) their own damping matrix. Not checked: vectors too short raise
-        `IndexError` or `ValueError` where they are read, exactly locked loops `ZeroDivisionError` in floats."""
+        """Damping matrix B = J' B_tree J (r, r) of the r primary (independent) joints, as r rows of r scalars:
+        symmetric, in N m s/rad (N s/m between prismatic joints, N s between one of each). B v is the friction torque
+        that the drives must overcome at velocities v (r,), rad/s (m/s), less its constant offsets.
+
+        It is at a closed configuration q (n,) of the tree's n joints, rad (m), for values (P,) of the P inertial and
+        friction `parameters` in SI units; J (n, r) is the Jacobian of these joints by the primary ones, J' its
+        transpose, B_tree (n, n) their own damping matrix. Arguments are not checked: vectors too short raise
+        `IndexError` or `ValueError` where they are read, an exactly singular closure Jacobian `ZeroDivisionError` in
+        floats.
+        """
         posture = self.posture(q)
         rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]
         ways = self._ways(posture)

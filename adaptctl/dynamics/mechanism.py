@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 
 
 class Mechanism:
-    """A mechanism made from a `Description`, with its energies, torques, regressors and accelerations on arrays.
-
+    """A mechanism made from a `description`, with its energies, torques, regressors and accelerations on arrays.
     Positions p, velocities v, accelerations a, torques are (..., r), regressors (..., P) and (..., r, P), of r primary
     (independent) joints and P inertial and friction parameters; leading axes are samples. SI units: rad, N m (m, N if
-    prismatic). Equations run in Python for 50 calls or 25000 samples, then natively. `out` is filled with the result.
-    Methods raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be
-    closed, `SingularityError` near their singularities; construction checks nothing."""
+    prismatic). Equations run in Python for 50 calls or 25000 samples, then natively. Methods raise `InputError` on a
+    wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, and `SingularityError`
+    near singularities of loops, where their smallest singular value is below 0.05 of that at the reference;
+    construction checks nothing."""
 
     def __init__(self, description: Description) -> None:
         self.description = description
@@ -70,8 +70,8 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """The equations of motion, an `Equations`, over scalars of any kind (floats, arrays, dual numbers, symbolic
-        ones), to trace or to differentiate; they check nothing. Raises `LoopError` where loops do not fit together."""
+        """The equations of motion over scalars of any kind (floats, arrays, dual numbers, symbolic ones), an
+        `Equations`, to trace or differentiate; they check nothing. Raises `LoopError` where loops cannot be closed."""
         if self._looped is None:
             return TreeEquations.of(self.description)
         from adaptctl.dynamics.loops.dyad import rules
@@ -94,8 +94,8 @@ class Mechanism:
 
     @cached_property
     def continuation(self) -> Continuation | None:
-        """The `Continuation` that follows closed loops from the reference configuration, in which they are known to
-        close, to others on its assembly branch; None for a tree. Raises `LoopError` where loops do not fit together."""
+        """The assembly branch of the reference configuration, a `Continuation`, which follows closed loops from there
+        to other configurations; None for a tree. Raises `LoopError` where loops cannot be closed."""
         if self._looped is None:
             return None
         from adaptctl.dynamics.loops.continuation import Continuation
@@ -104,16 +104,16 @@ class Mechanism:
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the primary (independent) joints, rad (m if prismatic), in the reference configuration, in
-        which the loops are known to close; zeros for a tree. Raises `LoopError` where loops cannot be closed."""
+        """Home configuration: positions (r,) of the primary (independent) joints, rad (m if prismatic), in the closed
+        reference configuration; zeros for a tree. Raises `LoopError` where loops cannot be closed."""
         loops = self.continuation
         return np.zeros(self.dof) if loops is None else loops.reference[loops.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Positions (..., n), rad (m), of the tree's n joints, loops closed, at those of the r primary (independent)
-        ones, p (..., r) (Sheu and Walker 1991, equation 1), followed on straight lines in p from a closed `start` (...,
-        n), None being the reference; p itself for a tree. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN
-        or infinity, `SingularityError` near a singularity of the loops."""
+        """Positions (..., n), rad (m if prismatic), of the tree's n joints, loops closed, at those of the r primary
+        (independent) ones, `p` (..., r) (Sheu and Walker 1991, equation 1), followed along straight lines in p from the
+        closed `start` (..., n), None being the reference; p itself for a tree. Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
         loops = self.continuation
         if loops is not None and start is None and (known := loops.follow_alone(p)) is not None:
             return known
@@ -145,8 +145,8 @@ class Mechanism:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P parameters D (P,), read-only: of each body (link not massless) m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz (kg, kg m, kg m^2) about its frame's origin, then drives', SI, ordered as `parameter_names`."""
+        """The P parameters D (P,), read-only, SI units, in the order of `parameter_names`: of each body (link not
+        massless) m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in its own frame, then the drives' terms."""
         return self.description.inertial_parameters
 
     @property
@@ -156,7 +156,7 @@ class Mechanism:
 
     @property
     def unconstrained(self) -> Mechanism:
-        """The same mechanism with no linear constraints on its parameters: itself where there are none."""
+        """The same mechanism with no linear constraints on its parameters: this object where there are none."""
         return self
 
     @property
@@ -172,8 +172,8 @@ class Mechanism:
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of what decides which parameters are identifiable: gravity, joints, frames, link
-        names, loops, drive terms, constraints, numbers rounded to 1e-12; parameters' values do not count."""
+        """SHA-256 hash (hexadecimal) of the data that decide which parameters are identifiable: gravity, joints,
+        frames, link names, loops, drive terms, constraints, numbers rounded to 1e-12; not parameters' values."""
         return self.description.geometry_sha256
 
     @cached_property
@@ -183,43 +183,43 @@ class Mechanism:
 
     @property
     def primary_joints(self) -> tuple[Joint, ...]:
-        """The r primary (independent) joints, in the order of their positions p (r,); loops move the others."""
+        """The r primary (independent) joints, in the order of their positions p (r,); with loops, the others follow."""
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
-        """A new mechanism with other values (P,) of the `inertial_parameters`, SI units. Raises `InputError` for
-        another number, values not finite or above 1e20 in size, and rotors, viscous or Coulomb friction below 0."""
+        """A copy of this mechanism with other inertial `parameters` (P,), SI units. Raises `InputError` for another
+        number, values not finite or above 1e20 in size, and rotor inertia, viscous or Coulomb friction below 0."""
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> OnArrays:
-        """The equation on arrays of `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters of
-        indices `columns`: its `call` takes the arrays p, v, a or p, v, v_r, a_r of that method of `Mechanism`, (..., r)
-        of r primary (independent) joints, rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per
-        unit. Raises `InputError` for another name and for an index that is not from 0 to P - 1."""
+        """The equation on arrays of a `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters
+        of indices `columns`. Its `call` takes the arrays p, v, a or p, v, v_r, a_r of that method, (..., r) of r
+        primary (independent) joints, rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per unit.
+        Raises `InputError` for another name and for an index that is not from 0 to P - 1."""
         asked = required_columns(columns, len(self.parameter_names), self.name)
         return self._arrays.on_columns(regressor, tuple(asked))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
-        """A new mechanism, its constraints on parameters kept, with other rotors and friction: one drive for all n
-        joints of the tree or one each, in the order of `links`. Each term of a drive is a parameter; `Drive()` has
-        none. Raises `InputError` for another number of drives and for one that turns with unknown joints."""
+        """A copy of this mechanism, constraints on parameters included, with other rotors and friction: one drive for
+        all n joints of the tree or one each, in the order of `links`. Each term of a drive is a parameter; `Drive()`
+        has none. Raises `InputError` for another number of drives and for one that turns with unknown joints."""
         return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
         """Energy regressor E (..., P), J per unit of each of P parameters, at positions p and velocities v (..., r) of
-        r primary (independent) joints, rad, rad/s (m): E @ D is kinetic plus potential energy, the latter 0 at the
-        ground frame's origin, D (P,) the `inertial_parameters` (Sheu and Walker 1991, section 2.2). `out`, float64
-        (..., P), is filled and returned; None for a new one. Raises `InputError` on wrong shapes, `NonFiniteError` on
-        NaN or infinity, `SingularityError` near locked loops."""
+        r primary (independent) joints, rad, rad/s (m, m/s if prismatic): E @ D is kinetic plus potential energy, the
+        latter 0 at the ground frame's origin, D (P,) the `inertial_parameters` (Sheu and Walker 1991, section 2.2).
+        `out`, float64 (..., P), is filled and returned; None for a new one. Raises `InputError` on wrong shapes,
+        `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
 
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad
-        (m), and velocities v, rad/s (m/s), both (..., r), of the r primary (independent) joints. Raises `InputError` on
-        a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """Kinetic plus potential energy (...), J, the latter 0 at the ground frame's origin, at positions p, rad (m if
+        prismatic), and velocities v, rad/s (m/s), both (..., r), of r primary joints. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
     def torque_regressor(
@@ -230,11 +230,11 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The torque regressor Y (..., r, P), N m (N) per unit of the `inertial_parameters` D (P,): Y D is the torque,
-        gravity and friction included, that gives r primary joints the accelerations a at positions p and velocities v,
-        all (..., r), rad, rad/s, rad/s^2 (m). `columns` are the indices of k parameters, then Y is (..., r, k); None
-        for all. `out`, float64 of Y's shape, is filled and returned, None for a new one. Raises `InputError` on a wrong
-        shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """The torque regressor Y (..., r, P), N m (N if prismatic) per unit of the `inertial_parameters` D (P,): Y D is
+        the torque, gravity and friction included, that gives r primary joints the accelerations a at positions p and
+        velocities v, all (..., r), rad, rad/s, rad/s^2 (m). `columns` are indices of k parameters, then Y is (..., r,
+        k); None for all. `out`, float64 of Y's shape, is filled and returned; None: a new one. Raises `InputError` on a
+        wrong shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.on_columns("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -248,12 +248,12 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The Slotine-Li regressor Y_r (..., r, P), N m (N) per unit of each of the `inertial_parameters` D (P,): Y_r D
-        = M a_r + C v_r + g + friction at v_r, M the mass matrix, C the Christoffel (Coriolis) one at v, g gravity. p,
-        v, v_r, a_r are positions, velocities, Slotine and Li's reference velocities and accelerations (..., r) of r
-        primary joints, rad, rad/s, rad/s^2 (m). `columns` are the indices of k parameters, then Y_r is (..., r, k);
-        None for all. `out`, float64 of Y_r's shape, is filled and returned, None for a fresh array. Raises `InputError`
-        on a wrong shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """The Slotine-Li regressor Y_r (..., r, P), N m (N if prismatic) per unit of each of the `inertial_parameters`
+        D (P,): Y_r D = M a_r + C v_r + g + friction at v_r, M the mass matrix, C the Christoffel (Coriolis) one at v, g
+        gravity. p, v, v_r, a_r are positions, velocities, Slotine and Li's reference velocities and accelerations (...,
+        r) of r primary joints, rad, rad/s, rad/s^2 (m). `columns` are indices of k parameters, then Y_r is (..., r, k);
+        None for all. `out`, float64 of Y_r's shape, is filled and returned; None: a new one. Raises `InputError` on a
+        wrong shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
         own = self._arrays.slotine_li_regressor
         equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
@@ -261,32 +261,32 @@ class Mechanism:
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
         """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints that gives the accelerations a,
         rad/s^2 (m/s^2), at positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and
-        friction. `out`, float64 (..., r), is filled and returned, None for a fresh array. Raises `InputError` on a
-        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        friction. `out`, float64 (..., r), is filled and returned, None for a new one. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """The part of the torque (..., r), N m (N if prismatic), due to values that linear constraints on parameters
-        fix, which regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of
-        r primary (independent) joints, rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError`
-        on NaN or infinity, with constraints `SingularityError` near locked loops."""
+        """Torque (..., r), N m (N if prismatic), due to values that linear constraints on parameters fix, which
+        regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of r primary
+        (independent) joints, rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+        infinity, with constraints `SingularityError` near singularities of loops."""
         given = {"p": p, "v": v, "a": a}
         samples = same_samples(**{what: checked(x, self.dof, f"{self.name}: {what}") for what, x in given.items()})
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
-        """Accelerations (..., r), rad/s^2 (m/s^2), of the r primary joints under torques (..., r), N m (N), gravity and
-        friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (..., r). `out`, float64 (..., r), is
-        filled and returned, None for a fresh array. Raises `InputError` on a wrong shape and for a tree's links without
-        mass or rotor that carry none, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        """Accelerations (..., r), rad/s^2 (m/s^2 if prismatic), of r primary joints under `torque` (..., r), N m (N),
+        gravity and friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (..., r). `out`, float64
+        (..., r), is filled and returned; None: a new one. Raises `InputError` on a wrong shape and for a tree's end
+        links without mass or rotor, `NonFiniteError` on NaN, infinity, `SingularityError` near loop singularities."""
         if out is None:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
 
     def require_mass(self) -> None:
-        """Raise `InputError`, naming them, for a tree's links that have neither inertia nor rotor and carry no link
+        """Raise `InputError`, naming them, for a tree's links that have neither inertia nor rotor, nor a descendant
         with either: torques do not determine their joints' accelerations. Mechanisms with loops pass."""
         if self.description.weightless:
             names = ", ".join(self.description.weightless)
@@ -295,25 +295,25 @@ class Mechanism:
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
         """Mass matrix (..., r, r), symmetric, with rotors, kg m^2 (kg if prismatic, kg m mixed), at positions p (...,
         r), rad (m), of r primary joints. `out`, float64 (..., r, r), is filled and returned; None: a new one. Raises
-        `InputError` on wrong shapes, `NonFiniteError` on NaN or infinity, `SingularityError` near locked loops."""
+        `InputError` on wrong shapes, `NonFiniteError` on NaN, infinity, `SingularityError` near loop singularities."""
         if out is None:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
 
     @needed("Mechanism.to_pinocchio")
     def to_pinocchio(self) -> pinocchio.Model:
-        """The same mechanism as a Pinocchio model, built depth first, its loops left open. Raises `InputError` for a
-        first moment without mass and for drives that turn with several joints, `MissingExtraError` without Pinocchio.
-        Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out."""
+        """A Pinocchio model of this mechanism's tree, in depth-first order, without its loop closures. Raises
+        `InputError` for a first moment without mass and for drives that turn with several joints, `MissingExtraError`
+        without Pinocchio. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out."""
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
 
     @needed("Mechanism.to_pinocchio_constraints")
     def to_pinocchio_constraints(self) -> list[pinocchio.RigidConstraintModel]:
-        """The loops as Pinocchio's constraint models, for `to_pinocchio()`'s model; an empty list for a tree. Raises
-        `InputError` where joints follow others (couplings), for a first moment without mass and for drives that turn
-        with several joints, `MissingExtraError` without Pinocchio."""
+        """Pinocchio's constraint models of the loop closures, for the model of `to_pinocchio()`; an empty list for a
+        tree. Raises `InputError` where joints follow others (couplings), for a first moment without mass and for drives
+        that turn with several joints, `MissingExtraError` without Pinocchio."""
         from adaptctl.description.readers.pinocchio_constraints import to_pinocchio_constraints
 
         return to_pinocchio_constraints(self.description, self.to_pinocchio())
@@ -348,7 +348,7 @@ class Mechanism:
 
     @needed("Mechanism.to_mujoco")
     def to_mujoco(self) -> mujoco.MjModel:
-        """The tree as a MuJoCo model, with a motor (N m, N) at each joint. Raises `InputError` for loops, drives that
+        """A MuJoCo model of this tree, with a motor (N m, N) at each joint. Raises `InputError` for loops, drives that
         turn with several joints, inertias that no rigid body has, and friction other than viscous and Coulomb's,
         `MissingExtraError` without MuJoCo."""
         from adaptctl.description.writers.mujoco_model import to_mujoco
@@ -358,11 +358,11 @@ class Mechanism:
     @classmethod
     @needed("Mechanism.from_mujoco")
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
-        """A mechanism from a MuJoCo model, which may hold a whole scene: the body named `body` and all that hangs on
-        it; None for the one root body on which joints turn or slide. Raises `InputError` for no joint, ball and free
-        joints, nonlinear damping, active equality constraints, over 256 links, a `body` that a moving one carries and,
-        for None, several moving roots, `NotFoundError` for an unknown name, `MissingExtraError` without MuJoCo. Warns
-        (`SimplificationWarning`) of springs and gravity compensation, left out, and of non-torque actuators."""
+        """A mechanism from a MuJoCo `model`, which may be of a whole scene: the body named `body` with its descendants;
+        None for the one root body on which joints turn or slide. Raises `InputError` for no joint, ball and free
+        joints, nonlinear damping, active equality constraints, over 256 links, a `body` that stands on a moving one
+        and, for None, several moving roots, `NotFoundError` for an unknown name, `MissingExtraError` without MuJoCo.
+        Warns (`SimplificationWarning`) of springs and gravity compensation, left out, and of non-torque actuators."""
         from adaptctl.description.readers.mujoco_model import from_mujoco
 
         return cls(from_mujoco(model, body))
@@ -376,13 +376,13 @@ def load(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Mechanism:
-    """A mechanism by a built-in's name (`puma560`, ...), from a file (.toml, .urdf, .xml, .mjcf), or from a Pinocchio
-    or MuJoCo model. With `floating_base`, a URDF file's root link floats, not fixed to the ground; its meshes are shown
-    from its package and `mesh_folders`. With `snap`, angles between successive joint axes within 1e-3 rad of a multiple
-    of 90 degrees are made exact. `root` names the mechanism's first body in an MJCF scene or a MuJoCo model; None for
-    the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError` for a file
-    that cannot be used, `InputError` for a model that cannot, other objects, a floating base or mesh folders without
-    URDF, a `root` without MJCF or MuJoCo, `LoopError` for loops that cannot be closed. Warns
+    """A mechanism from a `source`, a built-in's name (`puma560`, ...), a file (.toml, .urdf, .xml, .mjcf), or a
+    Pinocchio or MuJoCo model. With `floating_base`, a URDF file's root link floats, not fixed to the ground; its meshes
+    are shown from its package and `mesh_folders`. With `snap`, angles between successive joint axes within 1e-3 rad of
+    a multiple of 90 degrees are made exact. `root` names the mechanism's first body in an MJCF scene or a MuJoCo model;
+    None for the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError`
+    for a file that cannot be used, `InputError` for a model that cannot, other objects, a floating base or mesh folders
+    without URDF, a `root` without MJCF or MuJoCo, `LoopError` where a file's loops cannot be closed. Warns
     (`PhysicalConsistencyWarning`) of inertias that no rigid body has, (`SimplificationWarning`) of what is left out."""
     from adaptctl.description.readers.registry import read, read_model
 

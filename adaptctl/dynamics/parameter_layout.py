@@ -13,12 +13,13 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ParameterLayout(NamedTuple):
-    """Order of a mechanism's P inertial and friction parameters: ten for each body (link that is not massless), m,
-    mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), bodies in
-    the order of the links; then one for each of `drives`, the terms (rotor inertia or friction) of the joints' drives.
+    """The order of a mechanism's P inertial and friction parameters: first ten for each body (link that is not
+    massless), bodies in the order of the links, then one for each term of `drives`, the rotor inertias and friction of
+    the joints.
 
-    `links` is the number N of the tree's links; `bodies` are the indices, rising, of those that are not massless.
-    Nothing is checked at construction.
+    A body's ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin). `links` is the number N of the tree's links; `bodies` are the zero-based indices, rising, of those that are
+    not massless. Nothing is checked at construction.
     """
 
     links: int
@@ -27,7 +28,7 @@ class ParameterLayout(NamedTuple):
 
     @property
     def driven(self) -> int:
-        """Index, from 0, of the drives' first parameter among all P: ten times the number of bodies, the links with
+        """Zero-based index of the drives' first parameter among all P: ten times the number of bodies, the links with
         inertial parameters, which come before."""
         return 10 * len(self.bodies)
 
@@ -38,10 +39,10 @@ class ParameterLayout(NamedTuple):
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """Two dicts that sort parameters, whose indices from 0 to P - 1 are `columns`, into those of bodies and those
-        of drives; the keys of both are these indices. The first has a body parameter's index among 10 N, ten for each
-        of the N links, massless ones too. The second has the index in `drives` of a drive parameter's term. Nothing is
-        checked."""
+        """The parameters of indices `columns`, from 0 to P - 1, sorted into those of bodies and those of drives: a pair
+        of dicts whose keys are these indices. The first has a body parameter's index among 10 N, ten for each of the N
+        links, massless ones too. The second has the index, among the terms of this object's `drives`, of a drive
+        parameter's term. A repeated index counts once. Nothing is checked."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
@@ -59,19 +60,19 @@ class ParameterLayout(NamedTuple):
 
     def owned(self, tens: Column) -> Sequence[Scalar]:
         """The entries of `tens` (10 N,), ten for each of N links, that belong to links with inertial parameters: ten
-        for each such body, in the order of the parameters, without the drives'. Nothing is checked."""
+        for each such body, in the links' order. Nothing is checked."""
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:
-        """The entries of `parameters` (P,) that are the drives', SI units: one for each rotor or friction term, in the
-        order of `drives`. Nothing is checked."""
+        """The entries of all `parameters` (P,) that are the drives', SI units: one for each rotor or friction term, in
+        the order of this object's `drives`. Nothing is checked."""
         return parameters.of[self.driven :]
 
 
 def required_columns(columns: Sequence[int], known: int, name: str) -> Sequence[int]:
-    """The given parameter indices `columns`, unchanged, once they are checked. Raises `InputError`, whose message
-    begins with the mechanism's `name`, for an entry that is not a whole number from 0 to `known` - 1, `known` being the
-    number of parameters."""
+    """The parameter indices `columns`, unchanged, after a check of each. Raises `InputError`, whose message begins with
+    the mechanism's `name`, for an entry that is not a whole number from 0 to `known` - 1, `known` being the number of
+    parameters."""
     for c in columns:
         if not ((type(c) is int or isinstance(c, np.integer)) and 0 <= c < known):
             raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {c!r}")

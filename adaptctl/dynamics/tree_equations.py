@@ -26,12 +26,12 @@ of a chain of 12. In shorter trees the mass matrix costs less, for its entries a
 
 class TreeMotion(Motion):
     """The motion of a tree of n links, one joint each, at one instant, from which joint torques, regressors and powers
-    follow: under velocities v and Slotine and Li's reference velocities v_r (n,) of its joints, rad/s (m/s if
+    follow. It is under velocities v and Slotine and Li's reference velocities v_r (n,) of its joints, rad/s (m/s if
     prismatic), and reference accelerations a_r (n,), rad/s^2 (m/s^2).
 
     Made of `layout`, the order of the P parameters; `places`, the n links' placements in their parents; `links`, their
-    n LinkMotions; and `drives`, for each rotor or friction term of the drives the torque about its shaft per unit of
-    its parameter. Nothing is checked.
+    n `LinkMotion` objects; and `drives`, for each rotor or friction term of the drives the torque about its shaft per
+    unit of its parameter. Nothing is checked.
     """
 
     __slots__ = ("drives", "layout", "links", "places")
@@ -47,9 +47,9 @@ class TreeMotion(Motion):
 
     def torque(self, parameters: Column) -> Column:
         """The joint torques M a_r + C v_r + g + friction at v_r (n,), N m (N if prismatic), of a tree's n joints under
-        reference velocities v_r and accelerations a_r, M the mass matrix, C the Christoffel (Coriolis) matrix, g
-        gravity's torque, for values (P,) of the P inertial and friction `parameters` in SI units. Too short ones raise
-        `IndexError` or `ValueError`."""
+        reference velocities v_r and accelerations a_r, for values (P,) of the P inertial and friction `parameters` in
+        SI units. M is the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque. Arguments are not
+        checked: too few parameters raise `IndexError` or `ValueError`."""
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
@@ -58,10 +58,10 @@ class TreeMotion(Motion):
         return Column(total)
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The n rows of the Slotine-Li regressor Y (n, k) of a tree's n joints, one `Column` (k,) each, for the k of
-        the P inertial and friction parameters whose indices `columns` are, in their order: N m (N if prismatic) per
-        unit of each. Over all P columns Y D is the torque of parameters D (P,). Raises `IndexError` for an index of P
-        or more; negative ones are not refused."""
+        """The Slotine-Li regressor Y (n, k) of a tree's n joints, as n rows, one `Column` (k,) each, for the k of the P
+        inertial and friction parameters whose indices `columns` are, in their order: N m (N if prismatic) per unit of
+        each. Over all P columns Y D is the torque of parameters D (P,). Raises `IndexError` for an index of P or more;
+        negative ones are not refused."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
         by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
@@ -71,10 +71,10 @@ class TreeMotion(Motion):
         return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
 
     def powers(self, s: Column, columns: Sequence[int]) -> Column:
-        """The powers Y' s (k,), W per unit of each parameter, with the transpose Y' of the Slotine-Li regressor Y (n,
-        k), which is not formed, for the k of the P inertial and friction parameters whose indices `columns` are, at
-        rates s (n,) of the tree's n joints, rad/s (m/s if prismatic). Raises `IndexError` for an index of P or more, or
-        for s too short; negative indices are not refused."""
+        """The powers Y' s (k,), W per unit of each parameter, for the k of the P inertial and friction parameters whose
+        indices `columns` are, at rates `s` (n,) of the tree's n joints, rad/s (m/s if prismatic). Y' is the transpose
+        of the Slotine-Li regressor Y (n, k), which is not formed. Raises `IndexError` for an index of P or more, or for
+        s too short; negative indices are not refused."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
         found |= {column: self.layout.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}
@@ -82,12 +82,15 @@ class TreeMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units that hold this motion, a `Column` of length `TreeEquations.motion_size`: of every
-        link in turn the cosine and sine of its joint's angle (or its displacement); then of every link its twelve
-        `LinkMotion.numbers`, in the link's axes: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x,
-        y, z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or
-        friction term of the drives its torque per unit of the parameter. `TreeEquations.remembered` makes the motion
-        from them again."""
+        """The scalars in SI units from which this motion can be rebuilt, a `Column` of length
+        `TreeEquations.motion_size`.
+
+        They are of every link in turn the cosine and sine of its joint's angle (or its displacement); then of every
+        link its twelve `LinkMotion.numbers`, in the link's axes; then of every rotor or friction term of the drives its
+        torque per unit of the parameter. The twelve are six products of angular velocities (xx, xy, yy, xz, yz, zz),
+        then x, y, z of the angular acceleration and of the origin's acceleration less gravity's.
+        `TreeEquations.remembered` rebuilds the motion from them.
+        """
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 
@@ -98,7 +101,7 @@ class TreeEquations(Equations):
     positions p and configuration q are the same (n,), rad (m if prismatic), and r = n.
 
     `segments` has the links' geometry, parents before children; `gravity` is the gravitational acceleration in the
-    ground frame (3), m/s^2; `layout` the order of the P inertial and friction parameters. Made by `TreeEquations.of`;
+    ground frame (3,), m/s^2; `layout` the order of the P inertial and friction parameters. Made by `TreeEquations.of`;
     nothing is checked.
     """
 
@@ -109,7 +112,7 @@ class TreeEquations(Equations):
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
         """The equations of motion of the tree of a `description`: of all its links, joints and drives under its
-        gravity. Its loops, if it has any, are left open. Nothing is checked."""
+        gravity. Closures and couplings of its loops, if it has any, are left out. Nothing is checked."""
         drives = tuple(DriveTerm(description.shaft(joint), kind) for joint, kind in description.drive_parameters)
         layout = ParameterLayout(len(description.links), description.bodies, drives)
         return cls(segments(description), Vec(*description.gravity.tolist()), layout)
@@ -146,39 +149,42 @@ class TreeEquations(Equations):
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
-        """Energy regressor E (P,), J per unit of each of the P inertial and friction parameters D (P,), at positions p,
-        rad (m if prismatic), and velocities v, rad/s (m/s), both (n,), of a tree's n joints: the inner product of E and
-        D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin (Sheu and Walker 1991,
-        section 2.2). E is 0 for friction. Not checked: vectors too short raise `IndexError`."""
+        """Energy regressor E (P,), J per unit of each of the P inertial and friction parameters D (P,), at positions
+        `p`, rad (m if prismatic), and velocities `v`, rad/s (m/s), both (n,), of a tree's n joints. The inner product
+        of E and D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin (Sheu and Walker
+        1991, section 2.2). E is 0 for friction. Arguments are not checked: vectors too short raise `IndexError`."""
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:
-        """Energy regressor (P,), J per unit of each of all P parameters, the drives' too, from `tens` (10 n,), the
-        energy regressor of ten inertial parameters of each of the n links, massless ones too, and the velocities v (n,)
-        of the joints, rad/s (m/s if prismatic). The entry of a rotor is s^2/2 at its shaft's speed s, that of friction
-        0. Nothing is checked."""
+        """Energy regressor (P,), J per unit of each of all P parameters, the drives' too, from that of the links'
+        inertial parameters. `tens` (10 n,) is the latter, ten entries for each of the n links, massless ones too, and
+        `v` (n,) are the joints' velocities, rad/s (m/s if prismatic). The entry of a rotor inertia is s^2/2 at its
+        shaft's speed s, that of friction 0. Nothing is checked."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """Potential part (P,) of the energy regressor, J per unit of each of the P inertial and friction parameters D
-        (P,), at positions p (n,) of a tree's n joints, rad (m if prismatic): the inner product with D is the potential
-        energy in J, 0 at the ground frame's origin. Not checked: too short a p raises `IndexError`."""
+        (P,), at positions `p` (n,) of a tree's n joints, rad (m if prismatic). Its inner product with D is the
+        potential energy in J, 0 at the ground frame's origin. Arguments are not checked: too short a p raises
+        `IndexError`."""
         links = energy.potential_regressor(self.segments, p, self.gravity)
         return Column((*self.layout.owned(links), *(0.0 for _ in self.layout.drives)))
 
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
-        """The state of motion, a `TreeMotion`, at positions p (n,) of a tree's n joints, rad (m if prismatic), under
-        velocities v and Slotine and Li's reference velocities v_r (n,), rad/s (m/s), and reference accelerations a_r
-        (n,), rad/s^2 (m/s^2): the forward recursion of Newton and Euler's equations over the links. Not checked:
-        vectors too short raise `IndexError`."""
+        """The motion at one instant, from which torques, regressors and powers follow, a `TreeMotion`. It is at
+        positions `p` (n,) of a tree's n joints, rad (m if prismatic), under velocities `v` and Slotine and Li's
+        reference velocities `v_r` (n,), rad/s (m/s), and reference accelerations `a_r` (n,), rad/s^2 (m/s^2), by the
+        forward recursion of Newton and Euler's equations over the links. Arguments are not checked: vectors too short
+        raise `IndexError`."""
         places = placements(self.segments, p)
         drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
-        """The state of motion, a `TreeMotion`, made again from its `Motion.numbers` (`motion_size`,), scalars in SI
-        units, without the sines and the recursion over the links. Not checked: too few numbers raise `TypeError` or,
-        where only a few lack, pass until the motion is asked for torques; too many may pass."""
+        """The motion at one instant, a `TreeMotion`, rebuilt from its property `numbers` (`motion_size`,), scalars in
+        SI units. The sines and the recursion over the links are not computed again. Arguments are not checked: too few
+        numbers raise `TypeError` or, where only a few lack, pass until the motion is asked for torques; too many may
+        pass."""
         rest = iter(numbers)
         places = [link.placed(tuple(islice(rest, link.coordinates))) for link in self.segments]
         links = [LinkMotion.of(tuple(islice(rest, 12))) for _ in self.segments]
@@ -186,15 +192,15 @@ class TreeEquations(Equations):
 
     @property
     def motion_size(self) -> int:
-        """Number of scalars that store one state of motion, `Motion.numbers`: 14 a link (13 with a prismatic joint),
-        and one for each rotor or friction term of a drive."""
+        """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: 14 a link (13 with a
+        prismatic joint), and one for each rotor or friction term of a drive."""
         return sum(link.coordinates + 12 for link in self.segments) + len(self.layout.drives)
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
-        """The n rows of the mass matrix (n, n) of a tree's n joints, symmetric, rotors included, in kg m^2 (kg between
-        prismatic joints, kg m mixed), at positions p (n,), rad (m), for values (P,) of the P inertial and friction
-        `parameters` in SI units; by composite rigid bodies (Walker and Orin 1982). Not checked: vectors too short raise
-        `IndexError` or `ValueError`."""
+        """Mass matrix (n, n) of a tree's n joints, as n rows of n scalars: symmetric, rotor inertias included, in kg
+        m^2 (kg between prismatic joints, kg m between one of each). It is at positions `p` (n,), rad (m if prismatic),
+        for values (P,) of the P inertial and friction `parameters` in SI units, by composite rigid bodies (Walker and
+        Orin 1982). Arguments are not checked: vectors too short raise `IndexError` or `ValueError`."""
         rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
@@ -203,11 +209,12 @@ class TreeEquations(Equations):
         return rows
 
     def damping(self, p: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """The n rows of the damping matrix B (n, n) of a tree's n joints, symmetric, in N m s/rad (N s/m between
-        prismatic joints, N s mixed): B v is the drives' friction at velocities v (n,), rad/s (m/s), but for its
-        constant offsets. B is diagonal but for drives whose shafts turn with several joints. `parameters` (P,) are the
-        P parameters' values in SI units; the positions p (n,) are not used. Not checked: too few parameters raise
-        `ValueError`, too short a v `IndexError` where it is read."""
+        """Damping matrix B (n, n) of a tree's n joints, as n rows of n scalars: symmetric, in N m s/rad (N s/m between
+        prismatic joints, N s between one of each). B v is the friction torque that the drives must overcome at
+        velocities `v` (n,), rad/s (m/s), less its constant offsets. B is diagonal but for drives whose shafts turn with
+        several joints. `parameters` (P,) are the P parameters' values in SI units; the positions `p` (n,) are not used.
+        Arguments are not checked: too few parameters raise `ValueError`, too short a v `IndexError` where it is
+        read."""
         rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             if not term.kind.is_friction:
@@ -218,12 +225,15 @@ class TreeEquations(Equations):
         return rows
 
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree's n joints under a torque (n,), N m (N), gravity
-        and friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (n,), for values (P,) of the P
-        inertial and friction `parameters` in SI units. Found by the articulated-body algorithm (Featherstone 2008,
-        chapter 7) where 6.5 joints or more are between a link and the ground on average and each rotor turns with one
-        joint, else from the mass matrix. Not checked: vectors too short raise `IndexError` or `ValueError`, a joint
-        without inertia raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
+        """Accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree's n joints under a `torque` (n,), N m (N),
+        gravity and friction, at positions `p`, rad (m), and velocities `v`, rad/s (m/s), both (n,), for values (P,) of
+        the P inertial and friction `parameters` in SI units.
+
+        They are found by the articulated-body algorithm (Featherstone 2008, chapter 7) where 6.5 joints or more are
+        between a link and the ground on average and each rotor turns with one joint, else from the mass matrix.
+        Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, a joint without inertia raises
+        `ZeroDivisionError` in floats and gives infinity or NaN in arrays.
+        """
         if not self._is_long:
             return super().forward_dynamics(p, v, torque, parameters)
         motion, own, rotors = self.motion(p, v, v, Column.zeros(self.dof)), list(torque), [0.0] * self.dof
@@ -245,6 +255,6 @@ class TreeEquations(Equations):
         return sum(depths) >= ARTICULATED * len(depths) and not coupled
 
     def weightless(self) -> TreeEquations:
-        """New equations of the same mechanism and sizes without gravity: there is no gravity torque and no potential
+        """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential
         energy."""
         return replace(self, gravity=ZERO)

@@ -18,13 +18,14 @@ TOLERANCE, FLOOR = 1e-4, 1e-8
 
 
 def require_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
-    """Raise `InputError` naming a parameter unless a fundamental basis fits the energies of a mechanism: H = H[:,
-    columns] K must hold for each of its P inertial parameters, but for about 1e-4 of its energies.
+    """Raise `InputError`, naming a parameter, unless a fundamental (base) `basis` reproduces the energies of a
+    `mechanism`: H = H[:, columns] K must hold in each of the P columns, but for about 1e-4 of its entries' size.
 
-    H (7, P), in J per SI unit of each parameter, are the differences of the energies between 8 successive random
-    states, `columns` (k,) the basis's k kept parameters and K (k, P) its `regrouping`. A saved basis is only numbers:
-    with a wrong coefficient or a missing row, a controller would apply wrong torques. With loops, the states are within
-    0.02 rad (m) of the reference configuration. The basis must have the mechanism's P parameters, which is not checked.
+    H (7, P), in J per SI unit of each parameter, are the differences of kinetic plus potential energy between 8
+    successive random states, the same at every call, `columns` (k,) the indices of the basis's k kept parameters and K
+    (k, P) its property `regrouping`. A saved basis is data from a file: with a wrong coefficient or a missing row, a
+    controller would apply wrong torques. With loops, the states' positions are drawn uniformly within 0.02 rad (m if
+    prismatic) of the reference configuration. That the basis has the mechanism's P parameters is not checked.
     """
     H = energy_differences(mechanism, _few_states(mechanism))
     kept, K, scales = H[:, basis.columns], basis.regrouping, basis.scales

@@ -17,23 +17,23 @@ MOST_BYTES, MOST_PARAMETERS = 8 * 2**20, 4_000
 
 
 class Robot(msgspec.Struct, forbid_unknown_fields=True):
-    """The mechanism that a saved fundamental basis belongs to: its `name`, and `geometry_sha256`, the hexadecimal
-    SHA-256 hash of what the basis depends on (gravity, joints, frames, link names, loops, drive terms and constraints,
-    but no parameters' values). Nothing is checked at construction."""
+    """The mechanism for which a saved fundamental (base) basis was found: its `name`, and `geometry_sha256`, the
+    hexadecimal SHA-256 hash of the data that decide the basis (gravity, joints, frames, link names, loops, drive terms
+    and constraints, but no parameters' values). Nothing is checked at construction."""
 
     name: str
     geometry_sha256: str
 
 
 class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
-    """The content of the JSON file of a fundamental basis, which keeps k of P inertial parameters and regroups the
-    others onto them.
+    """The content of the JSON file of a fundamental (base) basis, which keeps k of P inertial parameters and regroups
+    the others onto them.
 
     `schema` is the file format's name, `robot` the mechanism; `rank` is k; `gap`, positive and without a unit, the
     ratio of the smallest singular value that counts for the rank to the next. `parameters` are the names of all P, at
-    most 4000, such as ``link3.m``, `scales` P positive numbers in SI units per J: parameters divided by these are
-    comparable. `regrouping` has for each kept parameter, by name, the removed ones that are added to it, with their
-    factors in SI units. Nothing is checked at construction, but in `read`.
+    most 4000, such as ``link3.m``; `scales` are P positive numbers in SI units per J: parameters divided by these are
+    comparable. `regrouping` has for each kept parameter, by name, the removed ones that are added to it, by name, with
+    their coefficients in SI units. Nothing is checked at construction; the method `read` checks.
     """
 
     schema: Literal["adaptctl/fundamental-basis/1"]
@@ -46,29 +46,30 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
 
     @classmethod
     def read(cls, path: str | Path) -> BasisFile:
-        """The content of the JSON file of a fundamental basis at `path`. Raises `FileError` when the file cannot be
-        read or is above 8 MiB, and, naming the element, where one is wrong or contradicts another."""
+        """The content of the JSON file of a fundamental (base) basis at `path`. Raises `FileError` when the file cannot
+        be read or is above 8 MiB, and, naming the element, where one is wrong or contradicts another."""
         content = read_json(path, cls, MOST_BYTES)
         if fault := content._fault():
             raise FileError(f"{path}: {fault}")
         return content
 
     def write(self, path: str | Path) -> None:
-        """Write the content of a saved fundamental basis to the file `path` as JSON, whole or not at all. Raises
+        """Write the content of a saved fundamental (base) basis to the file `path` as JSON, whole or not at all. Raises
         `FileError` where it cannot be written, and for numbers that are NaN or infinite."""
         write_json(path, self)
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """Indices (k,), from 0, of the k kept parameters among all P that the file of a fundamental basis names, in the
-        order of its `regrouping`. Raises `KeyError` for a kept name that is not among them, which `read` excludes."""
+        """Zero-based indices (k,) of the k kept parameters among all P that the file of a fundamental (base) basis
+        names, in the order of its `regrouping`. Raises `KeyError` for a kept name that is not among them, which `read`
+        excludes."""
         place = {name: i for i, name in enumerate(self.parameters)}
         return tuple(place[name] for name in self.regrouping)
 
     @property
     def matrix(self) -> Array:
-        """The regrouping matrix K (k, P) of a saved fundamental basis, in SI units: K times all P inertial parameters
-        gives the k fundamental (base) ones. Rows follow the file's `regrouping`, columns its `parameters`. Raises
+        """The regrouping matrix K (k, P) of a saved fundamental (base) basis, in SI units, which maps all P inertial
+        parameters to the k fundamental ones. Rows follow the file's `regrouping`, columns its `parameters`. Raises
         `KeyError` for a name that is not among them, which `read` excludes."""
         place = {name: i for i, name in enumerate(self.parameters)}
         K = np.zeros((len(self.regrouping), len(place)))
@@ -79,10 +80,10 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
 
     @staticmethod
     def rows(matrix: Array, columns: tuple[int, ...], names: tuple[str, ...]) -> dict[str, dict[str, float]]:
-        """The entry `regrouping` of a basis file, {kept name: {removed name: factor}}, for a regrouping matrix K (k, P)
-        in SI units, which makes the k fundamental parameters of all P inertial ones. `columns` (k,) are the indices,
-        from 0, of the kept parameters, `names` (P,) the names of all. Factors of 0 are left out. Raises `ValueError`
-        unless there are as many columns as rows of K."""
+        """The entry `regrouping` of a basis file, {kept name: {removed name: coefficient}}, for a regrouping `matrix` K
+        (k, P) in SI units, which maps all P inertial parameters to the k fundamental (base) ones. `columns` (k,) are
+        the zero-based indices of the kept parameters, `names` (P,) the names of all. Coefficients of 0 are left out.
+        Raises `ValueError` unless there are as many columns as rows of K."""
         pairs = zip(columns, matrix, strict=True)
         return {names[i]: {names[j]: float(row[j]) for j in np.flatnonzero(row) if j != i} for i, row in pairs}
 

@@ -12,7 +12,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 
 REGULAR = 0.2
-"""Share of its reference value that the loops' smallest singular value keeps: nearer to a singularity, dependent
+"""Fraction of its reference value that the loops' smallest singular value keeps: nearer to a singularity, dependent
 joints race and drown the rest of the spectrum."""
 
 POINTS = 65
@@ -25,16 +25,16 @@ FEWEST = 100
 
 
 def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
-    """Positions (n, r), rad (m for a prismatic joint), of a mechanism's r primary (independently moving) joints, in
-    which its closed loops can be closed: random `positions` (n, r), those of joints that move a loop brought onto the
-    assembly branch of the reference configuration. A mechanism without loops keeps all.
+    """Positions (n, r), rad (m for a prismatic joint), of a mechanism's r primary (independent) joints, at which its
+    closed loops can be closed, from random `positions` (n, r). Those of joints that move a loop are brought onto the
+    assembly branch of the reference configuration; a mechanism without loops keeps all.
 
-    Of the m joints that move a loop, `positions` are offsets from the reference: they go from it along the straight
+    Of the m joints that move a loop, `positions` are offsets from the reference. They go from it along the straight
     line to that offset, clipped to their limits, as far as the mechanism's conditions (bounds on weighted sums of its
-    positions) and the distance from singularities allow (the closure Jacobian's smallest singular value keeps 0.2 of
-    that at the reference). They stop at a share u^(1/m) of this way, with u uniform in 0..1, drawn for each sample with
-    NumPy's `generator`. Joints that move no loop keep their positions. Raises `InputError` for a reference that breaks
-    a condition, `LoopError` where loops do not fit together.
+    positions) hold and the closure Jacobian's smallest singular value is at least 0.2 of that at the reference. They
+    stop at a fraction u^(1/m) of this line, with u uniform in 0..1, drawn for each sample with NumPy's `generator`.
+    Joints that move no loop keep their positions. Raises `InputError` for a reference that breaks a condition,
+    `LoopError` where loops cannot be closed.
     """
     continuation = mechanism.continuation
     if continuation is None:
@@ -50,14 +50,14 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
 
 def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int], Array]) -> Array:
     """The first `samples` positions (samples, r), rad (m for a prismatic joint), of a mechanism's r primary
-    (independently moving) joints, out of those that the function `draw` gives, at which its closed loops can be closed.
-    A mechanism without loops takes all that are drawn.
+    (independent) joints, out of those that the function `draw` gives, at which its closed loops can be closed. A
+    mechanism without loops takes all that are drawn.
 
     `draw`, called with a number n, gives n random positions (n, r). Those are taken that keep the mechanism's
-    conditions (bounds on weighted sums of its positions) and, loops closed, the limits of all the tree's joints, and
-    that a straight line from the reference reaches without coming near a singularity: on it the closure Jacobian's
-    smallest singular value keeps 0.2 of that at the reference. Raises `InputError` when a hundred draws, of at least
-    100 positions each, do not give enough, `LoopError` where loops do not fit together.
+    conditions (bounds on weighted sums of its positions) and, loops closed, the limits of all the tree's joints, and to
+    which a straight line from the reference leads on which the closure Jacobian's smallest singular value is at least
+    0.2 of that at the reference. Raises `InputError` when a hundred draws, of at least 100 positions each, do not give
+    enough, `LoopError` where loops cannot be closed.
     """
     continuation = mechanism.continuation
     if continuation is None:

@@ -23,10 +23,13 @@ LISTED = 80
 
 @dataclass(frozen=True)
 class Leftover:
-    """A singular value beyond the gap, one that the rank counts as zero, though it is more than round-off: `value`,
-    relative to the largest, sigma_1, no unit, and the names of the `parameters` that dominate its right singular
-    vector, four at most, or, where a tree's rank was found joint by joint, one text with the name of the link at whose
-    joint it is. Nothing is checked at construction."""
+    """A singular value after the first k that the rank k counts as zero, though it is more than round-off (above 1e-14
+    of the largest).
+
+    `value` is its ratio to the largest, sigma_1, no unit. `parameters` are the names of those that dominate its right
+    singular vector, four at most, or, where a tree's rank was found joint by joint, one text with the name of the link
+    at whose joint it is. Nothing is checked at construction.
+    """
 
     value: float
     """The singular value, relative to sigma_1."""
@@ -38,9 +41,9 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Certificate of a mechanism's rank k, the number of identifiable inertial parameters: the ranks found in
-    independent ways, three from scaled matrices and one in exact arithmetic, and numbers, all without a unit, that say
-    how clear-cut they are.
+    """Certificate of a mechanism's rank k, the number of identifiable inertial parameters: ranks found in independent
+    ways, three from scaled matrices and one in exact arithmetic, and ratios, all without a unit, that say how clear-cut
+    they are.
 
     With singular values sigma_1 >= sigma_2 >= ..., `rank_energy` is the rank of the energy differences at `samples`
     random states, drawn by `seed`, `rank_doubled` that of twice as many, `rank_torque` that of rows of the torque
@@ -50,15 +53,16 @@ class Certificate:
     a vector of its size can make.
 
     By transfers, the method that finds a tree's rank joint by joint, `rank_geometry`, which follows from the tree's
-    geometry (None otherwise), takes the place of `rank_torque`. Gap and smallest value are then those of the worst
-    joint's energy changes as inertial parameters are moved from its link to the parent link, and `null_residual` is the
+    geometry (None otherwise), takes the place of `rank_torque`. Both ratios are then the least over the joints, of the
+    energy changes as inertial parameters are moved from a joint's link to the parent link, and `null_residual` is the
     largest change by a combination of these that by geometry makes none, relative to the largest that one of its size
     can make.
 
-    `rank_exact` is that of exact geometry, computed in what `exact_by` says ("a prime field" or "60 digits"); None, and
-    "", where it was not asked for. `leftovers` are singular values after sigma_k that are more than round-off,
-    `near_right_angles` pairs of successive joint axes whose angle is nearly a multiple of 90 degrees; both are empty
-    where there are none. Nothing is checked at construction: `faults` and `require_accepted` judge it.
+    `rank_exact` is that of exact geometry, computed in the arithmetic that `exact_by` names ("a prime field" or "60
+    digits"); None, and "", where it was not asked for. `leftovers` are singular values after sigma_k that are above
+    1e-14 of sigma_1, `near_right_angles` pairs of successive joint axes whose angle is within 1e-3 rad of a multiple of
+    90 degrees, but not exactly that; both are empty where there are none. Nothing is checked at construction: `faults`
+    and `require_accepted` judge it.
     """
 
     rank_energy: int
@@ -78,14 +82,15 @@ class Certificate:
     @property
     def rank(self) -> int:
         """The rank k of the energy differences: the number of identifiable inertial parameters, without friction. It is
-        certified where `faults`, reasons to refuse it, is empty."""
+        certified where this certificate's `faults`, reasons to refuse it, are empty."""
         return self.rank_energy
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Reasons, as texts, for which the rank k cannot be accepted; empty when it can. These are a `gap` between the
-        singular values, sigma_k/sigma_k+1, below 1e6, a `relative_smallest` sigma_k/sigma_1 below 1e-9, ranks found in
-        different ways that are not all equal, and a singular value after sigma_k above 1e-8 of sigma_1."""
+        """Reasons, as texts, for which the rank k cannot be accepted; empty when it can. These are a ratio
+        sigma_k/sigma_k+1 of successive singular values (`gap`) below 1e6, a ratio sigma_k/sigma_1 (`relative_smallest`)
+        below 1e-9, ranks found in different ways that are not all equal, and a singular value after sigma_k above 1e-8
+        of sigma_1."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
         largest = max((leftover.value for leftover in self.leftovers), default=0.0)
@@ -108,9 +113,9 @@ class Certificate:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks, as texts, on what is no fault but worth a look: first a text for each of `leftovers`, singular
-        values beyond the rank that are more than round-off, then one for each of `near_right_angles`, pairs of joint
-        axes that nearly meet at a multiple of 90 degrees; empty where there are none."""
+        """Remarks, as texts, on findings that do not refuse the rank; empty where there are none. They are first one
+        for each singular value beyond the rank that is above 1e-14 of the largest, then one for each pair of joint axes
+        that meet within 1e-3 rad of a multiple of 90 degrees, but not exactly."""
         leftovers = [f"beyond the gap, {leftover} is more than round-off" for leftover in self.leftovers]
         return (*leftovers, *map(str, self.near_right_angles))
 
@@ -131,9 +136,9 @@ class Certificate:
 
     def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
         """Raise `RankError` unless the rank, the number of identifiable parameters, can be accepted, that is unless
-        `faults`, reasons to refuse it, is empty. The error's `singular_values` are the n scaled singular values
-        `spectrum` (n,), falling, no unit, an array that is not checked; its message names the `mechanism`, the faults
-        and the `suspects`, possible causes, none by default."""
+        this certificate's `faults`, reasons to refuse it, are empty. The error's `singular_values` are the n scaled
+        singular values `spectrum` (n,), falling, no unit, an array that is not checked; its message names the
+        `mechanism`, the faults and the `suspects`, possible causes, none by default."""
         if not self.faults:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)

@@ -41,8 +41,8 @@ class CertifiedNullSpace(NamedTuple):
 
     `null_space` is the `NullSpace`, `certificate` the `Certificate` of its rank, `proof` the energies on exact
     geometry, None where they were not computed. `energies()` returns the triangular factor R (n, P), n at most P, of
-    the differences H = Q R of energies between successive random states, in J per SI unit of each parameter; `states`
-    says in words where these states come from. Nothing is checked at construction.
+    the differences H = Q R, Q orthonormal, of kinetic plus potential energy between successive random states, in J per
+    SI unit of each parameter; `states` says in words where these states come from. Nothing is checked at construction.
     """
 
     null_space: NullSpace
@@ -58,15 +58,16 @@ class CertifiedNullSpace(NamedTuple):
 def certified(
     mechanism: Mechanism, method: Method, near: Near, prove: bool | None, samples: int, seed: int
 ) -> CertifiedNullSpace:
-    """The certified null space of a mechanism's energies: the directions of its P inertial parameters (all but
-    friction) that change no energy, found by the `method` asked for.
+    """The certified null space of a mechanism's energies, with its certificate: the directions of its P inertial
+    parameters (all but friction) that change no energy, found by the `method` asked for.
 
     "svd" takes the singular value decomposition of energy differences at `samples` random states, drawn by `seed`;
     "transfers", for trees alone, takes the geometry, joint by joint; "automatic" takes transfers for trees of 100
-    parameters or more, if their rank can be certified so, and else "svd". With `prove` the rank is also computed on
-    exact geometry; None does so unless loops are closed and nothing is nearly special (below), False never. `near` is
-    for angles or lengths that are nearly, but not exactly, special, and would make another rank if they were: "refuse"
-    raises `RankError`, "as_is" takes them as they stand; with `prove` False it is not looked at.
+    parameters or more, if their rank can be certified so, and else "svd". `near` is for angles within 1e-3 rad of a
+    multiple of 90 degrees, or offsets within 1e-4 of the characteristic length of zero (in loops also of one another),
+    that are not exact to 1e-11, and would make another rank if they were: "refuse" raises `RankError`, "as_is" takes
+    them as they stand; with `prove` False it is not looked at. With `prove` the rank is also computed on exact
+    geometry; None does so for trees, and for closed loops where there are such angles or lengths; False never.
 
     Raises `RankError` where the rank cannot be certified or is refused, `InputError` for a `method` or `near` that is
     unknown, and for transfers of a mechanism that is no tree, has constrained parameters, or drives that turn with
@@ -96,12 +97,12 @@ def _no_tree(mechanism: Mechanism) -> str:
 def certified_by_decomposition(
     mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
 ) -> CertifiedNullSpace:
-    """The certified null space of a mechanism's energies, of any kind of mechanism, by singular value decomposition of
-    the energy differences at `samples` random states, drawn by `seed`, at least twice as many as there are parameters.
+    """The certified null space of the energies of a `mechanism` of any kind, by singular value decomposition of the
+    energy differences at `samples` random states, drawn by `seed`, at least twice as many as there are parameters.
 
     Its certificate compares the ranks of these energies, of those of twice as many states, of torques at random states,
-    and, if a `proof` is given, of energies on exact geometry. Raises `RankError` unless all agree, with a clear gap
-    between the singular values that count and the rest; `InputError` for fewer than two samples.
+    and, if a `proof` is given, of energies on exact geometry. Raises `RankError` unless all agree, with a ratio of at
+    least 1e6 between the singular values that count and the rest; `InputError` for fewer than two samples.
     """
     generator = np.random.default_rng(seed)
     some, as_many = random_halves(mechanism, samples, generator)
@@ -143,9 +144,10 @@ def certified_by_transfers(
     energies at 46 random states, drawn by `seed`.
 
     The mechanism must be a tree without constraints on its parameters, which is not checked here. `samples` (2 or more)
-    is the number of random states of which the result's `energies` are made when they are asked for. Raises `RankError`
-    unless the rank by geometry is, joint by joint, that of the sampled energies, with a clear gap, and that of energies
-    on exact geometry, if a `proof` is given.
+    is the number of random states of which the `energies` of the returned object are made when they are asked for.
+    Raises `RankError` unless the rank by geometry is, joint by joint, that of the sampled energies, with a ratio of at
+    least 1e6 between the singular values that count and the rest, and that of energies on exact geometry, if a `proof`
+    is given.
     """
     found = TreeNullSpace.of(mechanism, seed)
     generator = np.random.default_rng(seed)
@@ -194,8 +196,8 @@ def _require_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: 
 
 def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
     """The singular values that a rank counts as zero though they are more than round-off, above 1e-14 of the largest: a
-    `Leftover` each, with the names of the parameters that dominate its right singular vector: its four largest entries
-    in size, as far as they are above a tenth of the largest.
+    `Leftover` each, with the names of the parameters that dominate its right singular vector. These are its four
+    largest entries in size, as far as they are above a tenth of the largest.
 
     `spectrum` (P,) has the singular values, falling, in any unit; `vectors` (P, P) a right singular vector in each
     column; the first `rank` are not looked at; `names` (P,) are the parameters'. Nothing is checked.

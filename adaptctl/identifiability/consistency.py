@@ -22,57 +22,60 @@ if TYPE_CHECKING:
 REALISABLE = 1e-6
 """Relative distance below which fundamental parameters count as realisable: the solver's accuracy."""
 SLACKS = (1e-3, 1e-2, 1e-1)
-"""Shares by which the distance may be exceeded to come nearer to the prior, where nothing is realisable: the next one
-where the solver ends without a result."""
+"""Fractions by which the distance may be exceeded to come nearer to the prior, where nothing is realisable: the next
+one where the solver ends without a result."""
 
 EDGE = 1e-9
-"""Smallest eigenvalue of a body relative to the prior's, as a share of the largest one."""
+"""Smallest eigenvalue of a body relative to the prior's, as a fraction of the largest one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lift:
-    """A lift of k fundamental parameters to P full (inertial and friction) ones of the same mechanism, all in SI units:
-    physically consistent `parameters` (P,), which rigid bodies can have, in the order of the mechanism's
-    `parameter_names`; their `fundamental` ones (k,), in that of the reduced model's `names`; and likewise the `wanted`
-    ones (k,), those asked for. Nothing is checked at construction."""
+    """A lift of k fundamental (base) parameters to P full (inertial and friction) ones of the same mechanism that rigid
+    bodies can have, all in SI units.
+
+    `parameters` (P,) are physically consistent, in the order of the mechanism's `parameter_names`; `fundamental` (k,)
+    are their fundamental ones, in that of the reduced model's `names`, and `wanted` (k,), in the same order, those
+    asked for. Nothing is checked at construction.
+    """
 
     parameters: Array
     """Physically consistent full parameters (P,)."""
     fundamental: Array
-    """Fundamental parameters beta (k,) of these."""
+    """Fundamental (base) parameters beta (k,) of these."""
     wanted: Array
-    """Fundamental parameters beta (k,) asked for."""
+    """Fundamental (base) parameters beta (k,) asked for."""
 
     @cached_property
     def distance(self) -> float:
-        """The relative distance |fundamental - wanted| / |wanted| of the lift's fundamental parameters from those asked
-        for, without a unit: |.| is the root of the summed squares of the numbers in SI units; |fundamental| where all
-        asked for are zero."""
+        """The relative distance |fundamental - wanted| / |wanted|, no unit, of the lift's fundamental (base) parameters
+        from those asked for: |.| is the root of the sum of squares of the values in SI units, whatever their units. It
+        is |fundamental| where all asked for are zero."""
         return float(np.linalg.norm(self.fundamental - self.wanted)) / _size(self.wanted)
 
     @property
     def realisable(self) -> bool:
-        """True if some rigid bodies have the fundamental parameters asked for: if the relative `distance` (no unit) of
-        the lift's fundamental parameters from them is below 1e-6."""
+        """True if some rigid bodies have the fundamental (base) parameters asked for: if the lift's `distance` from
+        them, relative to their size, no unit, is below 1e-6."""
         return self.distance < REALISABLE
 
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
-    """The lift, a `Lift`, of k fundamental parameters beta (k,) to P full (inertial and friction) ones that are
-    physically consistent (rigid bodies can have them) and of these the nearest to a prior (P,), all in SI units; beta
-    in the order of the model's `names`, the prior in that of its mechanism's `parameter_names`.
+    """The lift of k fundamental (base) parameters `beta` (k,) to P full (inertial and friction) ones that are
+    physically consistent (rigid bodies can have them), the nearest of these to a `prior` (P,), as a `Lift`. All are in
+    SI units, beta in the order of the model's `names`, the prior in that of its mechanism's `parameter_names`.
 
-    Fundamental parameters fix k of P numbers only; many sets of rigid bodies have the same, or none. Nearest is meant
-    by the Bregman divergence sum_i tr(Q_i^-1 J_i) - log det(Q_i^-1 J_i) of the links' pseudo-inertias J_i (4, 4) from
-    the prior's Q_i, which depends on no units and no frames (Lee, Wensing and Park 2020). The prior must be consistent;
-    None takes the mechanism's own parameters. Where no rigid bodies have beta, let d be the least distance from beta,
-    by least squares of the numbers in SI units, of what rigid bodies have: the result is the nearest to the prior of
-    those within 1.001 d of beta (up to 1.1 d, where the solver needs it). The lift's `realisable` and `distance` tell.
-    Rotor inertia and friction stay positive.
+    Fundamental parameters fix k of P values only; many sets of rigid bodies have the same, or none. The distance from
+    the prior is the Bregman divergence sum_i tr(Q_i^-1 J_i) - log det(Q_i^-1 J_i) of the links' pseudo-inertias J_i (4,
+    4) from the prior's Q_i, which depends on no units and no frames (Lee, Wensing and Park 2020). The prior must be
+    consistent; None takes the mechanism's own parameters. Where no rigid bodies have beta, let d be the least distance
+    from beta, the root of the sum of squares of the differences in SI units, of parameters that rigid bodies have: the
+    result is the nearest to the prior of those within 1.001 d of beta (up to 1.1 d, where the solver needs it). The
+    lift's `realisable` and `distance` say which it is. Rotor inertia and friction stay positive.
 
-    A semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without cvxpy and Clarabel (the extra
-    `consistency`), `InputError` for a mechanism whose constraints take parameters away, on wrong shapes, for numbers
-    that are not finite and for a prior that no rigid bodies have, or with rotor inertia or friction that is not
+    It is found by a semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without cvxpy and Clarabel
+    (the extra `consistency`), `InputError` for a mechanism whose constraints take parameters away, on wrong shapes, for
+    values that are not finite and for a prior that no rigid bodies have, or with rotor inertia or friction that is not
     positive, `AdaptctlError` where the programme ends without a solution.
     """
     given, every = len(model.mechanism.parameter_names), len(model.mechanism.description.parameter_names)

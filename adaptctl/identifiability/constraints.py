@@ -35,9 +35,9 @@ INDEPENDENT = 1e-9
 class Relation:
     """A linear relation among inertial parameters: sum of weight times parameter = `value`, in SI units.
 
-    `weights` are by parameter name, such as ``link4.m``, `value` is zero unless given; `name` is what messages call the
-    relation, its terms where empty. Raises `InputError` for weights that are no mapping or all zero, and for what is no
-    number or not finite.
+    `weights` are by parameter name, such as ``link4.m``, `value` is 0 by default; `name` is the relation's name in
+    messages, its terms where empty. Raises `InputError` for weights that are no mapping or all zero, and for weights or
+    a value that are no numbers or not finite.
     """
 
     weights: Mapping[str, float]
@@ -61,8 +61,9 @@ class Relation:
 @dataclass(frozen=True, eq=False)
 class Constraints:
     """Constraints on inertial parameters: `known` values in SI units by parameter name, such as ``link2.mc_z``, and
-    linear `relations` among them; none of either by default. `constrained` checks both against a mechanism. Raises
-    `InputError` for what is no mapping from names, a known value that is no number and what is no `Relation`."""
+    linear `relations` among them; both are empty by default. The function `constrained` checks both against a
+    mechanism. Raises `InputError` unless `known` is a mapping from names to numbers and `relations` holds `Relation`
+    objects."""
 
     known: Mapping[str, float] = field(default_factory=dict)
     relations: tuple[Relation, ...] = ()
@@ -82,8 +83,8 @@ class Constraints:
         """The constraints that a matrix states on inertial parameters D (n,) of these `names`: `matrix` times D =
         `values`, a relation for each of its m rows.
 
-        `matrix` is (m, n), or (n,) for one row; `values` (m,), None for zeros; D in SI units; `names` (n), each once,
-        such as ``link4.m``. Raises `InputError` for other shapes, names given twice, numbers that are not finite, and a
+        `matrix` is (m, n), or (n,) for one row; `values` (m,), None for zeros; D in SI units; `names` (n,), each once,
+        such as ``link4.m``. Raises `InputError` for other shapes, names given twice, values that are not finite, and a
         row of zeros.
         """
         rows = np.atleast_2d(numbers(matrix, "relations: matrix"))
@@ -104,7 +105,7 @@ class Constraints:
 
     @classmethod
     def read(cls, path: str | Path) -> Constraints:
-        """The constraints that a TOML file states, by parameter, in SI units::
+        """The constraints that the TOML file at `path` states, by parameter, in SI units::
 
             schema = "adaptctl/parameter-constraints/1"
 
@@ -116,8 +117,8 @@ class Constraints:
             weights = { link4.m = 1.0, link5.m = -1.0 }
             value = 0.0
 
-        Both tables, `name` and `value` (0) may be left out; a relation is sum of weight times parameter = value. Raises
-        `FileError` for a file that cannot be read, or naming the element that is wrong.
+        Both tables, `name` and `value` (0 by default) may be left out; a relation is sum of weight times parameter =
+        value. Raises `FileError` for a file that cannot be read, or naming the element that is wrong.
         """
         content = read_toml(path, _ConstraintsFile)
         try:
@@ -128,8 +129,8 @@ class Constraints:
 
     @property
     def every(self) -> tuple[Relation, ...]:
-        """All constraints as relations (sum of weight times parameter = value): the known values, then the relations.
-        Raises `InputError` for a known value that is not finite."""
+        """All constraints as relations (sum of weight times parameter = value): the known values, each with weight 1,
+        then the relations. Raises `InputError` for a known value that is not finite."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
 
@@ -137,17 +138,17 @@ class Constraints:
 def constrained(
     mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None
 ) -> ConstrainedMechanism:
-    """The mechanism on the inertial parameters that the constraints leave free: each constraint takes one parameter
-    away, whose value follows from the others'.
+    """A mechanism in the inertial parameters that `constraints` leave free: each constraint takes one parameter away,
+    whose value follows from the others'.
 
-    It is the parameter that the `priority`, an order of removal, would remove first and that no other constraint has
-    taken. None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy, I_xz, I_yz,
-    I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. Essential space, fundamental basis, reduced
-    model and controllers that are made from the result keep to the constraints, and need not know of them. The
-    mechanism's own values of parameters taken away are replaced by what the constraints say.
+    The parameter taken away is the one that the `priority`, an order of removal, would remove first and that no other
+    constraint has taken. None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy,
+    I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. Essential space, fundamental
+    (base) parameters, reduced model and controllers that are made from the result keep to the constraints, and need not
+    know of them. The mechanism's own values of parameters taken away are replaced by those that the constraints give.
 
-    Raises `InputError` for constraints that are no `Constraints`, naming a relation that contradicts those before it
-    (one that follows from them is left out), for a known value that is not finite, what is no priority or names a
+    Raises `InputError` for `constraints` of another type, naming a relation that contradicts those before it (one that
+    follows from them is left out), for a known value that is not finite, a `priority` that is no `Priority` or names a
     parameter twice, and a mechanism that is constrained already. Raises `NotFoundError` for a parameter, of constraints
     or priority, that the mechanism does not have, or that is friction.
     """

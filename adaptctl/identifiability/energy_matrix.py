@@ -17,18 +17,18 @@ BLOCK = 1024
 
 
 def energies(mechanism: Mechanism, states: States) -> Array:
-    """The energies (samples, P), kinetic plus potential, in J per SI unit of each of a mechanism's P inertial
-    parameters (all but friction), at `states`, `samples` positions and velocities of the primary (independently moving)
-    joints. Raises `InputError` for states of another number of joints, `SingularityError` near positions in which
-    closed loops lock."""
+    """The energy regressor (samples, P) at sampled states: kinetic plus potential energy, in J per SI unit of each of a
+    mechanism's P inertial parameters (all but friction). `states` are `samples` positions and velocities of the primary
+    (independent) joints. Raises `InputError` for states of another number of joints, `SingularityError` near a
+    singularity of closed loops."""
     return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.energetic]
 
 
 def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Array]:
-    """Iterator over the energies of many states, in blocks (m, P) of at most max(1024, 4 P) successive states each, or
-    one more: kinetic plus potential, in J per SI unit of each of a mechanism's P inertial parameters (all but
-    friction). `states` are `States` one after another. Raises, in the course of the iteration, `InputError` for states
-    of another number of joints and `SingularityError` near positions in which closed loops lock."""
+    """Iterator over the energy regressors at many states, in blocks (m, P) of at most max(1024, 4 P) successive states
+    each, or one more: kinetic plus potential energy, in J per SI unit of each of a mechanism's P inertial parameters
+    (all but friction). `states` is an iterable of `States`. Raises, in the course of the iteration, `InputError` for
+    states of another number of joints and `SingularityError` near a singularity of closed loops."""
     for some in states:
         for part in some.parts(max(BLOCK, 4 * mechanism.energetic)):
             yield energies(mechanism, part)
@@ -36,30 +36,30 @@ def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Ar
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:
     """The matrix H (samples - 1, P) of energy differences between successive `states`, `samples` positions and
-    velocities of the primary (independently moving) joints: row i is the energy in state i + 1 less that in state i,
-    kinetic plus potential, in J per SI unit of each of a mechanism's P inertial parameters, all but friction (Sheu and
+    velocities of the primary (independent) joints: row i is the energy in state i + 1 less that in state i, kinetic
+    plus potential. It is in J per SI unit of each of a mechanism's P inertial parameters, all but friction (Sheu and
     Walker 1991, equations 8 and 13).
 
     The energies themselves hold the potential's constant, which changes no torque; with it, the rank may be one too
-    many. Raises `InputError` for states of another number of joints, `SingularityError` near positions in which closed
-    loops lock.
+    many. Raises `InputError` for states of another number of joints, `SingularityError` near a singularity of closed
+    loops.
     """
     return np.diff(energies(mechanism, states), axis=0)
 
 
 @dataclass(frozen=True, eq=False)
 class EnergyFactor:
-    """Triangular factor R of the differences H = Q R, Q orthonormal, of energies between successive states: it has H's
-    singular values and right singular vectors, and is updated as states come.
+    """Triangular factor R of the differences H = Q R, Q orthonormal, of kinetic plus potential energy between
+    successive states: it has H's singular values and right singular vectors, and is updated as states come.
 
     `triangle` is R (n, P), n at most P, in J per SI unit of each of P inertial parameters, or H itself while it has at
-    most P rows; `square_sums` (P,) are the sums of squares of the energies themselves, in the square of that unit, and
-    `last` (1, P) the energies of the last state, from which the next one's are subtracted. Made by `of`; nothing is
-    checked at construction.
+    most P rows; `square_sums` (P,) are the sums, over the states, of squares of the energies themselves, in the square
+    of that unit, and `last` (1, P) the energies of the last state, from which the next one's are subtracted. Made by
+    `of`; nothing is checked at construction.
 
-    Blocks of rows are put under R and factored again (TSQR: Demmel, Grigori, Hoemmen and Langou 2012), so memory does
-    not grow with the samples. Columns may be scaled afterwards, without loss of accuracy, since Householder's R is
-    accurate column by column.
+    Blocks of rows are put under R and factored again (TSQR: Demmel, Grigori, Hoemmen and Langou 2012), so that the
+    storage does not grow with the samples. Columns may be scaled afterwards, without loss of accuracy, since
+    Householder's R is accurate column by column.
     """
 
     triangle: Array
@@ -71,8 +71,8 @@ class EnergyFactor:
 
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
-        """The factor, an `EnergyFactor`, of the differences H = Q R of energies between successive states: R (n, P), n
-        at most P, is triangular, Q orthonormal. Energies (m, P), in J per SI unit of each of P parameters, come in
+        """The triangular factor R (n, P), n at most P, of the differences H = Q R, Q orthonormal, of energies between
+        successive states, as an `EnergyFactor`. Energies (m, P), in J per SI unit of each of P parameters, come in
         `blocks`; the states follow those of the factor `before`, if one is given (None by default). Raises `ValueError`
         when there is no block and no factor before, and for blocks of different widths."""
         factor = before
@@ -87,20 +87,20 @@ class EnergyFactor:
         return cls(triangle(np.diff(energies, axis=0)), np.square(energies).sum(axis=0), energies[-1:])
 
     def followed_by(self, energies: Array) -> EnergyFactor:
-        """The factor, an `EnergyFactor`, of the differences H = Q R of energies between the states of this one and,
-        after them, m more, whose `energies` (m, P) are in J per SI unit of each of P parameters: R (n, P), n at most P,
-        is triangular, Q orthonormal. Raises `ValueError` for another number of parameters."""
+        """The triangular factor R (n, P), n at most P, of the differences H = Q R, Q orthonormal, of energies between
+        the states of this factor and m more after them, as a new `EnergyFactor`. `energies` (m, P) are those of the m
+        states, in J per SI unit of each of P parameters. Raises `ValueError` for another number of parameters."""
         rows = np.diff(energies, axis=0, prepend=self.last)
         squares = self.square_sums + np.square(energies).sum(axis=0)
         return EnergyFactor(triangle(np.vstack([self.triangle, rows])), squares, energies[-1:])
 
 
 def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
-    """The rows (n, P), n at least 2 P, of a mechanism's torque regressors at random states and accelerations, drawn
-    with NumPy's `generator`, state after state, a row for each primary (independently moving) joint: in N m per SI unit
-    of each of P inertial parameters (all but friction).
+    """Rows (n, P), n at least 2 P, of a mechanism's torque regressors at random states and accelerations, drawn with
+    NumPy's `generator` by `random_states` and `random_accelerations`. They come state after state, a row for each
+    primary (independent) joint, in N m per SI unit of each of P inertial parameters (all but friction).
 
-    Forces of prismatic joints are made torques by the mechanism's characteristic length in m. Raises `InputError` for a
+    Forces of prismatic joints are multiplied by the mechanism's characteristic length in m. Raises `InputError` for a
     reference configuration that breaks the mechanism's conditions (bounds on its positions).
     """
     columns = range(mechanism.energetic)

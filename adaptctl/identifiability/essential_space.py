@@ -36,16 +36,16 @@ class EssentialSpace:
     """The essential space of inertial parameters D (P,), in SI units, without friction: the k of their P directions
     that change energies and torques, and the complement, the null space, which changes none.
 
-    `singular_values` (P,) and `basis` V1 (P, k) belong to the matrix H (samples - 1, P) of differences of total energy
-    between successive ones of `samples` states, in J per SI unit of each parameter, not scaled (Sheu and Walker 1991,
-    section 3). `null_basis` V2 (P, P-k) is orthonormal and does not depend on the states. `scales` (P,) make parameters
-    comparable: choices between parameters of different units are made on D / scales, whose null vectors are
-    `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are read-only.
+    `singular_values` (P,) and `basis` V1 (P, k) are those of the matrix H (samples - 1, P) of differences of kinetic
+    plus potential energy between successive ones of `samples` states, in J per SI unit of each parameter, not scaled
+    (Sheu and Walker 1991, section 3). `null_basis` V2 (P, P-k) is orthonormal and does not depend on the states.
+    `scales` (P,) make parameters comparable: choices between parameters of different units are made on D / scales,
+    whose null vectors are `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are read-only.
 
-    `search` holds the mechanism and the settings by which the null space is found, `certificate` proves its rank k,
-    `states` says in words where the states of H come from, `energies()` returns the triangular factor R (n, P), n at
-    most P, of H = Q R, in the units of H; None for the random states of the search. Made by `essential_space`; nothing
-    is checked at construction.
+    `search` holds the mechanism and the settings by which the null space is found, `certificate` the evidence for its
+    rank k, `states` says in words where the states of H come from, and `energies()` returns the triangular factor R (n,
+    P), n at most P, of H = Q R, Q orthonormal, in the units of H; None for the random states of the search. Made by
+    `essential_space`; nothing is checked at construction.
     """
 
     search: Search
@@ -58,26 +58,30 @@ class EssentialSpace:
 
     @property
     def mechanism(self) -> Mechanism:
-        """The mechanism whose inertial parameters the space is of."""
+        """The mechanism whose inertial parameters the space describes."""
         return self.search.mechanism
 
     @property
     def null_space(self) -> NullSpace:
-        """The null space of the energies, the directions of the P inertial parameters D that change none: its `rank` k,
-        `scales` (P,), `null_basis` (P, P-k) of orthonormal vectors among D / scales, and `regrouping`, a method that
-        removes P-k parameters in an order and regroups them onto the others."""
+        """The null space of the mechanism's energies, the directions of the P inertial parameters D that change none.
+        Its members are the rank `rank` k, `scales` (P,), `null_basis` (P, P-k) of orthonormal vectors among D / scales,
+        and `regrouping`, a method that removes P-k parameters in an order and regroups them onto the others."""
         return self.search.found.null_space
 
     @property
     def proof(self) -> ExactEnergies | None:
-        """The proof of the rank of the essential space: energies on exact geometry, in exact arithmetic (60 digits for
-        closed loops), by which the rank was also computed. None where it was not: if `essential_space` was called with
-        `prove` False, and, without `prove`, with closed loops whose angles and lengths are not nearly special."""
+        """The mechanism's energies on exact geometry, as `ExactEnergies`, from which the rank of the essential space
+        was computed a second time, in exact arithmetic (60 digits for closed loops).
+
+        None where that was left out: where `essential_space` was called with `prove` False, or, for closed loops, with
+        `prove` None and no angle within 1e-3 rad of a multiple of 90 degrees, and no offset within 1e-4 of the
+        characteristic length of zero or of another, that is not exact to 1e-11.
+        """
         return self.search.found.proof
 
     @property
     def mechanism_name(self) -> str:
-        """Name of the mechanism whose inertial parameters the space is of."""
+        """Name of the mechanism whose inertial parameters the space describes."""
         return self.mechanism.name
 
     @property
@@ -87,14 +91,13 @@ class EssentialSpace:
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of what the null space depends on: the mechanism's gravity, joints, frames, link
-        names, loops, drive terms and constraints, but no parameters' values."""
+        """SHA-256 hash (hexadecimal) of the data that decide the null space: the mechanism's gravity, joints, frames,
+        link names, loops, drive terms and constraints, but no parameters' values."""
         return self.mechanism.geometry_sha256
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names, P of them, of the inertial parameters, all but friction, such as ``link3.I_xx``, in the mechanism's
-        order."""
+        """Names (P,) of the inertial parameters, all but friction, such as ``link3.I_xx``, in the mechanism's order."""
         return energetic_names(self.mechanism)
 
     @property
@@ -106,34 +109,38 @@ class EssentialSpace:
     @cached_property
     def scales(self) -> Array:
         """The scales (P,), read-only, in SI units per J, that make the P inertial parameters D comparable: D / scales
-        are all in J. A parameter's scale is 1/e, where e is the root of the summed squares of the energies that a unit
-        of it has at 46 random states; for a parameter of hardly any energy it is less than 1/e."""
+        are all in J.
+
+        A parameter's scale is 1/e, where e is the root of the summed squares of the energies that a unit of it has at
+        46 random states. Where e is below 1e-3 of the largest (units counted in the characteristic length), that floor
+        replaces it.
+        """
         return frozen_array(self.null_space.scales, (len(self.parameter_names),), "scales")
 
     @cached_property
     def scaled_null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the P scaled inertial parameters
-        D / `scales` (in J, without friction) that change no energy and no torque."""
+        D / scales (in J, without friction; `scales` is this object's property) that change no energy and no torque."""
         return self._null_vectors(self.null_space.null_basis, "scaled null basis")
 
     @cached_property
     def null_basis(self) -> Array:
         """Orthonormal null vectors V2 (P, P-k), k the rank: directions of the P inertial parameters D (without
-        friction), as numbers in SI units, that change no energy and no torque."""
+        friction), as values in SI units, that change no energy and no torque."""
         return self._null_vectors(self._bases[0], "null basis")
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (P,), falling, of the matrix H (samples - 1, P) of differences of total energy between
-        successive ones of `samples` states, in J per SI unit of each of the P inertial parameters, which are not
-        scaled."""
+        """Singular values (P,), falling, of the matrix H (samples - 1, P) of differences of kinetic plus potential
+        energy between successive ones of `samples` states, in J per SI unit of each of the P inertial parameters, which
+        are not scaled."""
         return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
-        """The orthonormal right singular vectors V1 (P, k), without a unit, that belong to the k largest singular
-        values, in their order, k the rank, of the matrix H (samples - 1, P) of differences of total energy between
-        successive ones of `samples` states, one column for each of P inertial parameters in SI units."""
+        """Orthonormal right singular vectors V1 (P, k), without a unit, of the k largest singular values, in their
+        order, k the rank, of the matrix H (samples - 1, P). H has the differences of kinetic plus potential energy
+        between successive ones of `samples` states, one column for each of P inertial parameters in SI units."""
         complement = self._bases[1]
         V1 = complement @ right_vectors(self._triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
@@ -146,8 +153,8 @@ class EssentialSpace:
 
     def project(self, parameters: ArrayLike) -> Array:
         """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P) without friction, in SI units:
-        D without its part in the null space, which changes no energy; V1 (P, k) is `basis`, k the rank. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        D without its part in the null space, which changes no energy. V1 (P, k) is this object's `basis`, V1' its
+        transpose, k the rank. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property
@@ -184,14 +191,15 @@ def essential_space(
     of the given states' energies, so that model reduction holds for them; None takes the random ones. The rank k and
     the null vectors V2 (P, P-k) are the mechanism's own and do not depend on them.
 
-    With `prove` the rank is also computed on exact geometry; None does so unless loops are closed, which take long, and
-    nothing is nearly special; False leaves it out. `near` is for angles or lengths that are nearly, but not exactly,
-    special, such as right angles, where the rank would be another one if they were exact: "refuse" raises `RankError`,
-    "as_is" takes the geometry as it stands; `prove` False looks for none.
+    `near` is for angles within 1e-3 rad of a multiple of 90 degrees, or offsets within 1e-4 of the characteristic
+    length of zero (in loops also of one another), that are not exact to 1e-11, where the rank would be another one if
+    they were: "refuse" raises `RankError`, "as_is" takes the geometry as it stands; `prove` False looks for none. With
+    `prove` the rank is also computed on exact geometry; None does so for trees, and for closed loops, which take long,
+    only where there are such angles or lengths; False leaves it out.
 
     Raises `RankError` when the rank cannot be certified, with the singular values, or is refused, and `InputError` for
-    a method that is unknown or not for this mechanism, for another `near`, `prove` or `seed`, for too few samples or
-    what is no whole number of them, and for what is no `States`, or of another number of joints.
+    a `method` that is unknown or not for this mechanism, for another `near`, `prove` or `seed`, for `samples` that are
+    too few or no whole number, and for `states` that are no `States`, or of another number of joints.
     """
     seed = whole_number(seed, "seed", 0, 2**32 - 1)
     given = None if states is None else partial(_same, _triangle(mechanism, states))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def triangle(matrix: Array) -> Array:
-    """The triangular factor R (n, n) of the QR factors of a tall matrix (m, n), in its unit: it has the matrix's
+    """The triangular factor R (n, n) of the QR factors of a tall `matrix` (m, n), in its unit: it has the matrix's
     singular values and right singular vectors. A matrix of at most n rows is returned as it is. Nothing is checked.
 
     It saves time: a singular value decomposition of R takes a tenth of that of the tall regressor of a long mechanism.
@@ -46,7 +46,8 @@ def right_vectors(matrix: Array) -> Array:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """A context in which NumPy's linear algebra runs in one thread; the numbers of threads are as before when it ends.
+    """Context manager in which NumPy's linear algebra runs in one thread; the numbers of threads are as before when it
+    ends.
 
     OpenBLAS otherwise wakes a thread for every processor and waits for each in a loop: where one is busy, small
     matrices take 0.1 s instead of 0.1 ms. The setting is the process's: linear algebra of other threads is limited too,

@@ -29,15 +29,15 @@ class FundamentalBasis:
     others onto them.
 
     For all positions p, velocities v and accelerations a, Y(p, v, a) D = Y[:, columns] beta, with the torque regressor
-    Y (r, P) of r primary (independently moving) joints, the inertial parameters D (P,) without friction, and the
-    fundamental ones beta = K D, K the `regrouping` (k, P) in SI units. It depends on the geometry and gravity only of
-    the mechanism named, by their SHA-256 hash `geometry_sha256`: its inertial values may change. `parameter_names` are
-    P, `columns` (k,) the rising indices of the kept ones; parameters divided by `scales` (P,), positive and in SI units
-    per J, are comparable; `gap`, positive and without a unit, is the ratio of the smallest singular value that counts
-    for the rank to the next; `passed_over` names kept parameters that the priority, the order of removal, would remove,
-    but that those removed before nearly determine (none after `load`). Raises `InputError` for columns that are no
-    rising indices, columns, regrouping and scales that do not fit together, and scales or a gap that are not positive
-    and finite.
+    Y (r, P) of r primary (independent) joints, the inertial parameters D (P,) without friction, and the fundamental
+    ones beta = K D, K the `regrouping` (k, P) in SI units. It depends on the geometry and gravity only of the mechanism
+    called `mechanism_name`, by their SHA-256 hash `geometry_sha256`: its inertial values may change. `parameter_names`
+    are P, `columns` (k,) the rising zero-based indices of the kept ones; parameters divided by `scales` (P,), positive
+    and in SI units per J, are comparable; `gap`, positive and without a unit, is the ratio of the smallest singular
+    value that counts for the rank to the next; `passed_over` names kept parameters that the priority, the order of
+    removal, would remove, but that those removed before determine up to the tolerance (none after `load`). Raises
+    `InputError` for columns that are no rising indices, columns, regrouping and scales whose shapes do not agree, and
+    scales or a gap that are not positive and finite.
     """
 
     mechanism_name: str
@@ -76,36 +76,36 @@ class FundamentalBasis:
 
     @cached_property
     def condition(self) -> float:
-        """The condition number, without a unit, of the matrix F2' V2 (P-k, P-k), where k of P parameters are kept: F2
-        picks the removed parameters' rows of the orthonormal null vectors V2 (P, P-k) of parameters in SI units (Sheu
-        and Walker 1991, equation 25); 1 where none is removed. The larger, the more poorly the removed parameters are
-        determined by the kept ones."""
+        """The condition number, without a unit, of the matrix F2' V2 (P-k, P-k), the removed parameters' rows of
+        orthonormal null vectors V2 (P, P-k), where k of P parameters, in SI units, are kept (Sheu and Walker 1991,
+        equation 25). It is 1 where none is removed; the larger, the more poorly the removed parameters are determined
+        by the kept ones."""
         return condition(np.delete(self.regrouping, self.columns, axis=1))
 
     @cached_property
     def scaled_condition(self) -> float:
         """The condition number, without a unit, of the removed parameters' rows (P-k, P-k) of the orthonormal null
-        vectors (P, P-k), where k of P parameters are kept. These are directions of the parameters divided by `scales`
-        (P,), so that it does not depend on units; 1 where none is removed."""
+        vectors (P, P-k), where k of P parameters are kept. The null vectors are directions of the parameters divided by
+        this object's `scales` (P,), so that it does not depend on units; 1 where none is removed."""
         scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
         return condition(np.delete(scaled, self.columns, axis=1))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names, k of them, of the kept inertial parameters, such as ``link2.mc_x``, in the order of the fundamental
-        (base) parameters; friction is not among them."""
+        """Names (k,) of the kept inertial parameters, such as ``link2.mc_x``, in the order of the fundamental (base)
+        parameters; friction is not among them."""
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
-        """Fundamental parameters beta = K D (..., k), in the order of `names`, of P inertial parameters D (..., P), in
-        that of `parameter_names` (no friction), in SI units; K (k, P) is `regrouping`. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity."""
+        """Fundamental (base) parameters beta = K D (..., k), in the order of this object's `names`, of P inertial
+        `parameters` D (..., P), in that of its `parameter_names` (no friction), in SI units; K (k, P) is its
+        `regrouping`. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
 
     def equations(self) -> tuple[str, ...]:
-        """The regrouping equations, one for each of the k kept parameters, as text in SI units: a kept parameter's name
-        with a star is its fundamental parameter, the sum of itself and of what is regrouped onto it, such as
-        ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``."""
+        """The regrouping equations, as texts in SI units, one for each of the k kept parameters. A kept parameter's
+        name with a star is its fundamental (base) parameter, the sum of itself and of what is regrouped onto it, such
+        as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``."""
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
     def _repr_html_(self) -> str:
@@ -115,8 +115,9 @@ class FundamentalBasis:
         return titled("FundamentalBasis", text) + table(("kept", "is"), rows)
 
     def save(self, path: str | Path) -> None:
-        """Write the basis to the file `path` as JSON, whole or not at all, for `load` to read; `passed_over`, names of
-        parameters kept against the order of removal, is left out. Raises `FileError` where it cannot be written."""
+        """Write the fundamental (base) basis to the file `path` as JSON, whole or not at all, for `load` to read; its
+        `passed_over`, names of parameters kept against the order of removal, is left out. Raises `FileError` where it
+        cannot be written."""
         BasisFile(
             schema="adaptctl/fundamental-basis/1",
             robot=Robot(self.mechanism_name, self.geometry_sha256),
@@ -129,8 +130,8 @@ class FundamentalBasis:
 
     @classmethod
     def load(cls, path: str | Path) -> FundamentalBasis:
-        """The basis saved in a JSON file by `save`. Raises `FileError` when the file cannot be read, holds no
-        fundamental basis, or has been damaged."""
+        """The fundamental (base) basis in the JSON file `path` that `save` wrote. Raises `FileError` when the file
+        cannot be read, holds no fundamental basis, or has been damaged."""
         content = BasisFile.read(path)
         try:
             return cls(
@@ -149,20 +150,20 @@ class FundamentalBasis:
 def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
-    """The fundamental basis of an essential space: the k of P inertial parameters that are kept (base parameters), by
+    """The fundamental basis of an essential `space`: the k of P inertial parameters that are kept (base parameters), by
     removing the others in the order of a `priority`, the first first, and regrouping them onto the k.
 
     A priority of None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy, I_xz,
     I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. A parameter is removed where its row
     of the space's `scaled_null_basis` (P, P-k), less its projection on the rows of those removed before, is longer than
-    `tolerance` (without a unit, above 0 and below 1/sqrt(P), 1e-3 unless given). Where the space has a proof (a rank on
+    `tolerance` (without a unit, above 0 and below 1/sqrt(P), 1e-3 by default). Where the space has a proof (a rank on
     exact geometry), the kept parameters are also found there; with `prove` it must have one, or `InputError` is raised.
 
     Raises `RankError` when exact geometry keeps other parameters and the tolerance does not explain it, when the kept
-    parameters have another rank than the space, and when the null vectors determine the regrouping too poorly
-    (condition above 1e4 among scaled parameters): the priority then removes parameters that very nearly depend on each
-    other. Raises `InputError` for another tolerance, and for what is no priority, or one whose names are given twice or
-    (`NotFoundError`) unknown.
+    parameters have another rank than the space, and when the null vectors determine the regrouping too poorly, the
+    condition number of the removed parameters' scaled rows being above 1e4: the priority then removes parameters that
+    very nearly depend on each other. Raises `InputError` for another tolerance, and for a `priority` that is no
+    `Priority`, or whose names are given twice or (`NotFoundError`) unknown.
     """
     order = or_default(priority).indices(space.parameter_names)
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]
@@ -180,10 +181,10 @@ def fundamental_basis(
 
 
 class Chosen(NamedTuple):
-    """The numbers of a fundamental basis as they are cached: `columns` (k,), the rising indices of the k kept ones of P
-    inertial parameters, `regrouping` (k, P), the regrouping matrix in SI units, and `scales` (P,), SI units per J, both
-    as lists, and `passed_over`, the names of kept parameters that the order of removal would remove. Nothing is
-    checked."""
+    """The choice of a fundamental (base) basis, as it is cached, of k kept ones of P inertial parameters. `columns`
+    (k,) are their rising zero-based indices; `regrouping` (k, P), the regrouping matrix in SI units, and `scales` (P,),
+    SI units per J, are lists; `passed_over` has the names of kept parameters that the order of removal would remove.
+    Nothing is checked."""
 
     columns: tuple[int, ...]
     regrouping: list[list[float]]

@@ -15,10 +15,12 @@ from adaptctl.identifiability.selection import independent_columns
 
 class NullSpace(Protocol):
     """Protocol of a null space of a mechanism's energies: the directions of its P inertial parameters D (P,), all but
-    friction, that change no energy and no torque, and regroupings of the parameters by them. An implementation has the
-    properties `scales` (P,), by which parameters are divided so that those of different units are comparable, `rank`
-    and `null_basis`, and the method `regrouping`. There are two: by singular value decomposition, and from a tree's
-    geometry."""
+    friction, that change no energy and no torque, and regroupings of the parameters by them.
+
+    An implementation has the properties `scales` (P,), by which parameters are divided so that those of different units
+    are comparable, `rank` and `null_basis`, and the method `regrouping`. There are two: by singular value decomposition
+    (`DecomposedNullSpace`), and from a tree's geometry (`TreeNullSpace`).
+    """
 
     @property
     def scales(self) -> Array:
@@ -33,22 +35,23 @@ class NullSpace(Protocol):
     @property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of a mechanism's P inertial
-        parameters divided by `scales` (P,) that change no energy and no torque."""
+        parameters, divided by this object's `scales` (P,), that change no energy and no torque."""
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
         """The regrouping that removes P-k of P scaled parameters in an order of removal, k the rank, and adds them to
         the k that are kept.
 
-        `order` (P,) has the parameters' indices, from 0, the first removed first. A parameter is removed where its row
-        of the null vectors (P, P-k), less its projection on the rows of those removed before, is longer than
-        `tolerance` (without a unit, between 0 and 1/sqrt(P)). Raises `InputError` for another tolerance.
+        `order` (P,) has the parameters' zero-based indices, the first removed first. A parameter is removed where its
+        row of the null vectors (P, P-k), less its projection on the rows of those removed before, is longer than
+        `tolerance` (without a unit, between 0 and 1/sqrt(P)). An implementation raises `InputError` for another
+        tolerance.
         """
 
 
 def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Array]:
     """Orthonormal bases V2 (P, P-k) of the null space of a regressor among P unscaled parameters, and (P, k) of its
-    complement, k the rank. `scaled_null_basis` (P, P-k) are null vectors of the regressor times `scales` (P,), of full
-    column rank, that is directions of the parameters divided by `scales`. Nothing is checked.
+    orthogonal complement, k the rank, as a pair. `scaled_null_basis` (P, P-k) are null vectors of the regressor times
+    `scales` (P,), of full column rank, that is directions of the parameters divided by `scales`. Nothing is checked.
 
     They come from Householder's QR of the vectors mapped back, rows sorted by size and columns pivoted, which keeps
     small rows as accurate as large ones (Cox and Higham 1998). On the PUMA with lengths in m, mm and um, null vectors
@@ -70,10 +73,10 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
 
 def null_residual(regressor: Array, null_basis: Array, scales: Array) -> float:
     """The largest torque that any null vector makes, relative to the largest that a vector of its size could make,
-    without a unit: the largest, over the null vectors n_j, of max|Y n_j| / (max|Y S| max|S^-1 n_j|), where S is the
-    diagonal matrix of the `scales`, and max|.| the largest entry in size. It is 0 where there are no null vectors, or Y
-    is zero; round-off is about 1e-15.
+    without a unit; round-off is about 1e-15.
 
+    It is the largest, over the null vectors n_j, of max|Y n_j| / (max|Y S| max|S^-1 n_j|), where S is the diagonal
+    matrix of the `scales`, and max|.| the largest entry in size. It is 0 where there are no null vectors, or Y is zero.
     `regressor` Y (n, P) has rows of the torque regressor, in N m per SI unit of each of P parameters; `null_basis` (P,
     P-k) has the n_j, null vectors of the unscaled parameters, as columns, k the rank; `scales` (P,) are in SI units per
     J. Nothing is checked.

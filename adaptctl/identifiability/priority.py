@@ -31,8 +31,8 @@ class Priority:
     Parameters that are not named come after those of `order`, in the default order: by kind, m, mc_x, mc_y, mc_z, I_xy,
     I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia, and within a kind from the first link to the last. Those of `keep` are
     removed last, the first of them last of all; both are empty by default. Either way a parameter stays when removing
-    it would lose something that the motion depends on. Friction has no place here: energies say nothing of it, so it
-    stays. Nothing is checked at construction: names are where the priority is used (`indices`).
+    it would lose something that the motion depends on. Friction is never removed, since energies do not show it, and
+    has no name here. Nothing is checked at construction: the method `indices` checks the names.
     """
 
     order: tuple[str, ...] = ()
@@ -40,17 +40,17 @@ class Priority:
 
     @classmethod
     def default(cls, mechanism: Mechanism) -> Priority:
-        """The default priority, the order in which a mechanism's dependent inertial parameters are removed: by Table 4
-        of Sheu and Walker (1991) kind by kind, m, mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, then rotor
-        inertias, each from the mechanism's first link to its last."""
+        """The default priority, the order in which a mechanism's dependent inertial parameters are removed by Table 4
+        of Sheu and Walker (1991). It goes kind by kind, m, mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, then
+        rotor inertias, each from the mechanism's first link to its last. Nothing is raised."""
         return cls(_default_order(energetic_names(mechanism)))
 
     @classmethod
     def read(cls, path: str | Path, mechanism: Mechanism) -> Priority:
-        """The priority that a TOML file states for a mechanism: the order in which inertial parameters are removed, in
-        one of three ways.
+        """The priority that the TOML file at `path` states for a `mechanism`: the order in which inertial parameters
+        are removed, in one of three ways.
 
-        By parameter, as far as one cares::
+        By parameter, those that are named first, the rest in the default order::
 
             order = ["link1.I_zz", "link2.I_zz"]
             keep = ["link6.m"]
@@ -81,8 +81,8 @@ class Priority:
         return priority
 
     def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
-        """Indices (P,) of the parameters in the order of removal, the first removed first: places in `parameter_names`,
-        the names of all P inertial parameters, without friction.
+        """Zero-based indices (P,) of the parameters in the order of removal, the first removed first: their positions
+        in `parameter_names`, the names of all P inertial parameters, without friction.
 
         Raises `NotFoundError` for names of the priority that are not among them, `InputError` for those given twice,
         and where one of `parameter_names` is there twice, is friction or anything else but an inertial parameter or a
@@ -99,8 +99,8 @@ class Priority:
 
 
 def or_default(priority: Priority | None) -> Priority:
-    """The given `priority`, an order in which dependent inertial parameters are removed, or for None one that names no
-    parameter, so that the default order holds. Raises `InputError` for anything but a `Priority` or None."""
+    """The given `priority`, an order in which dependent inertial parameters are removed; for None a `Priority` that
+    names no parameter, so that the default order holds. Raises `InputError` for anything but a `Priority` or None."""
     if not isinstance(priority, Priority | None):
         raise InputError(f"priority: expected a Priority or None, got {printable(repr(priority))}")
     return Priority() if priority is None else priority
@@ -200,8 +200,9 @@ def _require_once(given: Sequence[str], what: str) -> None:
 
 
 def suggestion(name: str, known: Sequence[str]) -> str:
-    """The hint, as text, for an unknown name: ``did you mean 'link1.m'?`` with the nearest of the `known` names, or,
-    where none is near, ``there are`` and their list, 20 at most."""
+    """The hint, as text, for an unknown `name`: ``did you mean 'link1.m'?`` with the nearest of the `known` names, or,
+    where none is similar (a ratio of difflib of at least 0.6), ``there are`` and their list, 20 at most. Nothing is
+    checked."""
     from difflib import get_close_matches  # here, since only errors need it
 
     close = get_close_matches(name, known, n=1)

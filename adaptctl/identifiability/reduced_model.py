@@ -22,14 +22,16 @@ from adaptctl.scalars import Column, Keyed, spread
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel(Keyed):
-    """A reduced model: a mechanism's equations of motion on the k parameters that a fundamental basis keeps; on all P
-    where `basis` is None.
+    """A mechanism's equations of motion in its k fundamental (base) parameters, the inertial parameters that a
+    fundamental basis keeps with the removed ones regrouped onto them, and all friction; in all P parameters where
+    `basis` is None.
 
-    For r primary (independently moving) joints, torques tau = Y[:, columns] beta (r,), N m (N for a prismatic joint),
-    with the torque regressor Y (r, P) and fundamental parameters beta (k,), SI units: the columns of the parameters
-    that were removed are never computed. The k are those of the basis, and all friction after them. The basis may come
-    from any mechanism of the same geometry, gravity and link names. Raises `InputError` for what is no basis, one of
-    another geometry, gravity or link names, and one whose regrouping changes energies.
+    For r primary (independent) joints, torques are tau = Y[:, columns] beta (r,), N m (N for a prismatic joint), with
+    the torque regressor Y (r, P), the indices `columns` (k,) of the kept parameters and the fundamental ones beta (k,),
+    SI units: columns of removed parameters are never computed. The `basis` may come from any mechanism of the same
+    geometry, gravity and link names as `mechanism`. Raises `InputError` for a `basis` that is neither a
+    `FundamentalBasis` nor None, for one of another geometry, gravity or link names, and for one whose regrouping
+    changes energies by more than about 1e-4.
     """
 
     mechanism: Mechanism
@@ -50,14 +52,14 @@ class ReducedModel(Keyed):
 
     @classmethod
     def full(cls, mechanism: Mechanism) -> ReducedModel:
-        """The reduced model that keeps all P inertial and friction parameters of a mechanism, for comparison: k = P,
-        and the regrouping (P, P) is the identity."""
+        """The reduced model that keeps all P inertial and friction parameters of a `mechanism`, for comparison: k = P,
+        and the regrouping matrix (P, P) is the identity. Nothing is raised."""
         return cls(mechanism, None)
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Indices (k,) of the k kept parameters among the mechanism's P inertial and friction parameters, from 0,
-        rising: those of the fundamental basis, and all friction, which energies cannot find."""
+        """Zero-based indices (k,), rising, of the k kept parameters among the mechanism's P inertial and friction
+        parameters: those of the fundamental (base) basis, and all friction, which energies cannot show."""
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
@@ -65,14 +67,14 @@ class ReducedModel(Keyed):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names, k of them, of the kept parameters, such as ``link2.mc_x``, in the order of the fundamental parameters:
+        """Names (k,) of the kept parameters, such as ``link2.mc_x``, in the order of the fundamental (base) parameters:
         inertial ones, then friction's."""
         return tuple(self.mechanism.parameter_names[j] for j in self.columns)
 
     @cached_property
     def regrouping(self) -> Array:
-        """The regrouping matrix K (k, P), read-only: k fundamental parameters beta = K D of the P full ones D (P,),
-        friction included, in SI units."""
+        """The regrouping matrix K (k, P), read-only, that maps the P inertial and friction parameters D (P,) to the k
+        fundamental (base) ones beta = K D, in SI units."""
         P, energetic = len(self.mechanism.parameter_names), self.mechanism.energetic
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
@@ -81,20 +83,21 @@ class ReducedModel(Keyed):
 
     @cached_property
     def fundamental_parameters(self) -> Array:
-        """The mechanism's own k fundamental (base) parameters beta = K D (k,), regrouped from its P inertial and
-        friction parameters D (P,) by the matrix `regrouping` K (k, P), in SI units and the order of `names`,
-        read-only."""
+        """The mechanism's own k fundamental (base) parameters beta = K D (k,), read-only, in SI units and the order of
+        this model's `names`: its P inertial and friction parameters D (P,), regrouped by the matrix `regrouping` K (k,
+        P)."""
         return frozen_array(
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """The torque regressor Y[:, columns] (..., r, k) of r primary (independently moving) joints and the k kept
-        parameters: times the fundamental parameters (k,) in SI units it gives torques in N m (N for a prismatic joint).
+        """The torque regressor Y[:, columns] (..., r, k) of r primary (independent) joints and the k kept parameters:
+        times the fundamental (base) parameters (k,) in SI units it gives torques in N m (N for a prismatic joint).
 
-        At positions p, rad (m), velocities v, rad/s (m/s), and accelerations a, rad/s^2 (m/s^2), all (..., r). Written
-        to `out`, float64 (..., r, k), a new array where None. Raises `InputError` on a wrong shape, `NonFiniteError` on
-        NaN or infinity, `SingularityError` near a singularity of closed kinematic loops.
+        It is at positions `p`, rad (m), velocities `v`, rad/s (m/s), and accelerations `a`, rad/s^2 (m/s^2), all (...,
+        r). It is written to `out`, float64 (..., r, k), and returned; None makes a new array. Raises `InputError` on a
+        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near a singularity of closed kinematic
+        loops.
         """
         equation = self._torque_regressor
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -102,15 +105,15 @@ class ReducedModel(Keyed):
     def slotine_li_regressor(
         self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, out: Array | None = None
     ) -> Array:
-        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of r primary (independently moving) joints and the k
-        kept parameters: times the fundamental parameters (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r +
-        g(p) + friction at v_r, N m (N for a prismatic joint), with the mass matrix M, the Christoffel (Coriolis) matrix
-        C and the gravity torques g.
+        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of r primary (independent) joints and the k kept
+        parameters. Times the fundamental (base) parameters (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r
+        + g(p) + friction at v_r, N m (N for a prismatic joint), with the mass matrix M, the Christoffel (Coriolis)
+        matrix C and the gravity torques g.
 
-        At positions p, rad (m), velocities v and reference velocities v_r, rad/s (m/s), and reference accelerations
-        a_r, rad/s^2 (m/s^2), all (..., r). Written to `out`, float64 (..., r, k), a new array where None. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near a singularity of
-        closed kinematic loops.
+        It is at positions `p`, rad (m), velocities `v` and Slotine and Li's reference velocities `v_r`, rad/s (m/s),
+        and reference accelerations `a_r`, rad/s^2 (m/s^2), all (..., r). It is written to `out`, float64 (..., r, k),
+        and returned; None makes a new array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `SingularityError` near a singularity of closed kinematic loops.
         """
         equation = self._slotine_li_regressor
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
@@ -118,12 +121,14 @@ class ReducedModel(Keyed):
     def inverse_dynamics(
         self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None, out: Array | None = None
     ) -> Array:
-        """Torques (..., r) of r primary (independently moving) joints, N m (N for a prismatic joint), that give the
-        accelerations a, rad/s^2 (m/s^2), at positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with the
-        k fundamental parameters beta (..., k) in SI units, None for the mechanism's own.
+        """Torques (..., r) of r primary (independent) joints, N m (N for a prismatic joint), that give the
+        accelerations `a`, rad/s^2 (m/s^2), at positions `p`, rad (m), and velocities `v`, rad/s (m/s), all (..., r),
+        gravity and friction included. `beta` (..., k) are values of the k fundamental (base) parameters in SI units,
+        None for the mechanism's own.
 
-        Written to `out`, float64 (..., r), a new array where None. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity, `SingularityError` near a singularity of closed kinematic loops.
+        They are written to `out`, float64 (..., r), and returned; None makes a new array. Raises `InputError` on a
+        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near a singularity of closed kinematic
+        loops.
         """
         equation, values = self._inverse_dynamics, self.fundamental_parameters if beta is None else beta
         return equation.call(p, v, a, values) if out is None else equation.into(out, p, v, a, values)
@@ -146,9 +151,9 @@ class ReducedModel(Keyed):
         return self.mechanism.on_columns("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
-        """Full (inertial and friction) parameters D_I = F1 beta (..., P) with the same torques as k fundamental ones
-        beta (..., k): F1 (P, k) puts beta at the kept `columns`, zeros elsewhere; in SI units. Raises `InputError` on a
-        wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Full (inertial and friction) parameters D_I = F1 beta (..., P) with the same torques as k fundamental (base)
+        ones `beta` (..., k): F1 (P, k) puts beta at the kept indices, zeros elsewhere; in SI units. Raises `InputError`
+        on a wrong shape, `NonFiniteError` on NaN or infinity."""
         values = self._checked(beta)
         out = np.zeros((*values.shape[:-1], len(self.mechanism.parameter_names)))
         out[..., list(self.columns)] = values

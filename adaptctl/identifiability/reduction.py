@@ -17,17 +17,18 @@ from adaptctl.identifiability.essential_space import EssentialSpace
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduction to essential components: P inertial parameters, less their part that changes no energy, as a sum of k
-    parts, only the weightiest of which are kept (Sheu and Walker 1991, section 3.2).
+    """A reduction of P inertial parameters to essential components: the parameters, less their part that changes no
+    energy, as a sum of k components, of which only those with the largest weights are kept (Sheu and Walker 1991,
+    section 3.2).
 
     It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters D
-    (P,) it was made with: others change the weights. `components` (k, P), by falling size of their weight, are in the
-    parameters' SI units, k the space's rank, and the first `kept` of them sum to the reduced parameters. With H c the
-    energy differences (J) that parameters c make between successive states, and |.| the root of the summed squares, the
-    size of each of the `weights` (k,), J, is |H c| of its component c; `order` (k,) has the columns, from 0, of the
-    essential space's `basis` V1 that the components come from; `percent_errors` (k + 1,) are the errors 100 |H (D' -
-    D)| / |H D| in percent (equation 23) of the sums D' of the first 0, 1, ... k components. Made by `reduce`, with
-    read-only arrays; nothing is checked at construction.
+    (P,) from which it was made: others change the weights. `components` (k, P), by falling size of their weight, are in
+    the parameters' SI units, k the space's rank, and the first `kept` of them sum to the reduced parameters. With H c
+    the energy differences (J) that parameters c make between successive states, and |.| the root of the summed squares,
+    the size of each of the `weights` (k,), J, is |H c| of its component c; `order` (k,) has the zero-based column
+    indices of the essential space's `basis` V1 from which the components come; `percent_errors` (k + 1,) are the errors
+    100 |H (D' - D)| / |H D| in percent (equation 23) of the sums D' of the first 0, 1, ... k components. Made by
+    `reduce`, with read-only arrays; nothing is checked at construction.
     """
 
     states: str
@@ -36,7 +37,7 @@ class Reduction:
     weights: Array
     """Weights beta_j = sigma_j v_j' D (k,) by falling size, in J."""
     order: tuple[int, ...]
-    """Columns (k,) of V1 that the components come from."""
+    """Zero-based column indices (k,) of V1 from which the components come."""
     percent_errors: Array
     """Energy errors (k + 1,) in percent (equation 23) when 0, 1, ... k components are kept."""
     kept: int
@@ -44,17 +45,17 @@ class Reduction:
 
     @property
     def percent_error(self) -> float:
-        """The energy error, in percent, of the reduced parameters D', the sum of the `kept` components: 100 |H (D' -
-        D)| / |H D| for the parameters D, where H D are the energy differences (J) between successive states, and |.| is
-        the root of the summed squares."""
+        """The energy error, in percent, of the reduced parameters D', the sum of the kept components: 100 |H (D' - D)|
+        / |H D| for the parameters D. H D are the differences (J) of kinetic plus potential energy between successive
+        states, and |.| is the root of the summed squares."""
         return float(self.percent_errors[self.kept])
 
     def parameters(self, components: int | None = None) -> Array:
         """Reduced inertial parameters (P,) in SI units, without friction: the sum of the first `components` of the k
-        essential components, the parts (P,) of the parameters along the k directions that change energies, the
-        weightiest first; of all that are `kept` where None.
+        essential components, those with the largest weights; of all that are kept where None.
 
-        Raises `InputError` for what is no whole number from 0 to k.
+        The components are the parts (P,) of the parameters along the k directions that change energies. Raises
+        `InputError` unless `components` is a whole number from 0 to k.
         """
         count = self.kept if components is None else _checked_count(components, len(self.weights))
         return self.components[:count].sum(axis=0)
@@ -72,11 +73,11 @@ def reduce(
     the space's rank.
 
     `parameters` are inertial parameters (P,) in SI units, without friction, or a mechanism that has them. The error, in
-    percent, is 100 |H (D' - D)| / |H D| for the parameters D and the reduced ones D', where H D are the energy
-    differences (J) between successive ones of the space's `states`, and |.| is the root of the summed squares (equation
-    22 of Sheu and Walker 1991). Raises `InputError` unless one of `energy_error` and `components` is given, the other
-    None; for an `energy_error` below 0, not finite or no number, and `components` out of range or no whole number; and
-    for parameters of a wrong shape, not finite, or without energy differences between the states.
+    percent, is 100 |H (D' - D)| / |H D| for the parameters D and the reduced ones D', where H D are the differences (J)
+    of kinetic plus potential energy between successive ones of the space's `states`, and |.| is the root of the summed
+    squares (equation 22 of Sheu and Walker 1991). Raises `InputError` unless one of `energy_error` and `components` is
+    given, the other None; for an `energy_error` below 0, not finite or no number, and `components` out of range or no
+    whole number; and for parameters of a wrong shape, not finite, or without energy differences between the states.
     """
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")

@@ -23,14 +23,14 @@ LARGEST_BOUND = 1e7
 
 @dataclass(frozen=True, eq=False)
 class Regrouping:
-    """A regrouping of P scaled parameters onto k kept ones: kept + `coefficients` @ removed gives the same energies and
-    torques as all P.
+    """A regrouping of P scaled parameters onto k kept ones, by which these, with the removed ones times `coefficients`
+    added, give the same energies and torques as all P.
 
     Scaled parameters are those of a mechanism divided by scales (P,) that make them comparable, all in J. `kept` (k,),
-    rising, and `removed` (P-k,), in any order, are indices from 0; `coefficients` C (k, P-k) are without a unit; `rank`
-    is the rank of a regressor's kept columns, k if they are independent, or if no regressor was looked at;
+    rising, and `removed` (P-k,), in any order, are zero-based indices; `coefficients` C (k, P-k) are without a unit;
+    `rank` is the rank of a regressor's kept columns, k if they are independent, or if no regressor was looked at;
     `passed_over` has the indices of kept parameters that the order of removal would remove, but that those removed
-    before nearly determine. Nothing is checked at construction.
+    before determine up to the tolerance. Nothing is checked at construction.
     """
 
     kept: tuple[int, ...]
@@ -40,7 +40,7 @@ class Regrouping:
     coefficients: Array
     """Coefficients C (k, P - k) of the removed parameters on the kept ones."""
     rank: int
-    """Rank of a regressor's kept columns: k, if all is well."""
+    """Rank of a regressor's kept columns: k, if they are independent."""
     passed_over: tuple[int, ...] = ()
     """Kept parameters that the order alone would remove: so little of their rows is left that others go instead."""
 
@@ -53,27 +53,30 @@ class Regrouping:
 
     @property
     def determined(self) -> bool:
-        """True if the null vectors determine the regrouping's coefficients well enough: if the condition number of the
-        removed parameters' rows of the null vectors, or its upper bound `bound`, is at most 1e4, without a unit."""
+        """True if the null vectors determine the regrouping's coefficients: if the condition number of the removed
+        parameters' rows (P-k, P-k) of the null vectors, or its upper bound that the property `bound` gives, is at most
+        1e4, without a unit."""
         return self.bound <= LARGEST_CONDITION or self.condition <= LARGEST_CONDITION
 
     @cached_property
     def bound(self) -> float:
-        """An upper bound, without a unit, on the regrouping's `condition` that needs no factorisation: sqrt(1 + |C|_1
-        |C|_inf), with the coefficients C (k, P-k) and their norms by columns and by rows; 1 where nothing is
-        removed."""
+        """An upper bound, without a unit, on the condition number of the removed parameters' rows of the null vectors
+        that needs no factorisation: sqrt(1 + |C|_1 |C|_inf). |C|_1 is the largest sum of sizes in a column of the
+        coefficients C (k, P-k), |C|_inf that in a row; the bound is 1 where nothing is removed."""
         sizes = np.abs(self.coefficients)
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
     def leaves_more_than(self, tolerance: float, order: Sequence[int]) -> bool:
         """True if the regrouping can also be found by rows of the null vectors with a `tolerance` (without a unit): if
         each removed parameter's row of the orthonormal null vectors (P, P-k), less its projection on the rows of those
-        removed before it, is longer than that. `order` (P,) has all parameters' indices, the first removed first; it is
-        not checked.
+        removed before it, is longer than that. `order` (P,) has all parameters' zero-based indices, the first removed
+        first; it is not checked.
 
         With the regrouping's coefficients C (k, P-k), the null vectors are [-C; 1] = Z B, Z orthonormal, and the
         removed rows of Z are A = B^-1, so that A A' = L L' = (1 + C'C)^-1: what is left of the rows is on the diagonal
-        of L, whose inverses, from the last to the first, are on that of the Cholesky factor of 1 + C'C.
+        of L, whose inverses, from the last to the first, are on that of the Cholesky factor of 1 + C'C. Where the
+        condition number's upper bound (property `bound`) times the tolerance is below 1, or that bound is above 1e7,
+        the bound alone decides.
         """
         if self.bound * tolerance < 1.0 or self.bound > LARGEST_BOUND:
             return self.bound * tolerance < 1.0
@@ -86,8 +89,8 @@ class Regrouping:
     def matrix(self, scales: Array) -> Array:
         """The regrouping matrix K (k, P) among unscaled parameters, in SI units: K times all P parameters gives the k
         kept ones with the others added. `scales` (P,), positive, in SI units per J, times the regrouping's scaled
-        parameters are the unscaled ones. Coefficients below 1e-11 in size become 0, those within 1e-13 of a whole
-        number that number. Raises `IndexError` for too few scales."""
+        parameters are the unscaled ones. Coefficients C, of scaled parameters, below 1e-11 in size become 0, entries
+        within a relative 1e-13 of a whole number that number. Raises `IndexError` for too few scales."""
         kept, removed = np.array(self.kept, dtype=np.intp), np.array(self.removed, dtype=np.intp)
         i, j = np.nonzero(np.abs(self.coefficients) >= EXACT_ZERO)
         rows, columns = kept[i], removed[j]
@@ -101,11 +104,11 @@ class Regrouping:
 
 
 def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -> Regrouping:
-    """The regrouping that removes P-k of P scaled parameters in an order, as far as their rows of the null vectors Z
-    (P, P-k) are independent: K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991), where F1' and F2'
-    pick the kept and the removed parameters' rows.
+    """The regrouping that removes P-k of P scaled parameters in an `order`, as far as their rows of the null vectors Z
+    (P, P-k) are independent. It is K = F1' (I - Z (F2' Z)^-1 F2'), equation 25 of Sheu and Walker (1991), where F1' and
+    F2' pick the kept and the removed parameters' rows.
 
-    `null_basis` is Z, orthonormal; `order` (P,) has all indices from 0, the first removed first; a row counts as
+    `null_basis` is Z, orthonormal; `order` (P,) has all zero-based indices, the first removed first; a row counts as
     independent where it, less its projection on the rows taken before, is longer than `tolerance` (without a unit).
     Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
     """
@@ -117,12 +120,12 @@ def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -
 
 def condition(coefficients: Array) -> float:
     """The condition number, without a unit, of the removed parameters' rows F2' V2 (n, n) of orthonormal null vectors
-    V2 (Sheu and Walker 1991, equation 25), from the `coefficients` C (k, n) by which n removed parameters are added to
-    k kept ones; 1 where nothing is removed.
+    V2 (Sheu and Walker 1991, equation 25); 1 where nothing is removed. It is found from the `coefficients` C (k, n) by
+    which n removed parameters are added to k kept ones.
 
-    The null vectors span [-C; 1], so that F2' V2 is (1 + C'C)^-1/2 but for a rotation, and the condition the root of (1
-    + sigma_max^2) / (1 + sigma_min^2), with the largest and the smallest of C's n singular values (0 where k is below
-    n). Raises `numpy.linalg.LinAlgError` for NaN.
+    The null vectors span [-C; 1], so that F2' V2 is (1 + C'C)^-1/2 but for a rotation, and the condition number the
+    root of (1 + sigma_max^2) / (1 + sigma_min^2), with the largest and the smallest of C's n singular values (0 where k
+    is below n). Raises `numpy.linalg.LinAlgError` for NaN.
     """
     k, n = coefficients.shape
     if n == 0:

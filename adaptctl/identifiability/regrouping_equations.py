@@ -18,9 +18,10 @@ def regrouping_equations(regrouping: Array, columns: Sequence[int], names: Seque
     """The regrouping equations, k texts such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``, in SI units,
     one for each kept parameter: its name with a star is the sum of itself and of what is regrouped onto it.
 
-    `regrouping` is the matrix K (k, P), in SI units, that makes the k kept parameters of all P, `columns` (k,) the kept
-    ones' indices from 0, `names` (P,) all names. Coefficients below 1e-9 in size are left out; those of one size,
-    unless it is 1, are put before brackets. Raises `ValueError` unless there are k columns.
+    `regrouping` is the matrix K (k, P), in SI units, that maps all P parameters to the k kept ones with the others
+    added, `columns` (k,) the kept ones' zero-based indices, `names` (P,) all names. Coefficients below 1e-9 in size are
+    left out; those of one size (to a relative 1e-9), unless it is 1, are put before brackets. Raises `ValueError`
+    unless there are k columns.
     """
     return tuple(_equation(row, column, names) for row, column in zip(regrouping, columns, strict=True))
 

@@ -21,8 +21,8 @@ EXACT = 1e-11
 
 @dataclass(frozen=True)
 class NearRightAngle:
-    """A near right angle: two successive joints the angle between whose axes nearly, but not quite, is a multiple of 90
-    degrees.
+    """A near right angle: two successive joints, the angle between whose axes is within 1e-3 rad of a multiple of 90
+    degrees, but not that multiple.
 
     `parent` is the name of the joint before, or "gravity" for a joint on the ground, `child` the joint; `degrees` is
     the multiple that is missed (0, 90 or 180), and `miss` the angle beyond it in rad, negative where it falls short,
@@ -36,7 +36,7 @@ class NearRightAngle:
     degrees: int
     """The multiple of 90 degrees that is missed."""
     miss: float
-    """The angle beyond it (rad)."""
+    """The angle beyond that multiple (rad), negative where it falls short."""
 
     def __str__(self) -> str:
         return (
@@ -46,10 +46,10 @@ class NearRightAngle:
 
 
 def near_right_angles(description: Description, exact: float = EXACT) -> tuple[NearRightAngle, ...]:
-    """The near right angles of a described mechanism: a `NearRightAngle` for each pair of successive joint axes whose
-    angle is within 1e-3 rad of a multiple of 90 degrees, but not within `exact` (rad, 1e-11 by default). For a joint on
-    the ground, the direction of gravity stands for the axis before it; without gravity it has no pair. Empty where
-    there are no near right angles."""
+    """The near right angles of a mechanism: a `NearRightAngle` for each pair of successive joint axes of its
+    `description` whose angle is within 1e-3 rad of a multiple of 90 degrees, but not within `exact` (rad, 1e-11 by
+    default). For a joint on the ground, the direction of gravity replaces the axis before it; without gravity it has no
+    pair. Empty where there are no near right angles. Nothing is checked."""
     meeting = list(meeting_axes(description))
     if not meeting:
         return ()

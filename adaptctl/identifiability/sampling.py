@@ -23,8 +23,8 @@ MOST = 4096
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """States of a mechanism's r primary (independently moving) joints: positions `p` in rad (m for a prismatic joint)
-    and velocities `v` in rad/s (m/s), both (samples, r), and their `origin`, where they come from, in words.
+    """States of a mechanism's r primary (independent) joints: positions `p` in rad (m for a prismatic joint) and
+    velocities `v` in rad/s (m/s), both (samples, r), and their `origin`, how they were made, in words.
 
     Raises `InputError` for arrays of other shapes and for fewer than two samples, `NonFiniteError` on NaN or infinity.
     """
@@ -46,17 +46,18 @@ class States:
         return len(self.p)
 
     def parts(self, most: int) -> Iterator[States]:
-        """The same states in parts, one after another, of `most` states each (2 or more), the last of fewer, or of one
-        more rather than leave a single state over. Raises `InputError` for any other `most`."""
+        """Iterator over these states in parts, one after another, of `most` states each (2 or more), the last of fewer,
+        or of one more rather than leave a single state over. Raises `InputError` for any other `most`."""
         spans = _spans(len(self), whole_number(most, "parts: most", 2, sys.maxsize))
         return (States(self.p[begin:end], self.v[begin:end], self.origin) for begin, end in spans)
 
 
 def characteristic_length(mechanism: Mechanism) -> float:
-    """The characteristic length L (m): the largest offset from a joint to the next, or from a joint to its link's
-    frame; 1 m where there is none.
+    """The characteristic length L (m) of a `mechanism`: the largest distance from a joint to the next, or from a joint
+    to its link's frame; 1 m where none is above 1e-9 m. Nothing is raised.
 
-    Far frames count, since inertias are given in them: a frame 0.25 m from its joint carries inertias of (0.25 m)^2.
+    Far frames count, since inertias are given in them: a frame 0.25 m from its joint adds (0.25 m)^2 times the mass to
+    the inertia in it.
     """
     links = mechanism.links
     offsets = [_offset(links[k.parent].far, k.near) for k in links if k.parent != GROUND]
@@ -71,18 +72,19 @@ def _offset(first: Pose, second: Pose) -> Array:
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
-    """Random states (`samples`, r) of r primary (independently moving) joints, drawn with NumPy's `generator`:
-    positions uniform within +-pi rad (prismatic joints: +-L in m), and normal velocities of mean zero and standard
-    deviation sqrt(g/L) in rad/s (times L in m/s).
+    """Random states (`samples`, r) of r primary (independent) joints, drawn with NumPy's `generator`: positions uniform
+    within +-pi rad (prismatic joints: +-L in m), and normal velocities of mean zero and standard deviation sqrt(g/L) in
+    rad/s (times L in m/s).
 
     L is the largest distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the
     mechanism's gravity (m/s^2), the standard one where it has none. Limits are ignored, but for joints that move a
     loop. Raises `InputError` for fewer than two samples, and for a reference configuration that breaks the mechanism's
-    conditions (bounds on its positions).
+    conditions (bounds on its positions), `LoopError` where loops cannot be closed.
 
     The energy is analytic in the state, so that its rank is the same almost everywhere: samples within narrow limits
     would only make the same rank harder to see. Joints that move a loop are kept on the assembly branch of the
-    reference configuration, within limits and away from singularity: beyond, another branch may have another rank.
+    reference configuration, within limits and away from singularity (see `positions_on_branch`): beyond, another branch
+    may have another rank.
     """
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     length, turns = characteristic_length(mechanism), _turns(mechanism)
@@ -93,8 +95,8 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
 
 
 def whereabouts(mechanism: Mechanism) -> str:
-    """The region that a mechanism's random states are drawn from, as text: "over the full circle", or, with loops, "on
-    the reference's branch" (the assembly branch of its reference configuration)."""
+    """The region from which a mechanism's random states are drawn, as text: "over the full circle", or, with loops, "on
+    the reference's branch" (the assembly branch of its reference configuration). Nothing is raised."""
     return "over the full circle" if mechanism.description.loops is None else "on the reference's branch"
 
 
@@ -102,10 +104,10 @@ def random_halves(
     mechanism: Mechanism, samples: int, generator: np.random.Generator
 ) -> tuple[Iterable[States], Iterable[States]]:
     """Two sets of random states of a mechanism, `samples` in each, as iterables of `States`, drawn with NumPy's
-    `generator` as `random_states` does, and to be used up one after the other, the first first.
+    `generator` as `random_states` does. They are to be used up one after the other, the first first.
 
-    More than 4096 states in all are drawn as they are used, 4096 at a time, so that any number of them needs the same
-    memory. Raises `InputError` unless `samples` is a whole number of at least 2, and, when drawn, for a reference
+    More than 4096 states in all are drawn as they are used, 4096 at a time, so that the storage does not grow with
+    their number. Raises `InputError` unless `samples` is a whole number of at least 2, and, when drawn, for a reference
     configuration that breaks the mechanism's conditions (bounds on its positions).
     """
     samples = whole_number(samples, "samples", 2, sys.maxsize)
@@ -128,25 +130,26 @@ def _spans(count: int, most: int) -> Iterator[tuple[int, int]]:
 
 
 def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:
-    """Random accelerations (`samples`, r) of a mechanism's r primary (independently moving) joints, to go with
-    `random_states`: normal, drawn with NumPy's `generator`, of mean zero and standard deviation g/L in rad/s^2 (g in
-    m/s^2 for a prismatic joint). L is the mechanism's characteristic length in m, g its gravity in m/s^2, the standard
-    one where it has none."""
+    """Random accelerations (`samples`, r) of a mechanism's r primary (independent) joints, to go with `random_states`:
+    normal, drawn with NumPy's `generator`, of mean zero and standard deviation g/L in rad/s^2 (g in m/s^2 for a
+    prismatic joint). L is the mechanism's characteristic length in m, g its gravity in m/s^2, the standard one where it
+    has none. Nothing is checked."""
     per_joint = np.where(_turns(mechanism), 1.0, characteristic_length(mechanism))
     return generator.normal(size=(samples, mechanism.dof)) * characteristic_rate(mechanism) ** 2 * per_joint
 
 
 def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> States:
-    """Random states (`samples`, r) of r primary (independently moving) joints, positions in rad (m for a prismatic
-    joint) and velocities in rad/s (m/s), uniform within the joints' limits, as Sheu and Walker (1991) sampled theirs,
-    drawn by `seed`.
+    """Random states (`samples`, r) of r primary (independent) joints, uniform within the joints' limits, as Sheu and
+    Walker (1991) sampled theirs, drawn by `seed`, the same for the same seed. Positions are in rad (m for a prismatic
+    joint), velocities in rad/s (m/s).
 
-    Where a joint has no limit, a range of 2 pi rad (2 L in m) takes its place, about the mechanism's home position or
-    from its other limit; where its velocity has none, sqrt(g/L) in rad/s (times L in m/s) does. L is the largest
-    distance (m) from a joint to the next, or to its link's frame, 1 m where there is none; g the gravity (m/s^2), the
-    standard one where there is none. Of a mechanism with loops, those positions are drawn that it can reach within its
-    conditions (bounds on its positions) and all its joints' limits. Raises `InputError` when hardly any are, for fewer
-    than two samples, and for a seed that is not a whole number from 0 to 2^32 - 1.
+    Where a joint has no limit, a range of 2 pi rad (2 L in m) is taken, about the mechanism's home position or from its
+    other limit; where its velocity has none, sqrt(g/L) in rad/s (times L in m/s). L is the largest distance (m) from a
+    joint to the next, or to its link's frame, 1 m where there is none; g the gravity (m/s^2), the standard one where
+    there is none. Of a mechanism with loops, those positions are drawn that it can reach within its conditions (bounds
+    on its positions) and all its joints' limits. Raises `InputError` when a hundred draws give too few of these, for
+    fewer than two samples, and for a seed that is not a whole number from 0 to 2^32 - 1, `LoopError` where loops cannot
+    be closed.
     """
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     generator = np.random.default_rng(whole_number(seed, "seed", 0, 2**32 - 1))
@@ -180,7 +183,8 @@ def _turns(mechanism: Mechanism) -> Array:
 
 
 def characteristic_rate(mechanism: Mechanism) -> float:
-    """The characteristic rate sqrt(g/L) of a mechanism, in 1/s, at which kinetic and potential energy weigh alike: g is
-    its gravity in m/s^2, the standard one where it has none, L its characteristic length in m."""
+    """The characteristic rate sqrt(g/L) of a `mechanism`, in 1/s, at which kinetic and potential energy are of similar
+    size: g is its gravity in m/s^2, the standard one where it has none, L its characteristic length in m. Nothing is
+    raised."""
     gravity = float(np.linalg.norm(mechanism.description.gravity)) or float(np.linalg.norm(STANDARD_GRAVITY))
     return float(np.sqrt(gravity / characteristic_length(mechanism)))

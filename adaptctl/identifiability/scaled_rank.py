@@ -33,7 +33,7 @@ FLOOR = 1e-15
 
 
 def length_scales(parameter_names: Sequence[str], length: float) -> Array:
-    """Factors (P,) of inertial parameters: 1, L and L^2 for masses, first moments, and moments of inertia (rotor
+    """Scale factors (P,) of inertial parameters: 1, L and L^2 for masses, first moments, and moments of inertia (rotor
     inertias among them), with a `length` L in m. Parameters divided by their factors are comparable. `parameter_names`
     are P, such as ``link1.mc_x``, of which the part after the last dot counts. Raises `KeyError` for friction and other
     names."""
@@ -44,17 +44,17 @@ def length_scales(parameter_names: Sequence[str], length: float) -> Array:
 def parameter_units(mechanism: Mechanism, length: float) -> Array:
     """Units (P,) of a mechanism's P inertial parameters (all but friction) when lengths are counted in a `length` L
     (m): 1, L and L^2 for masses (kg), first moments (kg m) and moments of inertia (kg m^2). Rotor inertias count as
-    masses at prismatic joints, as moments of inertia at others."""
+    masses at prismatic joints, as moments of inertia at others. Nothing is checked."""
     slides = {f"{k.joint.name}.rotor_inertia" for k in mechanism.links if not k.joint.kind.turns}
     names = energetic_names(mechanism)
     return np.where([name in slides for name in names], 1.0, length_scales(names, length))
 
 
 def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -> Array:
-    """Scales (P,), SI units per J, by which the columns of a regressor of P parameters are multiplied so that they are
-    comparable, whatever the units and the size of the mechanism.
+    """Scale factors (P,), SI units per J, by which the columns of a regressor of P parameters are multiplied so that
+    they are comparable, whatever the units and the size of the mechanism.
 
-    The scale of a column i of norm n_i is L_i / max(L_i n_i, 1e-3 max_j L_j n_j), where L_i is 1, L or L^2 for a mass,
+    The factor of a column i of norm n_i is L_i / max(L_i n_i, 1e-3 max_j L_j n_j), where L_i is 1, L or L^2 for a mass,
     a first moment or a moment of inertia, and L the `length` in m; it is L_i where all norms are 0. The `norms` (P,),
     in J per SI unit of each parameter, must be those of the energies themselves, not of their differences: a column
     that is constant then keeps its size, and its round-off stays small. `parameter_names` are P, such as
@@ -68,11 +68,13 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
 
 def energy_scales(mechanism: Mechanism, seed: int) -> Array:
     """The scales (P,), SI units per J, that make a mechanism's P inertial parameters D (all but friction) comparable: D
-    / scales are all in J. A parameter's scale is 1/e, where e is the root of the summed squares of the energies that a
-    unit of it has at 46 random states, drawn by `seed`; for a parameter of hardly any energy it is less than 1/e.
+    / scales are all in J.
 
-    Choices among parameters of different units are made on D / scales, whichever way the null space was found. Raises
-    `InputError` for a reference configuration that breaks the mechanism's conditions (bounds on its positions).
+    A parameter's scale is 1/e, where e is the root of the summed squares of the energies that a unit of it has at 46
+    random states, drawn by `seed`. Where e is below 1e-3 of the largest (units counted in the characteristic length),
+    that floor replaces it. Choices among parameters of different units are made on D / scales, whichever way the null
+    space was found. Raises `InputError` for a reference configuration that breaks the mechanism's conditions (bounds on
+    its positions), `LoopError` where loops cannot be closed.
     """
     E = energies(mechanism, random_states(mechanism, FEW_STATES, np.random.default_rng(seed)))
     return column_scales(np.linalg.norm(E, axis=0), energetic_names(mechanism), characteristic_length(mechanism))
@@ -80,9 +82,10 @@ def energy_scales(mechanism: Mechanism, seed: int) -> Array:
 
 @dataclass(frozen=True)
 class NumericalRank:
-    """The numerical rank k of a matrix with singular values sigma_1 >= sigma_2 >= ...: `rank` is k, where the values
-    have their largest gap, 0 where all are round-off; `gap` is sigma_k/sigma_k+1 and `smallest` sigma_k/sigma_1, both
-    without a unit (1e15 and 1 for a rank of 0). Made by `of`; nothing is checked at construction."""
+    """The numerical rank k of a matrix with singular values sigma_1 >= sigma_2 >= ..., and the ratios by which it was
+    found. `rank` is k, where the values have their largest gap, 0 where all are round-off; `gap` is sigma_k/sigma_k+1
+    and `smallest` sigma_k/sigma_1, both without a unit (1e15 and 1 for a rank of 0). Made by `of`; nothing is checked
+    at construction."""
 
     rank: int
     gap: float
@@ -92,12 +95,12 @@ class NumericalRank:
 
     @classmethod
     def of(cls, singular_values: ArrayLike) -> NumericalRank:
-        """The numerical rank k of `singular_values` sigma_1, ..., sigma_n, an array (n,), falling: the k, from 1 to n,
-        at which sigma_k/sigma_k+1 is largest.
+        """The numerical rank k of a matrix from its `singular_values` sigma_1, ..., sigma_n, an array (n,), falling:
+        the k, from 1 to n, at which sigma_k/sigma_k+1 is largest, as a `NumericalRank`.
 
         Values below 1e-15 sigma_1, and sigma_n+1, count as 1e-15 sigma_1. The rank is 0, with a gap of 1e15, where
         there are no values, or none above 1e-12: the matrix's columns are taken to have been scaled to norms of about
-        1. Raises `ValueError` for what is no array of numbers.
+        1. Raises `ValueError` for values that are no numbers.
         """
         values = np.asarray(singular_values, dtype=np.float64)
         if values.max(initial=0.0) <= NOTHING:
@@ -110,10 +113,13 @@ class NumericalRank:
 
 @dataclass(frozen=True, eq=False)
 class ScaledRegressor:
-    """A regressor of P inertial parameters, of energies or torques at sampled states, with comparable columns: `scales`
-    (P,), SI units per J (N m for torques), by which the columns are multiplied, and `triangle` R (P, P), the triangular
-    factor of the scaled regressor, which has its singular values and right singular vectors. Made by `of_energies` and
-    `of_torques`; nothing is checked at construction."""
+    """A regressor of P inertial parameters, of energies or torques at sampled states, with columns scaled to be
+    comparable.
+
+    `scales` (P,), SI units per J (N m for torques), are the factors of the columns, and `triangle` R (P, P) is the
+    triangular factor of the scaled regressor, which has its singular values and right singular vectors. Made by
+    `of_energies` and `of_torques`; nothing is checked at construction.
+    """
 
     scales: Array
     """Factors (P,) of the columns."""
@@ -123,15 +129,15 @@ class ScaledRegressor:
     @classmethod
     def of_energies(cls, mechanism: Mechanism, factor: EnergyFactor) -> ScaledRegressor:
         """The scaled regressor of a mechanism's energy differences at random states, given by their triangular `factor`
-        R, of more states than the P inertial parameters: each column is scaled by the size of the energies themselves.
+        R, of more states than the P inertial parameters: each column is divided by the norm of the energies themselves.
         Raises `ValueError` for a factor of another number of parameters."""
         return cls._scaled(mechanism, factor.triangle, factor.square_sums)
 
     @classmethod
     def of_torques(cls, mechanism: Mechanism, rows: Array) -> ScaledRegressor:
-        """The scaled regressor of a mechanism's torques: of `rows` (m, P) of its torque regressor, in N m per SI unit
-        of each of P inertial parameters, m at least P; each column is scaled by its own size. Raises `ValueError` for
-        another number of columns."""
+        """The scaled regressor of a mechanism's torques, made of `rows` (m, P) of its torque regressor, in N m per SI
+        unit of each of P inertial parameters, m at least P; each column is divided by its own norm. Raises `ValueError`
+        for another number of columns."""
         return cls._scaled(mechanism, triangle(rows), np.square(rows).sum(axis=0))
 
     @classmethod
@@ -156,15 +162,15 @@ class ScaledRegressor:
 
     @cached_property
     def decision(self) -> NumericalRank:
-        """The `NumericalRank` of the regressor (energies or torques at sampled states) with its P columns scaled to be
-        comparable: its rank k, the gap sigma_k/sigma_k+1 between its singular values there, and sigma_k/sigma_1, the
-        smallest that counts over the largest. Raises `numpy.linalg.LinAlgError` for NaN."""
+        """The numerical rank k of the regressor (energies or torques at sampled states) with its P columns scaled to be
+        comparable, as a `NumericalRank`: with k come the gap sigma_k/sigma_k+1 between its singular values there, and
+        sigma_k/sigma_1, the smallest that counts over the largest. Raises `numpy.linalg.LinAlgError` for NaN."""
         return NumericalRank.of(self.singular_values)
 
     @property
     def rank(self) -> int:
         """The rank k of the regressor (energies or torques at sampled states): the number of independent columns among
-        its P, one for each inertial parameter, scaled to be comparable, at the largest ratio sigma_k/sigma_k+1 of
+        its P, one for each inertial parameter, scaled to be comparable. It is at the largest ratio sigma_k/sigma_k+1 of
         successive singular values, those below 1e-15 of the largest counting as that; 0 where none is above 1e-12.
         Raises `numpy.linalg.LinAlgError` for NaN."""
         return self.decision.rank
@@ -172,15 +178,15 @@ class ScaledRegressor:
     @property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, of the scaled regressor of rank k: directions of P
-        inertial parameters divided by the columns' `scales` (P,) that change none of the regressor's energies or
+        inertial parameters, divided by this object's `scales` (P,), that change none of the regressor's energies or
         torques. Raises `numpy.linalg.LinAlgError` for NaN."""
         return self.vectors[:, self.rank :]
 
     def rank_of(self, columns: Sequence[int]) -> int:
         """The numerical rank of those of the scaled regressor's P columns, one for each inertial parameter, whose
-        indices, from 0, are `columns`, by the largest gap: the k at which sigma_k/sigma_k+1 is largest among their
-        singular values sigma, those below 1e-15 of the largest counting as that; 0 where none is above 1e-12. Raises
-        `IndexError` for an index of P or more, `numpy.linalg.LinAlgError` for NaN.
+        zero-based indices are `columns`. It is the k at which sigma_k/sigma_k+1 is largest among their singular values
+        sigma, those below 1e-15 of the largest counting as that; 0 where none is above 1e-12. Raises `IndexError` for
+        an index of P or more, `numpy.linalg.LinAlgError` for NaN.
 
         It is found from the whole regressor's singular values and right vectors alone: the left factor U of U S V'
         changes no rank.
@@ -192,8 +198,9 @@ class ScaledRegressor:
 @dataclass(frozen=True, eq=False)
 class DecomposedNullSpace:
     """A null space of energies by singular value decomposition of a `ScaledRegressor`, the `regressor`: the directions
-    of P inertial parameters that change no energy, among parameters divided by `scales` (P,), positive, in SI units per
-    J, which need not be those of the regressor's columns. Nothing is checked at construction."""
+    of P inertial parameters that change no energy. They are directions of the parameters divided by `scales` (P,),
+    positive, in SI units per J, which need not be those of the regressor's columns. Nothing is checked at
+    construction."""
 
     regressor: ScaledRegressor
     scales: Array
@@ -207,18 +214,18 @@ class DecomposedNullSpace:
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of P inertial parameters D divided
-        by the null space's `scales` (P,), D / scales in J, that change no energy."""
+        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of P inertial parameters D, divided
+        by this object's `scales` (P,), D / scales in J, that change no energy."""
         vectors = self.regressor.null_basis * (self.regressor.scales / self.scales)[:, None]
         return np.asarray(np.linalg.qr(vectors)[0], dtype=np.float64)
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """The regrouping that removes P-k of P scaled parameters in an order, k the rank, and adds them to the k kept
+        """The regrouping that removes P-k of P scaled parameters in an `order`, k the rank, and adds them to the k kept
         ones; its `rank` is that of the regressor's kept columns.
 
-        `order` (P,) has all indices from 0, the first removed first. A parameter is removed where its row of the null
-        vectors (P, P-k), less its projection on the rows of those removed before, is longer than `tolerance`, without a
-        unit. Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
+        `order` (P,) has all zero-based indices, the first removed first. A parameter is removed where its row of the
+        null vectors (P, P-k), less its projection on the rows of those removed before, is longer than `tolerance`,
+        without a unit. Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
         found = by_null_vectors(self.null_basis, order, tolerance)
         return replace(found, rank=self.regressor.rank_of(found.kept))

@@ -21,9 +21,10 @@ class Search:
     `method` is "svd" (singular values of energies at random states), "transfers" (a tree's geometry, joint by joint) or
     "automatic": transfers for a tree of 100 parameters or more if they can certify the rank, else "svd". `samples` is
     the number of random states, `seed` draws them. `prove` True also computes the rank on exact geometry, False does
-    not; None does so for trees, and for closed loops only where angles or lengths are nearly, but not exactly, special
-    (right, zero, equal to others). `near` is for such geometry, unless `prove` is False: "refuse" makes `found` raise
-    `RankError` if the rank would be another with angles and lengths exactly special, "as_is" takes them as they stand.
+    not; None does so for trees, and for closed loops only where some geometry is nearly special: an angle within 1e-3
+    rad of a multiple of 90 degrees, or an offset within 1e-4 of the characteristic length of zero or of another, that
+    is not exact to 1e-11. `near` is for such geometry, unless `prove` is False: "refuse" makes `found` raise
+    `RankError` if the rank would be another with these exact, "as_is" takes them as they stand.
 
     Nothing is checked at construction: reading `found` raises `RankError` where the rank cannot be certified or is
     refused, `InputError` for another `method` or `near`, for fewer than 2 `samples`, and for "transfers" of a mechanism
@@ -39,19 +40,20 @@ class Search:
 
     @cached_property
     def inputs(self) -> list[str]:
-        """All that the search's result depends on, as a list of seven texts: the SHA-256 hashes (hexadecimal) of the
-        mechanism's description and of its geometry, which counts linear constraints on parameters, then the search's
-        settings `method`, `near`, `prove`, `samples` and `seed`, as Python's repr writes them. It is the key under
-        which results are cached."""
+        """The key under which results of this search are cached: a list of seven texts with all that they depend on.
+        They are the SHA-256 hashes (hexadecimal) of the mechanism's description and of its geometry, which counts
+        linear constraints on parameters, then the search's settings `method`, `near`, `prove`, `samples` and `seed`, as
+        Python's repr writes them."""
         settings = self.method, self.near, self.prove, self.samples, self.seed
         return [self.mechanism.description.sha256, self.mechanism.geometry_sha256, *map(repr, settings)]
 
     @cached_property
     def found(self) -> CertifiedNullSpace:
-        """The certified null space: the directions of the mechanism's inertial parameters that change no energy, the
-        certificate of their number, its proof on exact geometry if there is one, and the energies behind them. Raises
-        `RankError` where the rank cannot be certified or is refused, `InputError` for an unknown `method` or `near`,
-        and for "transfers" where the mechanism is no plain tree."""
+        """The certified null space, a `CertifiedNullSpace`: the directions of the mechanism's inertial parameters that
+        change no energy, the certificate of their number, its proof on exact geometry if there is one, and the energies
+        behind them. Raises `RankError` where the rank cannot be certified or is refused, `InputError` for an unknown
+        `method` or `near`, and for "transfers" where the mechanism has loops, constrained parameters, or drives that
+        turn with several joints."""
         from adaptctl.identifiability.certification import certified  # a tenth of the time to the first torque
 
         return certified(self.mechanism, self.method, self.near, self.prove, self.samples, self.seed)

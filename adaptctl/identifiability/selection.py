@@ -35,19 +35,20 @@ def require_tolerance(tolerance: float, parameters: int) -> None:
 
 
 def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tuple[int, ...]:
-    """Indices (P-k,), from 0, of the parameters to remove: the rows of the orthonormal null vectors `null_basis` (P,
-    P-k) that are independent, met in an `order` of row indices, the first removed first, and given in that order. A row
-    is independent where it, less its projection on the rows taken before, is longer than `tolerance`, without a unit.
-    Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P)."""
+    """Zero-based indices (P-k,) of the parameters to remove: of the rows of the orthonormal null vectors `null_basis`
+    (P, P-k) that are independent, met in an `order` of row indices, the first removed first, and given in that order. A
+    row is independent where it, less its projection on the rows taken before, is longer than `tolerance`, without a
+    unit. Raises `InputError` for a tolerance that is not between 0 and 1/sqrt(P)."""
     return removed_and_passed_over(null_basis, order, tolerance)[0]
 
 
 def removed_and_passed_over(
     null_basis: Array, order: Iterable[int], tolerance: float
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Two tuples of indices, from 0, of rows of the orthonormal null vectors `null_basis` (P, P-k), met in an `order`
-    of row indices and given in that order: the P-k independent ones, that is the parameters to remove, and those passed
-    over though they are independent by more than round-off (1e-8).
+    """The pair of the P-k parameters to remove and of those passed over, as zero-based indices of rows of the
+    orthonormal null vectors `null_basis` (P, P-k), met in an `order` of row indices and given in that order. Those to
+    remove have independent rows; those passed over are independent, too, but only by more than round-off (1e-8), not by
+    `tolerance`.
 
     A row is taken when it, less its projection on the rows already taken, is longer than `tolerance`, without a unit
     (Sheu and Walker 1991, theorem 4.1); the projection is subtracted twice, so that round-off cannot pass for
@@ -74,8 +75,8 @@ def removed_and_passed_over(
 
 
 def independent_columns(columns: Array, tolerance: float, negligible: float) -> tuple[list[int], Array]:
-    """Indices (c,), from 0, of c independent ones of the n columns of `columns` (r, n), in the order in which they are
-    taken, and orthonormal directions (c, r), without a unit, that they span. Nothing is checked.
+    """Zero-based indices (c,) of c independent ones of the n columns of `columns` (r, n), in the order in which they
+    are taken, and orthonormal directions (c, r), without a unit, that they span, as a pair. Nothing is checked.
 
     At each step the first column is taken whose part orthogonal to those taken before is longer than `tolerance`, in
     the columns' unit; where there is none, the one whose orthogonal part is longest, if that is longer than

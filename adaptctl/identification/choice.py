@@ -34,9 +34,9 @@ class FrictionTrial(NamedTuple):
     """Trial of one setting of a fit: `what` names the kind of setting ("friction", "load-dependent friction", "cut-off,
     Hz" or "weight of the prior") and `candidate` the value tried, both as text.
 
-    `rms` is the root mean square error (N m, or N for prismatic joints) of the joint torques, over all joints, that
-    fits with it predict on blocks of time left out of them, and `taken` is true for the candidate chosen of its kind.
-    Made by `choose`; nothing is checked at construction.
+    `rms` is the root mean square error (N m, or N for prismatic joints), over all joints and instants, of the joint
+    torques that fits with it predict on blocks of time left out of them, and `taken` is true for the candidate chosen
+    of its kind. Made by `choose`; nothing is checked at construction.
     """
 
     what: str
@@ -48,9 +48,9 @@ class FrictionTrial(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Choice of a fit's settings: `settings`, the `FitSettings` that were chosen (friction model; weight, against the
-    logs, of the prior, which is a first guess of the links; cut-off of the low-pass filter in Hz), and `trials`, one
-    `FrictionTrial` for each candidate in the order of trying. `trials` is empty where all settings were given. Made by
+    """Choice of a fit's settings. `settings` are the `FitSettings` that were chosen: friction model, weight, against
+    the logs, of the prior, which is a first guess of the links, and cut-off of the low-pass filter in Hz. `trials` has
+    one `FrictionTrial` for each candidate in the order of trying; it is empty where all settings were given. Made by
     `choose`; nothing is checked at construction."""
 
     settings: FitSettings
@@ -64,18 +64,19 @@ def choose(
     cutoff: float | None = None,
 ) -> Choice:
     """The choice, a `Choice`, of a fit's settings by how well fits predict the joint torques of blocks of time left out
-    of them: the friction model, then its load dependence, the cut-off of the low-pass filter, and the weight of the
-    prior, one after the other.
+    of them. Chosen one after the other are the friction model, its load dependence, the cut-off of the low-pass filter,
+    and the weight of the prior.
 
-    `evidence` holds the filtered equations of motion of the logs, in blocks of time. What is given is not chosen:
-    `friction`, a `FrictionModel`; `weight` (unitless), that of the prior (a first guess of the links) against the logs;
-    `cutoff` (Hz), one of those that the evidence has. Where they are None, the candidates are: viscous and Coulomb
-    friction with or without a square root or Stribeck term and an offset, and, unless loops are closed, with or without
-    load-dependent friction, which grows with the joint's torque; the evidence's cut-offs, first the highest up to 25
-    Hz, at which all predictions are compared; weights from 0.5 to 100 whose fit has a root mean square residual of at
-    most 1.03 times that of least squares (`misfit_ratio`), or 0.5 if there are none. A candidate replaces the best one
-    before it only if its error is more than 1 % smaller (0.3 % for weights). Raises `InputError` for a weight that is
-    not positive and finite and a cut-off that the evidence does not have, `AdaptctlError` where a fit is not found.
+    `evidence` holds the filtered equations of motion of the logs, in blocks of time. Arguments that are given are not
+    chosen: `friction`, a `FrictionModel`; `weight` (unitless), that of the prior (a first guess of the links) against
+    the logs; `cutoff` (Hz), one of those that the evidence has. Where they are None, the candidates are: viscous and
+    Coulomb friction with or without a square root or Stribeck term and an offset, and, unless loops are closed, with or
+    without load-dependent friction, which grows with the joint's torque; the evidence's cut-offs, first the highest up
+    to 25 Hz, at which all predictions are compared; weights from 0.5 to 100 whose fit has a root mean square residual
+    of at most 1.03 times that of least squares (`misfit_ratio`), or 0.5 if there are none. A candidate replaces the
+    best one before it only if its error is more than 1 % smaller (0.3 % for weights). Raises `InputError` for a weight
+    that is not positive and finite and a cut-off that the evidence does not have, `AdaptctlError` where a fit is not
+    found.
     """
     judged = judged_at(evidence)
     first = FIRST_WEIGHT if weight is None else positive_number(weight, "weight: expected a positive number")
@@ -99,9 +100,9 @@ def choose(
 
 
 def judged_at(evidence: LogEvidence) -> float:
-    """The cut-off (Hz) of the low-pass filter at which predictions of joint torques are compared, one of those that the
-    evidence (low-pass filtered equations of motion along logs) has: the highest up to 25 Hz, or the lowest where all
-    are higher."""
+    """The cut-off (Hz) of the low-pass filter at which predictions of joint torques are compared: of the cut-offs that
+    the `evidence` (low-pass filtered equations of motion along logs) has, the highest up to 25 Hz, or the lowest where
+    all are higher. Raises `ValueError` for evidence without cut-offs."""
     return max((c for c in evidence.rows if c <= JUDGED_AT), default=min(evidence.rows))
 
 
@@ -112,11 +113,11 @@ def cutoffs_for(rate: float) -> tuple[float, ...]:
 
 
 def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
-    """Root mean square error (N m, or N for prismatic joints), over all joints, of the torques that fits with some
-    settings predict on blocks of time left out of them. The evidence's blocks (low-pass filtered equations of motion
-    along logs) are left out in five groups of neighbours, one at a time, and compared at one cut-off for all settings:
-    the evidence's highest up to 25 Hz, or its lowest where all are higher. Raises `KeyError` for settings with a
-    cut-off that the evidence does not have, `AdaptctlError` where a fit is not found."""
+    """Root mean square error (N m, or N for prismatic joints), over all joints and instants, of the torques that fits
+    with some `settings` predict on blocks of time left out of them. The blocks of the `evidence` (low-pass filtered
+    equations of motion along logs) are left out in five groups of neighbours, one at a time. All settings are compared
+    at one cut-off: the evidence's highest up to 25 Hz, or its lowest where all are higher. Raises `KeyError` for
+    settings with a cut-off that the evidence does not have, `AdaptctlError` where a fit is not found."""
     squares = rows = 0.0
     for fold in np.array_split(np.arange(evidence.blocks), FOLDS):
         rest = [b for b in range(evidence.blocks) if b not in fold]
@@ -129,9 +130,9 @@ def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
 
 
 def is_allowed(evidence: LogEvidence, settings: FitSettings) -> bool:
-    """True if the physically consistent fit with some settings to all of the evidence (low-pass filtered equations of
-    motion along logs) has a root mean square residual of at most 1.03 times that of weighted least squares on the same
-    equations and parameters, each joint's residual being divided by its standard deviation in the fit. Raises
+    """True if the physically consistent fit with some `settings` to all of the `evidence` (low-pass filtered equations
+    of motion along logs) has a root mean square residual of at most 1.03 times that of weighted least squares on the
+    same equations and parameters. Each joint's residual is divided by its standard deviation in the fit. Raises
     `KeyError` for settings with a cut-off that the evidence does not have, `AdaptctlError` where the fit is not
     found."""
     return misfit_ratio(evidence, evidence.fit(settings, range(evidence.blocks))) <= ALLOWED_MISFIT

@@ -29,9 +29,9 @@ def joint_columns(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Drives:
-    """The `Drives` of a robot whose joints are measured directly, without gears between: for each primary (independent)
-    joint of a mechanism the names of its columns in a log, the identity as transmission, offsets of zero, and the
-    columns' units.
+    """The `Drives` of a robot whose joints are measured directly, without gears between. It has for each primary
+    (independent) joint of a `mechanism` the names of its columns in a `log`, the identity as transmission, offsets of
+    zero, and the columns' units.
 
     `columns` gives names by "position", "torque", "velocity" and "time"; in the first three `{joint}` stands for a
     joint's name, `{}` for its number from 1 and `{0}` for that from 0. Where names are not given, the first usual

@@ -16,9 +16,10 @@ from adaptctl.identification.least_squares import least_squares
 
 class Alternative(NamedTuple):
     """Alternative estimate of a robot's parameters, from a simpler model: its `name`, a description as text, and its
-    parameters `x` (P + r,), SI units, P of the mechanism with all kinds of friction, in the order of its
-    `parameter_names`, and then, for each of r primary (independent) joints, the share (unitless) of its torque without
-    friction that load-dependent friction makes. Made by `alternatives`; nothing is checked at construction."""
+    parameters `x` (P + r,), SI units. The first P are those of the mechanism with all kinds of friction, in the order
+    of its `parameter_names`; then comes, for each of r primary (independent) joints, the coefficient (unitless) of
+    load-dependent friction, its torque over that of the joint without friction. Made by `alternatives`; nothing is
+    checked at construction."""
 
     name: str
     x: Array

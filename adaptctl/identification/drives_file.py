@@ -28,9 +28,9 @@ class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """Entry of a motor in a drives file (TOML): its `name`, and the names of the columns of a log with its `position`,
     its `torque` and, if it is logged, its `velocity`.
 
-    `torque_constant` is N m (N for a linear motor) for a unit of the torque column, such as an ampere; "unknown" where
-    it is to be identified, None where the column is a torque already. Entries are checked where `read_drives` reads a
-    file (names of 1 to 128 characters, a positive constant); nothing is checked at construction.
+    `torque_constant` is the torque, N m (N for a linear motor), for one unit of the torque column, such as an ampere;
+    "unknown" where it is to be identified, None where the column is a torque already. Entries are checked where
+    `read_drives` reads a file (names of 1 to 128 characters, a positive constant); nothing is checked at construction.
     """
 
     name: Name
@@ -53,8 +53,8 @@ class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a known payload in a drives file (TOML): a rigid body that the link named `link` carries throughout one
-    log, whose path or file name is `log`.
+    """Entry of a known payload in a drives file (TOML): a rigid body fixed to the link named `link` throughout one log,
+    whose path or file name is `log`.
 
     `mass` is in kg, `center_of_mass` (3 numbers) in m in the link's frame, and `inertia_at_center` (xx, xy, yy, xz, yz,
     zz) in kg m^2 about that centre, along the frame's axes. Nothing is checked at construction; `identify` refuses
@@ -72,12 +72,12 @@ class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """Contents of a drives file (TOML, `schema` "adaptctl/drives/1"): the transmission between an arm's motors and its
     joints, and the columns of a log that are the motors'.
 
-    `joints` are the names of r joints; row i of `transmission` (r rows of r numbers) is the speed of motor i for a unit
-    of each joint's speed; `motors` has a `MotorEntry` for each row. `time` is the name of the column of time, `units`
+    `joints` are the names of r joints; row i of `transmission` (r rows of r numbers) has the ratios of motor i's speed
+    to each joint's speed; `motors` has a `MotorEntry` for each row. `time` is the name of the column of time, `units`
     are the columns' units. The joint positions where the motors are at zero are `joint_offsets` (r numbers, rad, or m
-    for a prismatic joint) or `joint_offsets_deg` (degrees), zero without either. `payloads` are known bodies that links
-    carry, and `source` is where the numbers come from, as text. Only types are checked on reading; `read_drives` checks
-    that the entries fit together, and nothing is checked at construction.
+    for a prismatic joint) or `joint_offsets_deg` (degrees), zero without either. `payloads` are known bodies fixed to
+    links, and `source` is where the numbers come from, as text. Only types are checked on reading; `read_drives` checks
+    the entries against each other, and nothing is checked at construction.
     """
 
     schema: Literal["adaptctl/drives/1"]
@@ -94,23 +94,24 @@ class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Drives of a robot, as its motors and joints are coupled: motor position = transmission (joint position -
-    offsets), and joint torque = transmission' motor torque, with the transpose.
+    """Drives of a robot: the transmission between its motors and joints, and the columns of a log that are the motors'.
+    Motor positions are transmission (joint positions - offsets), and joint torques are the transposed transmission
+    times the motor torques.
 
-    `joints` are the names of the r joints; `transmission` (r, r) is each motor's speed (row) for a unit of each joint's
-    speed (column); `offsets` (r,) are the joint positions, rad (m if prismatic), where the motors are at zero.
+    `joints` are the names of the r joints; `transmission` (r, r) has the ratios of each motor's speed (row) to each
+    joint's speed (column); `offsets` (r,) are the joint positions, rad (m if prismatic), where the motors are at zero.
     `motors`, r of them, are the names of each motor's columns in a log (position, torque, velocity), and its torque
     constant in N m (N if linear) for a unit of its torque column; `time` is the name of the log's column of time,
     `units` are the factors from the columns' units to SI units. `payloads` are known bodies (mass, kg, centre of mass,
-    m, inertia, kg m^2) that a link holds throughout one log, none unless given, and `source` is where the numbers come
-    from, as text. Raises `InputError` for another number of motors, a transmission or offsets of another shape or not
-    finite, a motor that does not turn its own joint, and a transmission from which the joints do not follow (of
-    condition 1e6 or more); `read_drives` checks the rest.
+    m, inertia, kg m^2) that are fixed to a link throughout one log, none unless given, and `source` is where the
+    numbers come from, as text. Raises `InputError` for another number of motors, a transmission or offsets of another
+    shape or not finite, a motor that does not turn its own joint, and a transmission from which the joints do not
+    follow (its condition number is 1e6 or more); `read_drives` checks the rest.
     """
 
     joints: tuple[str, ...]
     transmission: Array
-    """(r, r) motor speed a unit of joint speed"""
+    """(r, r) motor speed (row) over joint speed (column)"""
     offsets: Array
     """(r,) rad: joint positions where the motors are at zero"""
     motors: tuple[MotorEntry, ...]
@@ -130,21 +131,21 @@ class Drives:
 
     def position(self, motor: ArrayLike) -> Array:
         """Joint positions (..., r), rad (m if prismatic), of the positions `motor` (..., r) of r motors, rad (m if
-        linear): transmission^-1 motor + offsets, with `transmission` (r, r) from joint to motor speeds and `offsets`
-        (r,), the joint positions where the motors are at zero. Raises `InputError` on a wrong shape, `NonFiniteError`
-        on NaN or infinity."""
+        linear): the inverse of the drives' `transmission` (r, r), the ratios of motor to joint speeds, times `motor`,
+        plus their `offsets` (r,), the joint positions where the motors are at zero. Raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: positions") @ self._inverse.T + self.offsets
 
     def velocity(self, motor: ArrayLike) -> Array:
         """Joint velocities (..., r), rad/s (m/s if prismatic), of the velocities `motor` (..., r) of r motors, rad/s
-        (m/s if linear): transmission^-1 motor, with `transmission` (r, r) from joint to motor speeds. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        (m/s if linear): the inverse of the drives' `transmission` (r, r), the ratios of motor to joint speeds, times
+        `motor`. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: velocities") @ self._inverse.T
 
     def torque(self, motor: ArrayLike) -> Array:
         """Joint torques (..., r), N m (N for a prismatic joint), of the torques `motor` (..., r) of r motors, N m (N if
-        linear): transmission' motor, with the transpose of `transmission` (r, r), from joint to motor speeds. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        linear): the transpose of the drives' `transmission` (r, r), the ratios of motor to joint speeds, times `motor`.
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(motor, len(self.joints), "drives: torques") @ self.transmission
 
     @cached_property
@@ -159,7 +160,7 @@ class Drives:
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """The same drives, a `Drives`, with their joints and motors in the order of a mechanism's primary (independent)
+        """These drives, a `Drives`, with their joints and motors in the order of a mechanism's primary (independent)
         joints. Raises `InputError` unless the drives are of just these joints, by name."""
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
@@ -179,10 +180,11 @@ class Drives:
         )
 
     def on_joints(self) -> tuple[Drive, ...]:
-        """Drives (`Drive`) for a mechanism's description, one for each of r joints in the order of `joints`, with no
-        rotor or friction modelled yet. Each has in `turns_with` the names of the other joints that turn its motor, with
-        ratios (no unit): the motor's speed for a unit of that joint's speed, divided by that for a unit of its own
-        joint's. Raises `InputError` where one of these ratios is too large for a double-precision number."""
+        """Drives (`Drive`) for a mechanism's description, one for each of r joints in the order of this object's
+        `joints`, with no rotor or friction modelled. Each has in `turns_with` the names of the other joints that turn
+        its motor, with ratios (no unit): the motor's speed over that joint's speed, divided by the motor's speed over
+        its own joint's speed. Raises `InputError` where one of these ratios is too large for a double-precision
+        number."""
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]
@@ -192,9 +194,9 @@ class Drives:
 
 
 def read_drives(path: str | Path) -> Drives:
-    """The drives that a TOML file of the schema "adaptctl/drives/1" describes: joints, transmission, motors with their
-    columns in a log, units, and, if any, joint offsets and payloads. Raises `FileError`, naming the element, for a file
-    that cannot be read, is no drives file, or whose entries do not fit together."""
+    """The `Drives` that the TOML file `path` of the schema "adaptctl/drives/1" describes: joints, transmission, motors
+    with their columns in a log, units, and, if any, joint offsets and payloads. Raises `FileError`, naming the element,
+    for a file that cannot be read or is of another schema, and for entries that contradict each other."""
     content = read_toml(path, DrivesFile)
     try:
         return _checked(content)

@@ -25,15 +25,15 @@ OVERLAPPING = 10
 def by_energy(
     motions: Sequence[SmoothMotion], mechanism: Mechanism, window: float, columns: NDArray[np.int64]
 ) -> Array:
-    """The parameters (P,), SI units, of a mechanism by least squares on energy differences over windows of time: the
-    work of the joint torques in a window is the rise of the energy plus friction's losses, both linear in the P
-    parameters.
+    """The parameters (P,), SI units, of a `mechanism` by least squares on energy differences over windows of time. The
+    work of the joint torques in a window is the rise of the kinetic plus potential energy, plus friction's losses, both
+    linear in the P parameters.
 
-    `motions` are the smoothed motions of logs, `window` is the windows' length (s), `columns` (c,) are the indices,
-    among the mechanism's `parameter_names`, of the c parameters that are fitted; the others are zero. A motion shorter
-    than a window counts for nothing. No accelerations are needed. The scaled matrix of energy differences is factored
-    itself (singular values): normal equations would lose all digits. Raises `ValueError` without a motion, `InputError`
-    for motions of another number of joints, `SingularityError` near locked loops.
+    `motions` are the smoothed motions of logs, `window` is the windows' length (s), `columns` (c,) are the zero-based
+    indices, among the mechanism's `parameter_names`, of the c parameters that are fitted; the others are zero. A motion
+    shorter than a window is left out. No accelerations are needed. The scaled matrix of energy differences is factored
+    itself (singular values): normal equations would lose all digits. Raises `ValueError` for empty `motions`,
+    `InputError` for motions of another number of joints, `SingularityError` near a singularity of kinematic loops.
     """
     H, work = energy_rows(motions, mechanism, window)
     own = H[:, columns]
@@ -45,14 +45,15 @@ def by_energy(
 
 
 def energy_rows(motions: Sequence[SmoothMotion], mechanism: Mechanism, window: float) -> tuple[Array, Array]:
-    """Energy differences H (n, P), J per SI unit of each of a mechanism's P parameters (in the order of its
-    `parameter_names`), and the joint torques' work (n,), J, over n windows of time, so that H D = work for its
-    parameters D (P,). A friction parameter's column has the energy that this friction dissipates in the window.
+    """Energy differences H (n, P) of a `mechanism` over n windows of time, and the joint torques' work (n,), J, in
+    them, a pair, so that H D = work for its P parameters D (P,). H is in J per SI unit of each parameter, in the order
+    of the mechanism's `parameter_names`; a friction parameter's column has the energy that this friction dissipates in
+    the window.
 
     `motions` are the smoothed motions of logs, `window` is the windows' length (s); a new window begins about every
     tenth of it, in the order of time, one motion after the other. A motion shorter than a window has no rows. Raises
-    `ValueError` without a motion, `InputError` for motions of another number of joints, `SingularityError` near locked
-    loops.
+    `ValueError` for empty `motions`, `InputError` for motions of another number of joints, `SingularityError` near a
+    singularity of kinematic loops.
     """
     parts = [_of_motion(motion, mechanism, window) for motion in motions]
     return np.concatenate([H for H, _ in parts]), np.concatenate([work for _, work in parts])

@@ -37,15 +37,15 @@ RIDGE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class EntropicPrior:
-    """Entropic prior of a robot's parameters, as it is before any log is read: first guesses of N links, all that are
-    not massless in the mechanism's order, and rough sizes of parameters that must be positive, such as viscous and
-    Coulomb friction (Lee, Wensing and Park 2020).
+    """Entropic prior of a robot's parameters, as it is before any log is read (Lee, Wensing and Park 2020). It has
+    first guesses of N links, all that are not massless in the mechanism's order, and rough sizes of parameters that
+    must be positive, such as viscous and Coulomb friction.
 
     `tens` (N, 10) are the links' inertial parameters m (kg), mc_x, mc_y, mc_z (kg m), I_xx, I_xy, I_yy, I_xz, I_yz,
     I_zz (kg m^2), about the origins of their frames; in vectors x (P,) of all P parameters they are the first 10 N.
-    `positive` (c,) are the indices of the c other positive parameters, `scales` (c,), SI units, their rough sizes.
-    Raises `InputError` for a link whose pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is
-    not positive definite: no rigid body has its ten.
+    `positive` (c,) are the zero-based indices of the c other positive parameters, `scales` (c,), SI units, their rough
+    sizes. Raises `InputError` for a link whose pseudo-inertia (4, 4), the matrix of its second and first moments and
+    mass, is not positive definite: no rigid body has its ten parameters.
     """
 
     tens: Array
@@ -60,15 +60,15 @@ class EntropicPrior:
     @cached_property
     def inverses(self) -> Array:
         """Inverses (N, 4, 4) of the pseudo-inertias of the prior's N links. A link's pseudo-inertia is the positive
-        definite matrix [[S, mc], [mc', m]] of its second moments S (3, 3), kg m^2, first moments mc (3,), kg m, and
-        mass m, kg."""
+        definite matrix [[S, c], [c^T, m]] of its second moments S (3, 3), kg m^2, first moments c (3,), kg m, with c^T
+        their transpose, and mass m, kg. Nothing is raised."""
         return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
 
     def start(self, size: int) -> Array:
-        """The prior's own parameters (P,), first guesses in SI units, for `size` = P parameters: first the ten inertial
-        ones of each link (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), then, at the indices `positive`,
-        the rough sizes `scales` of other positive parameters, and zero elsewhere. Raises `ValueError` for a size too
-        small for the links, `IndexError` for one too small for the others."""
+        """The prior's own parameters (P,), SI units, for `size` = P parameters, from which a search can begin. First
+        come the ten inertial ones of each link (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz); other
+        positive parameters have their rough sizes (the prior's `scales`, at its indices `positive`), all others are
+        zero. Raises `ValueError` for a size too small for the links, `IndexError` for one too small for the others."""
         x = np.zeros(size)
         x[: self.tens.size] = self.tens.ravel()
         x[self.positive] = self.scales
@@ -76,10 +76,11 @@ class EntropicPrior:
 
     def divergence(self, x: Array, weight: float) -> float:
         """Divergence, without a unit, of P parameters `x` (P,), SI units (ten of each link first), from the prior
-        (first guesses), up to a constant: `weight` (unitless) times the sum over the links of tr(L0^-1 L) - log det L,
-        plus 0.01 times the sum of z - log z over the other positive parameters. L (4, 4) is a link's pseudo-inertia,
-        the matrix of its second and first moments and mass, by x, and L0 by the prior; z is a parameter divided by its
-        rough size in `scales`. Infinite where no rigid bodies have x, or a positive parameter is not positive."""
+        (first guesses), up to a constant. It is `weight` (unitless) times the sum over the links of tr(L0^-1 L) - log
+        det L, plus 0.01 times the sum of z - log z over the other positive parameters. L (4, 4) is a link's
+        pseudo-inertia, the matrix of its second and first moments and mass, by x, and L0 by the prior; z is a parameter
+        divided by its rough size in the prior's `scales`. Infinite where no rigid bodies have x, or a positive
+        parameter is not positive. Raises `ValueError` or `IndexError` where `x` is too short."""
         matrices = self._matrices(x)
         sign, determinants = np.linalg.slogdet(matrices)
         ratios = x[self.positive] / self.scales
@@ -90,19 +91,19 @@ class EntropicPrior:
 
     def distance(self, x: Array) -> float:
         """Divergence, without a unit, of the links in P parameters `x` (P,), SI units (ten of each link first), from
-        the prior's first guesses: the sum over the links of tr(L0^-1 L) - log det(L0^-1 L) - 4, with a link's
-        pseudo-inertia L (4, 4), the matrix of its second and first moments and mass, by x and L0 by the prior. It is 0
-        at the prior itself, and greater elsewhere; `x` must be of links that rigid bodies can have, which is not
+        the prior's first guesses of the links: the sum over the links of tr(L0^-1 L) - log det(L0^-1 L) - 4. L (4, 4)
+        is a link's pseudo-inertia, the matrix of its second and first moments and mass, by x, and L0 by the prior. It
+        is 0 at the prior itself, and greater elsewhere; `x` must be of links that rigid bodies can have, which is not
         checked."""
         _, logarithms = np.linalg.slogdet(self.inverses @ self._matrices(x))
         return float(np.sum(self.inverses * self._matrices(x)) - np.sum(logarithms) - 4 * len(self.tens))
 
     def gradient(self, x: Array, weight: float) -> Array:
-        """Gradient (P,), per SI unit of each parameter, of `divergence`, that of P parameters `x` (P,), SI units (ten
-        of each link first), from the prior (first guesses), with the same `weight` (unitless) of the links. Entries are
-        zero for parameters that are neither a link's nor among those of index `positive`. Raises NumPy's `LinAlgError`
-        where a link's pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is singular; other
-        impossible links are not refused."""
+        """Gradient (P,), per SI unit of each parameter, of the divergence of P parameters `x` (P,), SI units (ten of
+        each link first), from the prior (first guesses). The divergence is that of the method `divergence`, with the
+        same `weight` (unitless) of the links. Entries are zero for parameters that are neither a link's nor among the
+        prior's other positive ones. Raises NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4), the matrix of
+        its second and first moments and mass, is singular; other impossible links are not refused."""
         out = np.zeros_like(x)
         slopes = self.inverses - np.linalg.inv(self._matrices(x))
         out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNITS, slopes).ravel()
@@ -110,11 +111,12 @@ class EntropicPrior:
         return out
 
     def curvature(self, x: Array, weight: float) -> Array:
-        """Second derivatives (P, P), per SI units of two parameters, of `divergence`, that of P parameters `x` (P,), SI
-        units (ten of each link first), from the prior (first guesses), with the same `weight` (unitless) of the links:
-        a block (10, 10) for each link, diagonal entries for the other positive parameters, and zero elsewhere. Raises
-        NumPy's `LinAlgError` where a link's pseudo-inertia (4, 4), the matrix of its second and first moments and mass,
-        is singular; other impossible links are not refused."""
+        """Second derivatives (P, P), per SI units of two parameters, of the divergence of P parameters `x` (P,), SI
+        units (ten of each link first), from the prior (first guesses). The divergence is that of the method
+        `divergence`, with the same `weight` (unitless) of the links. There is a block (10, 10) for each link, a
+        diagonal entry for each other positive parameter, and zero elsewhere. Raises NumPy's `LinAlgError` where a
+        link's pseudo-inertia (4, 4), the matrix of its second and first moments and mass, is singular; other impossible
+        links are not refused."""
         inverse = np.linalg.inv(self._matrices(x))[:, None]
         bent = inverse @ UNITS @ inverse
         blocks = weight * np.einsum("naij,bij->nab", bent, UNITS)
@@ -129,16 +131,17 @@ class EntropicPrior:
 
 
 def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
-    """The P physically consistent parameters x (P,), SI units (ten of each link first), that minimise x' A x/2 - b' x
-    plus the divergence of x from a prior (first guesses): least squares with links that rigid bodies can have. The
+    """The P physically consistent parameters x (P,), SI units (ten of each link first), that minimise x^T A x/2 - b^T x
+    plus the divergence of x from a `prior` (first guesses): least squares with links that rigid bodies can have. The
     normal matrix A (P, P), per SI units of two parameters, and the moment b (P,), per SI unit of each, are of equations
-    divided by their standard deviations, without a unit.
+    divided by their standard deviations, without a unit; ^T is the transpose.
 
-    `weight` (unitless) is that of the prior's links in the divergence, `start` (P,), within what is possible, is where
-    the search begins, None for the prior's own parameters. Parameters without data, whose rows and columns of A are
-    zero, keep what the prior says, or zero. The search is Newton's, damped. Where the data outweigh the prior so far
-    that its steps become short, it begins again with a larger weight, which is brought down to the one asked for.
-    Raises `AdaptctlError` where that does not converge either, as for parameters scaled beyond reason.
+    `weight` (unitless) is that of the prior's links in the divergence, `start` (P,), of links that rigid bodies can
+    have, is where the search begins, None for the prior's own parameters. Parameters without data, whose rows and
+    columns of A are zero, keep what the prior says, or zero. The search is Newton's, damped. Where the data outweigh
+    the prior so far that it does not converge, it begins again with a larger weight, which is brought down to the one
+    asked for. Raises `AdaptctlError` where that does not converge either, as for parameters whose scales differ too
+    much.
     """
     begun = prior.start(len(b)) if start is None else start
     x, done = _newton(A, b, prior, weight, 1.0, begun)

@@ -34,12 +34,12 @@ CHUNK = 1500
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Rows of a robot's filtered equations of motion at n instants: torque = regressor D, with the robot's P parameters
-    D (P,) in SI units and the order of the mechanism's `parameter_names`, torques and regressor through one low-pass
-    filter of `cutoff` Hz.
+    D (P,) in SI units, in the order of the mechanism's `parameter_names`. Torques and regressor went through one
+    low-pass filter of `cutoff` Hz.
 
     `time` (n,) is in s, as in the logs; `regressor` (n, r, P) in N m (N for a prismatic joint) per SI unit of each
-    parameter; `torque` (n, r) the torques of r primary (independent) joints, N m (N); `velocity` (n, r) their filtered
-    velocities, rad/s (m/s); and `log` (n,) the number of the log, from 0, that each instant is of. `len` gives n.
+    parameter; `torque` (n, r) are the torques of r primary (independent) joints, N m (N); `velocity` (n, r) their
+    filtered velocities, rad/s (m/s); and `log` (n,) the zero-based index of the log of each instant. `len` gives n.
     Nothing is checked at construction.
     """
 
@@ -53,22 +53,22 @@ class Rows:
     velocity: Array
     """(n, r)"""
     log: NDArray[np.int64]
-    """(n,) which log they are of"""
+    """(n,) zero-based index of the log of each"""
 
     def __len__(self) -> int:
         return len(self.time)
 
     def chosen(self, which: NDArray[np.bool_]) -> Rows:
-        """The rows, a `Rows`, of those of the n instants where a mask `which` (n,) is true. Raises `IndexError` for a
+        """The rows, a `Rows`, of those of the n instants where a mask `which` (n,) is True. Raises `IndexError` for a
         mask of another length."""
         t, Y, torque, v = (part[which] for part in (self.time, self.regressor, self.torque, self.velocity))
         return Rows(self.cutoff, t, Y, torque, v, self.log[which])
 
     @classmethod
     def joined(cls, parts: Sequence[Rows]) -> Rows:
-        """The rows, a `Rows`, of several parts one after the other, with the first part's `cutoff`; that the others
-        have the same is not checked. Raises `IndexError` without a part, `ValueError` for parts of other joints or
-        parameters."""
+        """The rows, a `Rows`, of several `parts` one after the other, with the first part's `cutoff`; that the others
+        have the same is not checked. Raises `IndexError` where `parts` is empty, `ValueError` for parts of other joints
+        or parameters."""
         names = ("time", "regressor", "torque", "velocity", "log")
         return cls(parts[0].cutoff, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
@@ -78,10 +78,10 @@ class SmoothMotion:
     """Smoothed motion of one stretch of a log, at the rate at which its equations of motion are evaluated; its torques
     are those of the log, unfiltered.
 
-    `log` is the `PreparedLog` (evenly sampled) and `number` its number from 0. The motion has every `every`-th of the
-    log's samples, from the sample of index `first` on, m in all: `position` (m, r), rad (m for a prismatic joint), and
-    `velocity` (m, r), rad/s (m/s), of r primary (independent) joints, both through one low-pass filter of at most 50
-    Hz. Made by `SmoothMotion.of`; nothing is checked at construction.
+    `log` is the `PreparedLog` (evenly sampled) and `number` its zero-based index among several. The motion has every
+    `every`-th of the log's samples, from the sample of index `first` on, m in all: `position` (m, r), rad (m for a
+    prismatic joint), and `velocity` (m, r), rad/s (m/s), of r primary (independent) joints, both through one low-pass
+    filter of at most 50 Hz. Made by `SmoothMotion.of`; nothing is checked at construction.
     """
 
     log: PreparedLog
@@ -97,16 +97,16 @@ class SmoothMotion:
 
     @property
     def rate(self) -> float:
-        """Sampling rate of the smoothed motion, Hz: the log's rate divided by `every`, since the motion has every
+        """Sampling rate of the smoothed motion, Hz: the log's rate divided by the motion's `every`, for it has every
         `every`-th of the log's samples."""
         return self.log.rate / self.every
 
     @classmethod
     def of(cls, log: PreparedLog, number: int) -> SmoothMotion:
-        """The smoothed motion of a prepared log, the one of a `number` (from 0) among several: positions and velocities
-        through a low-pass filter of 50 Hz, or a fifth of the log's sampling rate if that is less. The motion's rate is
-        about ten times this cut-off, or the log's own where that is lower. Raises `InputError` for a log too short for
-        the filter."""
+        """The smoothed motion of a prepared `log`, whose zero-based index among several is `number`: positions and
+        velocities through a low-pass filter of 50 Hz, or a fifth of the log's sampling rate if that is less. The
+        motion's rate is about ten times this cut-off, or the log's own where that is lower. Raises `InputError` for a
+        log too short for the filter."""
         cutoff = min(MOTION_CUTOFF, 0.2 * log.rate)
         kernel = low_pass(cutoff, log.rate)
         rate_kernel = derivative(kernel, log.rate)
@@ -118,18 +118,18 @@ class SmoothMotion:
         return cls(log, number, every, len(rate_kernel) // 2, position, velocity)
 
     def acceleration(self) -> Array:
-        """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary (independent) joints at all of
-        the motion's m samples but the first two and the last two, from differences of the velocities. Raises
-        `InputError` for a motion of fewer than five samples."""
+        """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary (independent) joints, from
+        differences of the smoothed velocities. They are at the motion's m samples without the first two and the last
+        two. Raises `InputError` for a motion of fewer than five samples."""
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
         """Rows of filtered equations of motion, a list with one `Rows` for each of the low-pass filters' `cutoffs`
-        (Hz), in their order. Each has about four instants in a period of its cut-off, those at which the arm moves, and
-        regressors on all P parameters of a mechanism. Raises `InputError` where too few samples are left to filter and
-        for a mechanism whose file has linear relations between parameters that fix some at values other than zero,
-        `ValueError` without a cut-off or for one not below half the motion's rate, `SingularityError` near locked
-        loops."""
+        (Hz), in their order. Each has about four instants in a period of its cut-off, only those at which the arm
+        moves, and regressors on all P parameters of a `mechanism`. Raises `InputError` where too few samples are left
+        to filter and for a mechanism whose file has linear relations between parameters that fix some at values other
+        than zero, `ValueError` for empty `cutoffs` and for one not below half the motion's rate, `SingularityError`
+        near a singularity of kinematic loops."""
         filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
@@ -150,10 +150,10 @@ class SmoothMotion:
 
 @dataclass(frozen=True, eq=False)
 class RowFilter:
-    """Low-pass filter, of `cutoff` Hz, that makes rows of filtered equations of motion from a smoothed motion: `kernel`
-    (t,), t symmetric weights that sum to 1, `change` (t,), 1/s, the kernel of the filtered signal's time derivative,
-    and `every`, the number of the motion's samples from one row to the next. Made by `RowFilter.of`; nothing is checked
-    at construction."""
+    """Low-pass filter, of `cutoff` Hz, that makes rows of filtered equations of motion from a smoothed motion. `kernel`
+    (t,) has t symmetric weights that sum to 1; `change` (t,), 1/s, is the kernel of the filtered signal's time
+    derivative; and `every` is the stride of the rows in the motion's samples. Made by `RowFilter.of`; nothing is
+    checked at construction."""
 
     cutoff: float
     kernel: Array
@@ -163,29 +163,30 @@ class RowFilter:
 
     @property
     def taps(self) -> int:
-        """Length of the filter's kernel, in samples of the motion that it is for."""
+        """Length of the filter's kernel, in samples of the motion that the filter was made for."""
         return len(self.kernel)
 
     @classmethod
     def of(cls, motion: SmoothMotion, cutoff: float) -> RowFilter:
-        """The low-pass filter, a `RowFilter`, with a `cutoff` (Hz) for a smoothed motion: it makes about four rows in a
-        period of the cut-off, at most one for each of the motion's samples. Raises `ValueError` for a negative cut-off
-        or one not below half the motion's rate, `ZeroDivisionError` for 0."""
+        """The low-pass filter, a `RowFilter`, with a `cutoff` (Hz) for a smoothed `motion`. It makes about four rows in
+        a period of the cut-off, at most one for each of the motion's samples. Raises `ValueError` for a negative
+        cut-off or one not below half the motion's rate, `ZeroDivisionError` for 0."""
         kernel = low_pass(cutoff, motion.rate)
         every = max(1, int(motion.rate / (ROWS * cutoff)))
         return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), every)
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
         """The regressor (n, r, P), N m (N for a prismatic joint) per SI unit of each of P parameters, of n rows of
-        low-pass filtered equations of motion from a chunk of l samples of a motion, for r primary (independent) joints.
+        low-pass filtered equations of motion, from a chunk of l samples of a motion of r primary (independent) joints.
         It is `momentum` (l, r, P), the regressor of the generalised momenta, N m s (N s) per unit, through the
         derivative of the filter, minus `forces` (l, r, P), that of all other forces, friction among them, N m (N) per
         unit, through the filter.
 
-        `start` is the index in the motion of the chunk's first sample. A row is made for every `every`-th sample of the
-        motion, counted from its first, that is among the first `length` of the chunk; it takes `taps` samples from
-        there on, of which the middle one is its instant, so the chunk has up to `taps` - 1 more than `length`. n is 0
-        where the chunk is shorter than the filter.
+        `start` is the zero-based index in the motion of the chunk's first sample. A row is made for every `every`-th
+        sample of the motion (the filter's stride), counted from its first, that is among the first `length` of the
+        chunk. It takes `taps` samples (the kernel's length) from there on, of which the middle one is its instant, so
+        the chunk has up to `taps` - 1 more than `length`. n is 0 where the chunk is shorter than the filter. Nothing is
+        checked.
         """
         skipped = -start % self.every
         end = length + self.taps - 1
@@ -195,16 +196,17 @@ class RowFilter:
         return filtered(h, self.change, self.every) - filtered(f, self.kernel, self.every)
 
     def signal(self, values: Array) -> Array:
-        """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter: (n, ...) in its own unit,
-        at all n rows that the filter makes of the motion, n = ceil((m - `taps` + 1)/`every`). Raises `InputError` for a
-        signal shorter than the filter (`taps`)."""
+        """A motion's signal, `values` (m, ...) at its m samples, through the low-pass filter: an array (n, ...) in its
+        own unit, at all n rows that the filter makes of the motion. n is (m - t + 1) divided by the filter's stride
+        `every` and rounded up, t being the kernel's length, its property `taps`. Raises `InputError` for a signal
+        shorter than the kernel."""
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
-        """Rows of low-pass filtered equations of motion, a `Rows`, at those instants of a filtered `regressor` (n, r,
-        P) at which the arm moves: with the torques, filtered alike at the log's own rate, and the motion's filtered
-        velocities. The regressor, N m (N for a prismatic one) of r joints per SI unit of each of P parameters, is that
-        of all of the motion's n rows."""
+        """Rows of low-pass filtered equations of motion, a `Rows`, made of a filtered `regressor` (n, r, P) at those of
+        its n instants at which the arm moves, with the torques, filtered alike at the log's own rate, and the filtered
+        velocities of the `motion`. The regressor, N m (N for a prismatic joint) of r joints per SI unit of each of P
+        parameters, is that of all n rows that the filter makes of the motion. Nothing is checked."""
         log, n = motion.log, len(regressor)
         at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)
@@ -213,8 +215,9 @@ class RowFilter:
         return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number).chosen(self.moving(motion))
 
     def moving(self, motion: SmoothMotion) -> NDArray[np.bool_]:
-        """Mask (n,) of the n rows of low-pass filtered equations of motion that the filter makes of a motion: true
-        where the arm moves at the row's instant and at both ends of the filter's kernel around it."""
+        """Mask (n,) of the n rows of low-pass filtered equations of motion that the filter makes of a `motion`: True
+        where the arm moves at the row's instant and at both ends of the filter's kernel around it. Empty for a motion
+        shorter than the kernel. Nothing is checked."""
         at = self._centers(motion, len(range(0, len(motion.position) - self.taps + 1, self.every)))
         around, moving = motion.every * (self.taps // 2), motion.log.moving
         return np.asarray(moving[at - around] & moving[at] & moving[at + around])
@@ -226,15 +229,16 @@ class RowFilter:
 
 def rows_of(motions: Sequence[SmoothMotion], mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
     """Rows of filtered equations of several logs, a list with one `Rows` for each of the low-pass filters' `cutoffs`
-    (Hz): those of all smoothed `motions`, one log after the other, with regressors on all parameters of a mechanism.
-    Empty without a motion. Raises `InputError` where a motion is too short to filter and for a mechanism whose file has
-    linear relations between parameters that fix some at values other than zero, `ValueError` without a cut-off or for
-    one not below half a motion's rate, `SingularityError` near locked loops."""
+    (Hz). Each has the rows of all smoothed `motions`, one log after the other, with regressors on all parameters of a
+    `mechanism`. The list is empty where `motions` is. Raises `InputError` where a motion is too short to filter and for
+    a mechanism whose file has linear relations between parameters that fix some at values other than zero, `ValueError`
+    for empty `cutoffs` and for one not below half a motion's rate, `SingularityError` near a singularity of kinematic
+    loops."""
     each = [motion.rows(mechanism, cutoffs) for motion in motions]
     return [Rows.joined(parts) for parts in zip(*each, strict=True)]
 
 
 def motions_of(logs: Sequence[PreparedLog]) -> Iterator[SmoothMotion]:
-    """An iterator of the smoothed motions, one `SmoothMotion` for each of several prepared logs, numbered from 0 in
-    their order. The iterator raises `InputError` at a log too short to be filtered."""
+    """An iterator of smoothed motions, one `SmoothMotion` for each of several prepared `logs`, numbered from 0 in their
+    order. The iterator raises `InputError` at a log too short to be filtered."""
     return (SmoothMotion.of(log, number) for number, log in enumerate(logs))

@@ -17,30 +17,30 @@ AROUND = len(DIFFERENCE) // 2
 
 
 def low_pass(cutoff: float, rate: float) -> Array:
-    """The kernel (t,) of a low-pass filter without phase lag: t = 2 round(rate/cutoff) + 1 symmetric weights that sum
-    to 1 and halve the amplitude of a sine of `cutoff` Hz in a signal sampled at `rate` Hz. Raises `ValueError` for a
-    cut-off below zero or not below half the rate, `ZeroDivisionError` for 0."""
+    """The kernel (t,) of a low-pass filter without phase lag: symmetric weights that sum to 1, for a signal sampled at
+    `rate` Hz. It halves the amplitude of a sine of `cutoff` Hz; t is 2 round(rate/cutoff) + 1. Raises `ValueError` for
+    a cut-off below zero or not below half the rate, `ZeroDivisionError` for 0."""
     taps = 2 * round(0.5 * WIDTH * rate / cutoff) + 1
     return np.asarray(firwin(taps, cutoff, window=("kaiser", 5.0), fs=rate))
 
 
 def padded(kernel: Array) -> Array:
-    """A kernel (t + 4,): the t weights of a filter's kernel (t,) with two zeros before and after, so that it is as long
-    as that of `derivative`."""
+    """The `kernel` (t,) of a filter with two zeros before and two after its weights (t + 4,), so that it is as long as
+    that of `derivative`. Nothing is checked."""
     return np.pad(kernel, AROUND)
 
 
 def derivative(kernel: Array, rate: float) -> Array:
-    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by a kernel (t,) of t weights, by
-    central differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as
-    those of `padded(kernel)`, which filters the signal itself."""
+    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by `kernel` (t,), by central
+    differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as those
+    of `padded(kernel)`, which filters the signal itself. Nothing is checked."""
     return np.convolve(kernel, DIFFERENCE) * rate
 
 
 def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
-    """A signal (n, ...), convolved along its first axis with a filter's kernel (t,), in the signal's unit times the
-    kernel's: an array (m, ...) of the values at which the kernel lies wholly within the signal, n - t + 1 in all, or
-    only every `every`-th of them (1 by default), beginning with the first; m = ceil((n - t + 1)/every).
+    """The convolution (m, ...) of a `signal` (n, ...), along its first axis, with a filter's `kernel` (t,), in the
+    signal's unit times the kernel's. It has the values at which the kernel lies wholly within the signal, n - t + 1 in
+    all, or only every `every`-th of them (1 by default), beginning with the first; m is (n - t + 1)/every, rounded up.
 
     Nothing is assumed of the signal beyond its ends, so there is no transient. Raises `InputError` for a signal that is
     shorter than the kernel.

@@ -41,15 +41,15 @@ class Fit:
 
     `x` (P + r,), SI units, are the P parameters of the mechanism with all kinds of friction, in the order of its
     `parameter_names`, zero for those that the friction model does not have, then, for each of r primary (independent)
-    joints, the share (unitless) of its torque without friction that load-dependent friction makes. `deviations` (r,)
-    are the standard deviations of the joints' torque residuals, N m (N for a prismatic joint). `curvature` (P + r, P +
-    r), per SI units of two parameters, is the normal matrix Y' W Y of the equations torque = Y x, in which W divides
-    each joint's by the square of its deviation; it is zero for parameters that the friction model does not have. Made
-    by `LogEvidence.fit`; nothing is checked at construction.
+    joints, the coefficient (unitless) of load-dependent friction, its torque over that of the joint without friction.
+    `deviations` (r,) are the standard deviations of the joints' torque residuals, N m (N for a prismatic joint).
+    `curvature` (P + r, P + r), per SI units of two parameters, is the normal matrix Y^T W Y of the equations torque = Y
+    x, with the transpose Y^T, in which W divides each joint's by the square of its deviation; it is zero for parameters
+    that the friction model does not have. Made by `LogEvidence.fit`; nothing is checked at construction.
     """
 
     x: Array
-    """(P + r,): the mechanism's, then load-dependent friction's shares"""
+    """(P + r,): the mechanism's, then the coefficients of load-dependent friction"""
     deviations: Array
     """(r,) N m, of the joints' residuals"""
     curvature: Array
@@ -65,8 +65,8 @@ class LogEvidence:
     `mechanism` is the robot with every kind of friction, P parameters and r primary (independent) joints; `basis` are
     its fundamental (base) parameters, `drives` its transmission, and `prior` its parameters before the logs. `motions`
     are the logs' smoothed motions, `rows` the `Rows` (equations) by cut-off (Hz), and `edges` the beginning of each
-    block: the number of its log, from 0, and a time (s). `kept` holds, by cut-off, masks of those of the motions' rows
-    that belong to the evidence, None where all do. Methods raise `KeyError` for a cut-off that it does not have.
+    block: the zero-based index of its log, and a time (s). `kept` holds, by cut-off, masks of those of the motions'
+    rows that belong to the evidence, None where all do. Methods raise `KeyError` for a cut-off that it does not have.
     Nothing is checked at construction.
     """
 
@@ -82,9 +82,9 @@ class LogEvidence:
     """which of the motions' rows these are, where not all"""
 
     def part(self, blocks: Sequence[int]) -> LogEvidence:
-        """The evidence (rows of filtered equations of motion), a `LogEvidence`, of some of the blocks of time alone,
-        given by their numbers from 0, rising, which is not checked. Raises `IndexError` for a block that there is
-        not."""
+        """The evidence (rows of filtered equations of motion), a `LogEvidence`, of some `blocks` of time alone, given
+        by their zero-based indices, which must rise; that is not checked. Raises `IndexError` for a block that does not
+        exist."""
         here = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
         rows = {cutoff: rows.chosen(here[cutoff]) for cutoff, rows in self.rows.items()}
         kept = {cutoff: self._among_the_motions(cutoff, own) for cutoff, own in here.items()}
@@ -109,25 +109,26 @@ class LogEvidence:
 
     @property
     def blocks(self) -> int:
-        """Number B of the blocks of time that the evidence, rows of filtered equations of motion, is grouped in."""
+        """Number of the blocks of time that the evidence, rows of filtered equations of motion, is grouped in."""
         return len(self.edges)
 
     def load(self, cutoff: float, x: Array) -> Array:
         """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in the n rows of low-pass
-        filtered equations of motion at a `cutoff` (Hz): the torques of r joints (second axis) by the friction of each
-        of r drives (third axis) for a share of 1, that is, as large as the rigid torque (the torque without friction)
-        at the drive's joint. The rigid torques are those of the mechanism's P parameters, SI units, the first P of `x`.
-        Raises `InputError` for parameters that no mechanism may have (not finite, above 1e20, or a rotor's inertia
-        below zero)."""
+        filtered equations of motion at a `cutoff` (Hz). They are the torques of r joints (second axis) by the friction
+        of each of r drives (third axis) for a coefficient of 1, that is, as large as the rigid torque (the torque
+        without friction) at the drive's joint. The rigid torques are those of the mechanism's P parameters, SI units,
+        the first P of `x`. Raises `InputError` for parameters that no mechanism may have (not finite, above 1e20, or a
+        rotor's inertia below zero)."""
         columns = load_columns(self.motions, self.mechanism, x, cutoff, self.drives)
         return columns if self.kept is None else columns[self.kept[cutoff]]
 
     def equations(self, cutoff: float, blocks: Sequence[int], load: Array | None = None) -> NormalEquations:
-        """Normal equations, a `NormalEquations` of one block, of the rows at a `cutoff` (Hz) in some of the blocks of
-        time (numbers from 0), summed, on P + r parameters: the mechanism's P, and the r shares of load-dependent
-        friction (of the joints' torques without friction). `load` (n, r, r), N m (N), is the regressor on these shares
-        in all n rows at the cut-off, as `load_from` gives it; None for zeros. Raises `KeyError` for a cut-off that the
-        evidence does not have, `IndexError` for a block that there is not."""
+        """Normal equations, a `NormalEquations` of one block, of the rows at a `cutoff` (Hz) in some `blocks` of time
+        (zero-based indices), summed. They are on P + r parameters: the mechanism's P, and the r coefficients of
+        load-dependent friction (its torque over that of the joint without friction). `load` (n, r, r), N m (N if
+        prismatic), is the regressor on these coefficients in all n rows at the cut-off, as the method `load_from` gives
+        it; None for zeros. Raises `KeyError` for a cut-off that the evidence does not have, `IndexError` for a block
+        that does not exist."""
         plain = self._plain[cutoff].over(blocks)
         if load is None:
             return plain.with_blank_columns(self.mechanism.dof)
@@ -135,24 +136,25 @@ class LogEvidence:
         return plain.with_columns(self.rows[cutoff].chosen(here), load[here])
 
     def mask(self, friction: FrictionModel) -> Array:
-        """Mask (P + r,) of zeros and ones: 1 for those of the mechanism's P parameters and r shares of load-dependent
-        friction (of the joints' torques without friction) that a friction model has. Links' parameters and rotor
-        inertias always have 1."""
+        """Mask (P + r,) of zeros and ones: 1 for those of the mechanism's P parameters and r coefficients of
+        load-dependent friction (its torque over that of the joint without friction) that a friction model has. Links'
+        parameters and rotor inertias always have 1. Nothing is raised."""
         return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
 
     def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
-        """Indices (c,) of c of the mechanism's P parameters and the r shares of load-dependent friction (of the joints'
-        torques without friction), those that least squares is solved for: first the fundamental (base) parameters,
-        which the motion can tell apart, then those of a friction model."""
+        """Zero-based indices (c,) of the parameters that least squares is solved for, among the mechanism's P
+        parameters and the r coefficients of load-dependent friction (its torque over that of the joint without
+        friction). First come the fundamental (base) parameters, which the motion can tell apart, then those of the
+        `friction` model. Nothing is raised."""
         energetic = self.mechanism.energetic
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
 
     def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
-        """The fit, a `Fit`, of physically consistent parameters with some settings to the equations in some of the
-        blocks of time (numbers from 0). The search begins where the last one on the same blocks ended. Raises
-        `KeyError` for a cut-off that the evidence does not have, `IndexError` for a block that there is not,
-        `AdaptctlError` where the search does not converge."""
+        """The fit, a `Fit`, of physically consistent parameters with some `settings` to the equations in some `blocks`
+        of time (zero-based indices). The search begins where the last one on the same blocks ended. Raises `KeyError`
+        for a cut-off that the evidence does not have, `IndexError` for a block that does not exist, `AdaptctlError`
+        where the search does not converge."""
         load, key = self.load_from(settings, blocks), tuple(blocks)
         found = self.fitted(self.equations(settings.cutoff, blocks, load), settings, self._ends.get(key))
         self._ends[key] = found.x
@@ -164,11 +166,12 @@ class LogEvidence:
 
     def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
         """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in all n rows of low-pass
-        filtered equations of motion at a `cutoff` (Hz; None for the settings' own): the torques of r joints (second
-        axis) by the friction of each of r drives (third axis) for a share of 1, that is, as large as the rigid torque
-        (the torque without friction) at the drive's joint. None where the settings' friction model has no such
-        friction. The rigid torques are those of a fit without it to some of the blocks of time (numbers from 0). Raises
-        `KeyError` for a cut-off that the evidence does not have, `AdaptctlError` where that fit is not found."""
+        filtered equations of motion at a `cutoff` (Hz; None for the settings' own), or None where the friction model of
+        the `settings` has no such friction. They are the torques of r joints (second axis) by the friction of each of r
+        drives (third axis) for a coefficient of 1, that is, as large as the rigid torque (the torque without friction)
+        at the drive's joint. The rigid torques are those of a fit without it to some `blocks` of time (zero-based
+        indices). Raises `KeyError` for a cut-off that the evidence does not have, `AdaptctlError` where that fit is not
+        found."""
         if not settings.friction.load:
             return None
         at = settings.cutoff if cutoff is None else cutoff
@@ -194,12 +197,12 @@ class LogEvidence:
         return {}
 
     def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
-        """The fit, a `Fit`, of physically consistent parameters to normal `equations` on P + r parameters, the
-        mechanism's P and r shares of load-dependent friction (of the joints' torques without friction), with the
-        friction model and weight of the `settings`. Sums over the equations' blocks of time are taken; each joint's
-        equations are divided by the standard deviation of its torque residuals in weighted least squares. `start` (P +
-        r,), SI units, is where the search begins, None for the prior. Raises `AdaptctlError` where the search does not
-        converge, `ValueError` for equations without a row."""
+        """The fit, a `Fit`, of physically consistent parameters to normal `equations`, with the friction model and
+        weight of the `settings`. The parameters are P + r, the mechanism's P and r coefficients of load-dependent
+        friction (its torque over that of the joint without friction). Sums over the equations' blocks of time are
+        taken; each joint's equations are divided by the standard deviation of its torque residuals in weighted least
+        squares. `start` (P + r,), SI units, is where the search begins, None for the prior. Raises `AdaptctlError`
+        where the search does not converge, `ValueError` for equations of no instants."""
         mask = self.mask(settings.friction)
         _, deviations = weighted_least_squares(equations, self.independent(settings.friction))
         A, b = equations.whitened(deviations)
@@ -209,10 +212,10 @@ class LogEvidence:
         return Fit(x, deviations, A, settings)
 
     def prior_of(self, friction: FrictionModel) -> EntropicPrior:
-        """The prior (first guesses of links, rough sizes of positive parameters), an `EntropicPrior`, of the parameters
-        that a friction model has: the evidence's own, from which the friction terms that the model lacks are removed.
-        Where the model has load-dependent friction, its r shares (of the joints' torques without friction) are added as
-        positive parameters of rough size 0.1."""
+        """The prior, an `EntropicPrior` (first guesses of links, rough sizes of positive parameters), of the parameters
+        that a `friction` model has: the evidence's own, without the friction terms that the model lacks. Where the
+        model has load-dependent friction, its r coefficients (its torque over that of the joint without friction) are
+        added as positive parameters of rough size 0.1. Nothing is raised."""
         r, P = self.mechanism.dof, len(self.mechanism.parameter_names)
         kept = self.mask(friction)[self.prior.positive] > 0.0
         loads = np.arange(P, P + r) if friction.load else np.arange(0)
@@ -221,11 +224,10 @@ class LogEvidence:
         return EntropicPrior(self.prior.tens, positive, scales)
 
     def ordinary(self, friction: FrictionModel, cutoff: float, blocks: Sequence[int]) -> Array:
-        """Parameters (P + r,), SI units, P of the mechanism and r shares of load-dependent friction (of the joints'
-        torques without friction), by weighted least squares with a friction model on some of the blocks of time
-        (numbers from 0), at a `cutoff` (Hz), without a prior: links need not be physically consistent, and the shares
-        are zero. Raises `KeyError` for a cut-off that the evidence does not have, `IndexError` for a block that there
-        is not."""
+        """Parameters (P + r,), SI units, by weighted least squares with a `friction` model on some `blocks` of time
+        (zero-based indices), at a `cutoff` (Hz), without a prior: links need not be physically consistent. They are P
+        of the mechanism and r coefficients of load-dependent friction, which are zero. Raises `KeyError` for a cut-off
+        that the evidence does not have, `IndexError` for a block that does not exist."""
         return weighted_least_squares(self.equations(cutoff, blocks), self.independent(friction))[0]
 
 
@@ -237,11 +239,11 @@ def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
 
 
 def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
-    """Indices (c,), rising, among a mechanism's parameters (in the order of its `parameter_names`), of the c parameters
-    of drives that must be positive (rotor inertias, viscous and Coulomb friction), and their rough sizes (c,), SI
-    units. The size of a rotor inertia is a tenth of the mean moment of inertia, at least 1e-6 kg m^2, of the N links,
-    all that are not massless, whose ten inertial parameters each, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
-    I_zz in SI units, are `tens` (N, 10); the other sizes are 1."""
+    """Zero-based indices (c,), rising, among a mechanism's parameters (in the order of its `parameter_names`), of the c
+    parameters of drives that must be positive (rotor inertias, viscous and Coulomb friction), and their rough sizes
+    (c,), SI units, a pair. The size of a rotor inertia is a tenth of the links' mean moment of inertia, at least 1e-6
+    kg m^2; other sizes are 1. `tens` (N, 10) are the ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+    I_xz, I_yz, I_zz in SI units, of the N links that are not massless. Nothing is checked."""
     first = 10 * len(mechanism.description.bodies)
     drives = mechanism.description.drive_parameters
     own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]

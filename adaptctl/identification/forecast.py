@@ -29,15 +29,15 @@ class Forecast:
     (base) parameters from one motion.
 
     `model` is the reduced model on these parameters, and `deviations` (k,), SI units, are in its order. `condition`,
-    without a unit, is the condition number of the torque regressor along the motion, each joint's rows divided by its
-    expected residual and columns scaled to one length. `combinations` are k directions of the parameters in words, each
-    with its `strength`, without a unit (the plausible range along it over the deviation), the least excited first. Made
-    by `forecast`; nothing is checked at construction.
+    without a unit, is the condition number (ratio of the largest to the smallest singular value) of the torque
+    regressor along the motion, each joint's rows divided by its expected residual and each column scaled to length 1.
+    `combinations` are k directions of the parameters in words, each with its `strength`, without a unit (the plausible
+    range along it over the deviation), the least excited first. Made by `forecast`; nothing is checked at construction.
     """
 
     model: ReducedModel
     condition: float
-    """of the regressor, its columns scaled to one length"""
+    """condition number of the regressor, its columns scaled to one length"""
     deviations: Array
     """(k,)"""
     combinations: tuple[Combination, ...]
@@ -46,20 +46,21 @@ class Forecast:
     @property
     def relative(self) -> Array:
         """Relative standard deviations (k,), without a unit, of the k fundamental (base) parameters:
-        deviation/|parameter|, with the parameters as the robot's file has them; infinite where a parameter is 0."""
+        deviation/|parameter|, with the parameters' values in the robot's file; infinite where a parameter is 0 (NaN
+        where its deviation is 0 too)."""
         with np.errstate(divide="ignore"):
             return np.asarray(self.deviations / np.abs(self.model.fundamental_parameters))
 
 
 def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None = None) -> Forecast:
-    """The forecast, a `Forecast`, of the standard deviations of a mechanism's fundamental (base) parameters that least
-    squares finds from a motion, sampled at 50 Hz.
+    """The forecast, a `Forecast`, of the standard deviations that least squares on a `motion`, sampled at 50 Hz, will
+    leave of a mechanism's fundamental (base) parameters.
 
     `noise` is the standard deviation of the torque residuals, N m (N for a prismatic joint), above zero: one number for
     all of r joints, or (r,). By default (None) it is 2 % of the largest torque on the motion, of each joint by itself;
     a joint whose largest torque is below 1 % of the largest of all joints counts with that 1 %. Raises `InputError` for
     noise of another shape or not positive and finite, `RankError` where the number of identifiable parameters cannot be
-    certified, `SingularityError` near locked loops.
+    certified, `SingularityError` near a singularity of kinematic loops.
     """
     given = None if noise is None else positive_per_joint(noise, mechanism.dof, "noise")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))

@@ -23,12 +23,13 @@ OFFSETS = ((), (DriveParameter.OFFSET,))
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """Friction model of a robot's drives: `kinds`, the terms of `Drive` that are modelled (viscous and Coulomb by
-    default), and `load`, whether friction grows with the load besides (False by default).
+    """Friction model of a robot's drives: `kinds`, the friction terms of `Drive` that are modelled (viscous and Coulomb
+    by default), and `load`, True where load-dependent friction is modelled too (False by default).
 
-    Load-dependent friction is a torque mu |rigid torque| sign(s) of each drive, with a share mu (unitless) and the
-    shaft's speed s (Hamon, Gautier and Garrec 2010). It is linear in mu once the rigid torques are known, so it is
-    found in a second round; a `Mechanism` cannot have it. Nothing is checked at construction.
+    Load-dependent friction is a torque mu |rigid torque| sign(s) of each drive, with a coefficient mu (unitless), the
+    rigid torque that the joint takes without friction, and the shaft's speed s (Hamon, Gautier and Garrec 2010). It is
+    linear in mu once the rigid torques are known, so it is found in a second round; a `Mechanism` cannot have it.
+    Nothing is checked at construction.
     """
 
     kinds: tuple[DriveParameter, ...] = ALWAYS
@@ -36,8 +37,8 @@ class FrictionModel:
 
     @property
     def words(self) -> str:
-        """Names of the friction model's terms, separated by commas, such as "viscous, coulomb, load"; empty for
-        none."""
+        """Names of the friction model's terms, separated by commas, such as "viscous, coulomb, load"; an empty text
+        where it has no terms."""
         return ", ".join([*(kind.value for kind in self.kinds), *(["load"] if self.load else [])])
 
     @classmethod
@@ -53,9 +54,9 @@ class FrictionModel:
         return cls(kinds, "load" in names)
 
     def columns(self, mechanism: Mechanism) -> Array:
-        """Mask (P,) of zeros and ones over the P parameters of a mechanism with all kinds of friction, in the order of
-        its `parameter_names`: 1 for the links' parameters, rotor inertias and the model's terms of friction, 0 for
-        other terms."""
+        """Mask (P,) of zeros and ones over the P parameters of a `mechanism` with all kinds of friction, in the order
+        of its `parameter_names`: 1 for the links' parameters, rotor inertias and the model's friction terms, 0 for
+        other terms. Nothing is raised."""
         drives = mechanism.description.drive_parameters
         kept = [float(kind in (*self.kinds, DriveParameter.ROTOR_INERTIA)) for _, kind in drives]
         return np.concatenate([np.ones(len(mechanism.parameter_names) - len(drives)), np.array(kept)])
@@ -65,10 +66,10 @@ CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES
 
 
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
-    """The mechanism, a `Mechanism` without constraints on parameters, with a rotor and every kind of friction in the
-    drive of each primary (independent) joint, all zero, and the drives coupled with other joints as `drives`
-    (transmission) has them. Other joints keep their drives. Raises `InputError` for drives that turn with joints
-    unknown to the mechanism, or in ratios too large for numbers."""
+    """A copy of the `mechanism`, without constraints on parameters, with a rotor and every kind of friction in the
+    drive of each primary (independent) joint, all zero, and the drives coupled with other joints by the transmission of
+    `drives`. Other joints keep their drives. Raises `InputError` for drives that turn with joints unknown to the
+    mechanism, or in ratios that overflow."""
     terms = dict.fromkeys(DriveParameter, 0.0)
     own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.on_joints(), strict=True)}
     each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]
@@ -79,14 +80,14 @@ def load_columns(
     motions: Sequence[SmoothMotion], mechanism: Mechanism, x: Array, cutoff: float, drives: Drives
 ) -> Array:
     """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in the n rows of filtered equations
-    that a low-pass filter of `cutoff` Hz makes of smoothed motions: the torques of r joints (second axis) by the
-    friction of each drive (third axis) for a share of 1, that is, as large as the rigid torque (the torque without
-    friction) at the drive's joint.
+    that a low-pass filter of `cutoff` Hz makes of smoothed `motions`. They are the torques of r joints (second axis) by
+    the friction of each drive (third axis) for a coefficient of 1, that is, as large as the rigid torque (the torque
+    without friction) at the drive's joint.
 
     `mechanism` has all kinds of friction and `x` its P parameters, SI units (more are ignored); n is the number of
     instants at which the arm moves. `drives` is the transmission, which couples drives with joints. Raises `InputError`
     for parameters that no mechanism may have (not finite, above 1e20, or a rotor's inertia below zero) and motions
-    shorter than the filter, `ValueError` without a motion or for a cut-off not below half its rate.
+    shorter than the filter, `ValueError` for empty `motions` and for a cut-off not below half their rate.
     """
     rigid = mechanism.with_parameters(np.where(_friction(mechanism), 0.0, x[: len(mechanism.parameter_names)]))
     parts = []

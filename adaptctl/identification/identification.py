@@ -23,14 +23,15 @@ class Identification:
     """Result of an identification: a robot's k fundamental (base) parameters as its logs show them, with their standard
     deviations and a validation.
 
-    `mechanism` has the identified parameters, physically consistent links, and drives coupled as they are; `model` is
-    its reduced model on the fundamental parameters. `deviations` (k,), SI units, in the order of `names`, are standard
-    deviations by the block jackknife and what the prior (first guess of the links) leaves open, `nominal_deviations`
-    (k,), likewise, as if torque residuals were white (uncorrelated). `load` (r,), without a unit, is load-dependent
-    friction's share of the rigid torque of each of r drives, zero where it was not chosen. `validation` compares
-    torques on rows (filtered equations) that the fit which it judges has not seen, `alternatives` are simpler models'
-    validations on the same rows, by name; `choice` is the choice of the fit's settings (friction, low-pass cut-off,
-    prior's weight), `steps` are those of the logs' preparation and `remarks` texts on logs and prior.
+    `mechanism` has the identified parameters, physically consistent links, and drives coupled as in the robot's
+    transmission; `model` is its reduced model on the fundamental parameters. `deviations` (k,), SI units, in the order
+    of `names`, are standard deviations by the block jackknife and what the prior (first guess of the links) leaves
+    open, `nominal_deviations` (k,), likewise, as if torque residuals were white (uncorrelated). `load` (r,), without a
+    unit, are the coefficients of load-dependent friction of r drives, its torque over the rigid torque (without
+    friction), zero where it was not chosen. `validation` compares torques on rows (filtered equations) that the fit
+    which it judges has not seen, `alternatives` are simpler models' validations on the same rows, by name; `choice` is
+    the choice of the fit's settings (friction, low-pass cut-off, prior's weight), `steps` are those of the logs'
+    preparation and `remarks` texts on logs and prior.
 
     `misfit_ratio`, without a unit, is the ratio of the root mean square of the fitted rows' torque residuals, each
     divided by its joint's standard deviation, to that of plain least squares. `space` is the essential space
@@ -42,7 +43,7 @@ class Identification:
     """
 
     mechanism: Mechanism
-    """with the identified parameters, its links ones that bodies can have, and its drives coupled as they are"""
+    """with the identified parameters, its links ones that bodies can have, its drives coupled by the transmission"""
     model: ReducedModel
     """of that mechanism, on its fundamental parameters"""
     deviations: Array
@@ -50,7 +51,7 @@ class Identification:
     nominal_deviations: Array
     """(k,) as if residuals were white"""
     load: Array
-    """(r,) shares of load-dependent friction, which mechanisms do not have; zero where it was not chosen"""
+    """(r,) coefficients of load-dependent friction, which mechanisms do not have; zero where it was not chosen"""
     validation: Validation
     alternatives: dict[str, Validation]
     """simpler models on the same rows"""
@@ -62,7 +63,7 @@ class Identification:
     space: EssentialSpace
     """with the logs' motion as its states"""
     components: int
-    """how many essential components carry the logs' energy to a percent"""
+    """number of essential components that give the logs' energy to an error of 1 %"""
     combinations: tuple[Combination, ...]
     """of fundamental parameters, the least excited first"""
     motions: tuple[SmoothMotion, ...]
@@ -70,14 +71,14 @@ class Identification:
 
     @property
     def estimate(self) -> Array:
-        """The k identified fundamental (base) parameters (k,), SI units, in the order of `names`: a first estimate for
-        an adaptive controller."""
+        """The identified fundamental (base) parameters (k,), SI units, in the order of the property `names`: an initial
+        estimate for an adaptive controller."""
         return self.model.fundamental_parameters
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names, k of them, of the identified fundamental (base) parameters, such as ``link2.mc_x``, in the order of
-        `estimate`."""
+        the property `estimate`."""
         return self.model.names
 
     @property
@@ -89,25 +90,26 @@ class Identification:
 
     @cached_property
     def prior_ranges(self) -> Array:
-        """Prior ranges (k,) of the k identified fundamental (base) parameters for an adaptive controller, SI units, the
-        greatest distances of the truth expected from the estimate: two standard deviations, and at least a twentieth of
-        the estimate's size."""
+        """Prior ranges (k,) of the k identified fundamental (base) parameters for an adaptive controller, SI units: the
+        greatest expected distances of the true values from the estimate. Each is two standard deviations, and at least
+        a twentieth of the estimate's magnitude."""
         return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
 
     def adaptation_gain(self, rate: float = 0.6) -> Array:
-        """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental (base) parameters, as in
-        d(estimate)/dt = -Gamma Y' s with the transpose Y' of the torque regressor Y (r, k) and the velocity error s
-        (r,) of r joints, in units of the parameters squared per J: `rate` (1/J, 0.6 by default, larger adapts faster)
-        times the square of each parameter's prior range (`prior_ranges`), where one below 1e-9 times the greatest of
-        these numbers is taken as that. Raises `InputError` for a rate that is not positive and finite."""
+        """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental (base) parameters, in units of
+        the parameters squared per J. Gamma is that of d(estimate)/dt = -Gamma Y^T s, with the torque regressor Y (r,
+        k), its transpose Y^T, and the sliding variable s (r,) of r joints. An entry is `rate` (1/J, 0.6 by default;
+        larger adapts faster) times the square of the parameter's prior range, this object's `prior_ranges`, or of 1e-9
+        times the greatest of these where the range is smaller. Raises `InputError` for a rate that is not positive and
+        finite."""
         rate = positive_number(rate, "adaptation gain: rate: expected a positive number")
         return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
     @property
     def unexcited(self) -> list[Combination]:
         """Combinations of the fundamental (base) parameters that the logs hardly excite, a list of `Combination`, the
-        least excited first: those with a `strength` below 3 times `inflation`, the ratio of the standard deviations to
-        those for white (uncorrelated) residuals. `strength`, without a unit, is the ratio of the plausible range before
-        the logs, by kind of parameter (`PriorRanges`), to the standard deviation after them for white residuals;
-        `words` describes the combination."""
+        least excited first. They are those with a `strength` below 3 times `inflation`, the property that is the ratio
+        of the standard deviations to those for white (uncorrelated) residuals. `strength`, without a unit, is the ratio
+        of the plausible range before the logs, by kind of parameter (`PriorRanges`), to the standard deviation after
+        them for white residuals; `words` describes the combination."""
         return unexcited(self.combinations, self.inflation)

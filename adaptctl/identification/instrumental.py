@@ -20,10 +20,10 @@ NEGLIGIBLE = 1e-8
 
 
 def halves(log: PreparedLog) -> tuple[PreparedLog, PreparedLog]:
-    """Two halves of a prepared log of n samples, each a `PreparedLog` of (n - 3)//2 samples at half its rate, of the
-    same motion but with independent encoder noise: positions of the even samples, and positions of the odd ones brought
-    to the same times by the mean of two neighbours. Torques, of both alike, are weighted means of all samples. The log
-    must have at least five samples, which is not checked."""
+    """Two halves of a prepared `log` of n samples, each a `PreparedLog` of (n - 3)//2 samples at half its rate, of the
+    same motion but with independent encoder noise. The first has the positions of the even samples, the second those of
+    the odd ones, brought to the same times by the mean of two neighbours. Torques, the same in both, are weighted means
+    of all samples. The log must have at least five samples, which is not checked."""
     count = (len(log.time) - 3) // 2
     even = slice(2, 2 + 2 * count, 2)
     before, after = log.position[1 : 1 + 2 * count : 2], log.position[3 : 3 + 2 * count : 2]
@@ -40,20 +40,22 @@ def halves(log: PreparedLog) -> tuple[PreparedLog, PreparedLog]:
 
 
 def first_stage(rows: Rows, instruments: Rows) -> Rows:
-    """Rows of low-pass filtered equations of motion, a `Rows`, whose regressor (n, r, P), N m (N for a prismatic joint)
-    per SI unit of each of P parameters, is replaced, for each of r joints, by its regression on the regressor of
-    `instruments`, rows of the same n instants with other noise. What is left is free of the noise of `rows` (two-stage
-    least squares). Raises `ValueError` for instruments of another number of instants, `IndexError` for fewer joints,
-    NumPy's `LinAlgError` where their regressor is infinite; NaN is not refused."""
+    """Rows of low-pass filtered equations of motion, a `Rows`: a copy of `rows`, n instants of r joints, whose
+    regressor (n, r, P) is replaced by its fitted values from a linear regression on the regressor of `instruments`.
+    This is the first stage of two-stage least squares, for each joint by itself: each of the P columns is projected
+    onto the column space of the joint's (n, P) regressor in `instruments`. As these are rows of the same instants with
+    independent noise, the fitted values are free of the noise of `rows`. Regressors are in N m (N for a prismatic
+    joint) per SI unit of each of P parameters. Raises `ValueError` for instruments of another number of instants,
+    `IndexError` for fewer joints, NumPy's `LinAlgError` where their regressor is infinite; NaN is not refused."""
     parts = [_regressed(rows.regressor[:, j], instruments.regressor[:, j]) for j in range(rows.regressor.shape[1])]
     return replace(rows, regressor=np.stack(parts, axis=1))
 
 
 def joined_first_stage(rows: Sequence[Rows], instruments: Sequence[Rows]) -> list[Rows]:
     """Rows of filtered equations, a list with a `Rows` for each cut-off of the low-pass filter: those of `rows`, each
-    joint's regressor replaced by its regression on that of the `instruments` of the same place in their list, rows of
-    the same instants with other noise. Raises `ValueError` for instruments of another number of cut-offs or instants,
-    `IndexError` for fewer joints."""
+    joint's regressor replaced by its fitted values from a linear regression on that of the `instruments` of the same
+    index in their list, rows of the same instants with other noise. Raises `ValueError` for instruments of another
+    number of cut-offs or instants, `IndexError` for fewer joints."""
     return [first_stage(own, other) for own, other in zip(rows, instruments, strict=True)]
 
 

@@ -18,10 +18,10 @@ FEWEST = 100
 
 @dataclass(frozen=True, eq=False)
 class JointLog:
-    """Log of a robot's joints, n samples of r joints in SI units: `time` (n,) in s, rising, as logged; `position` (n,
-    r), rad (m for a prismatic joint); `torque` (n, r), N m (N), where a motor's torque constant is unknown as if it
-    were 1; and `velocity` (n, r), rad/s (m/s), as logged, None where it was not. `source` is the log's file, as text;
-    `len` gives n. Nothing is checked at construction."""
+    """Log of a robot's joints, n samples of r joints in SI units. `time` (n,) is in s, rising, as logged; `position`
+    (n, r) in rad (m for a prismatic joint); `torque` (n, r) in N m (N), where a motor's torque constant is unknown as
+    if it were 1; and `velocity` (n, r) in rad/s (m/s), as logged, None, the default, where it was not. `source` is the
+    log's file, as text; `len` gives n. Nothing is checked at construction."""
 
     source: str
     time: Array
@@ -38,9 +38,9 @@ class JointLog:
 
 
 def joint_log(log: LogTable, drives: Drives, rate: float | None = None) -> JointLog:
-    """The log of a robot's joints, a `JointLog`, from a table of its motors' positions, torques and, if logged,
-    velocities: their columns and units, and the transmission from motors to joints, are those of `drives`, and its
-    joints are in their order.
+    """The log of a robot's joints, a `JointLog`, from the table `log` of its motors' positions, torques and, if logged,
+    velocities. Columns, units and the transmission from motors to joints are those of `drives`, in whose order the
+    joints are.
 
     With a sampling `rate` (Hz, not checked) rows are taken as evenly spaced from time 0, else (None) by their stamps.
     Raises `FileError`, naming the column, for a column that is missing or not finite in every row, fewer than 100
@@ -102,6 +102,6 @@ def _require_change(log: LogTable, names: list[str], values: Array, meaning: str
 
 
 def same_place(first: str | Path, second: str | Path) -> bool:
-    """True if two paths mean one log: they are equal, or their last parts, the file names, are. No file is looked
-    up."""
+    """True if two paths mean one log: `first` and `second` are equal, or their last parts, the file names, are. No file
+    is looked up, and nothing is raised."""
     return Path(first) == Path(second) or Path(first).name == Path(second).name

@@ -15,11 +15,11 @@ ROUNDS = 3
 
 
 def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
-    """The P parameters x (P,) that minimise x' A x/2 - b' x, with a normal matrix A (P, P) and a moment b (P,), over
-    the c of them of indices `columns` (c,), the others being zero. A is scaled to a diagonal of ones; where eigenvalues
-    of it are below 1e-10 of the largest, x is not unique, and the one of least norm in the scaled parameters is taken.
-    Raises `ValueError` for numbers that are not finite, `IndexError` where `columns` is empty or has an index of P or
-    more."""
+    """The P parameters x (P,) that minimise x^T A x/2 - b^T x over the c of them of zero-based indices `columns` (c,),
+    the others being zero. A (P, P) is a normal matrix, b (P,) a moment, ^T the transpose. A is scaled to a diagonal of
+    ones; where eigenvalues of it are below 1e-10 of the largest, x is not unique, and the one of least norm in the
+    scaled parameters is taken. Raises `ValueError` for numbers that are not finite, `IndexError` where `columns` is
+    empty or has an index of P or more."""
     own, wanted = A[np.ix_(columns, columns)], b[columns]
     size = np.sqrt(np.diag(own))
     size[size == 0.0] = 1.0
@@ -31,13 +31,13 @@ def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
 
 
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
-    """The parameters (P,), SI units, by weighted least squares over the c of them of indices `columns` (c,), the others
-    being zero, and the standard deviations (r,), N m (N for a prismatic joint), of the torque residuals of r joints, by
-    which the joints' equations are weighted (Gautier 1997).
+    """The parameters (P,), SI units, by weighted least squares over the c of them of zero-based indices `columns` (c,),
+    the others being zero, and the standard deviations (r,), N m (N for a prismatic joint), of the torque residuals of r
+    joints, a pair. The joints' equations are weighted by the inverse squares of these deviations (Gautier 1997).
 
     `equations` are normal equations on P parameters. Weights and parameters are found in three rounds. Raises
-    `ValueError` for numbers that are not finite, as where there is no row, `IndexError` where `columns` is empty or has
-    an index of P or more.
+    `ValueError` for numbers that are not finite, as for equations of no instants, `IndexError` where `columns` is empty
+    or has an index of P or more.
     """
     deviations = np.sqrt(equations.square.sum(axis=0) / equations.count.sum())
     x = np.zeros(equations.moment.shape[-1])

@@ -17,9 +17,9 @@ from adaptctl.identification.joint_log import same_place
 
 
 def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Array:
-    """The share (n, r), N m (N for a prismatic joint), that known payloads, bodies that links carry, have in the
-    torques of r joints in n rows of low-pass filtered equations of motion. The payloads are those of `drives`, each in
-    the rows of the log that it names by path or file name; `motions` are the logs' smoothed motions, and the rows'
+    """The contribution (n, r), N m (N for a prismatic joint), of known payloads, bodies fixed to links, to the torques
+    of r joints in n `rows` of low-pass filtered equations of motion. The payloads are those of `drives`, each in the
+    rows of the log that it names by path or file name; `motions` are the logs' smoothed motions, and the rows'
     regressors are on the parameters of `mechanism`. Raises `InputError` for a payload on an unknown link, and for a
     mass, centre and inertia that no body has."""
     out = np.zeros_like(rows.torque)
@@ -33,11 +33,11 @@ def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mech
 
 
 def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Rows:
-    """The rows of low-pass filtered equations of motion, a `Rows`, with the torques that the robot alone takes: those
-    of the known payloads of `drives`, bodies that links carry, are subtracted in the rows of the logs that the payloads
-    name by path or file name. `motions` are the logs' smoothed motions, and the rows' regressors are on the parameters
-    of `mechanism`. Raises `InputError` for a payload on an unknown link, and for a mass, centre and inertia that no
-    body has."""
+    """A copy of the `rows` of low-pass filtered equations of motion, a `Rows`, with the torques that the robot alone
+    takes. The torques of the known payloads of `drives`, bodies fixed to links, are subtracted in the rows of the logs
+    that the payloads name by path or file name. `motions` are the logs' smoothed motions, and the rows' regressors are
+    on the parameters of `mechanism`. Raises `InputError` for a payload on an unknown link, and for a mass, centre and
+    inertia that no body has."""
     return replace(rows, torque=rows.torque - payload_torques(rows, motions, mechanism, drives))
 
 

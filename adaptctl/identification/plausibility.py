@@ -20,11 +20,13 @@ UNEXPLAINED = 0.5
 
 
 def require_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None:
-    """Raise `InputError` where logs cannot be of their robot: naming the joint, where least squares finds friction that
-    drives the motion instead of braking it, so that a sign must be wrong, or where its residuals are more than half of
-    the torques, as root mean squares over all joints. `evidence` holds the logs' filtered equations, of which those at
-    a low-pass filter's `cutoff` (Hz) are used; `source` names the log in the message. Nothing is returned. Raises
-    `KeyError` for a cut-off that the evidence does not have."""
+    """Raise `InputError` where logs cannot be of their robot: where least squares finds friction that drives a joint's
+    motion, so that a sign must be wrong, or where its residuals are more than half of the torques, as root mean squares
+    over all joints. Friction drives where its mean power is below -0.3 times the product of the joint's root mean
+    square torque and speed, and without the joint's friction the sum of squared weighted residuals is more than 1.5
+    times as large; the message names the joint. `evidence` holds the logs' filtered equations, of which those at a
+    low-pass filter's `cutoff` (Hz) are used; `source` names the log in the message. Raises `KeyError` for a cut-off
+    that the evidence does not have."""
     friction = FrictionModel()
     equations = evidence.equations(cutoff, range(evidence.blocks))
     x, deviations = weighted_least_squares(equations, evidence.independent(friction))

@@ -46,7 +46,7 @@ class PreparedLog:
     "resample" was skipped).
 
     `time` (n,) is in s, as in the log; `position` (n, r) in rad (m for a prismatic joint), without jumps of a turn
-    (unless the step "unwrap" was skipped); `torque` (n, r) in N m (N); `moving` (n,) is true where the arm moves
+    (unless the step "unwrap" was skipped); `torque` (n, r) in N m (N); `moving` (n,) is True where the arm moves
     (everywhere if the step "standstill" was skipped). `source` is the log's file, as text. Made by `prepare`; nothing
     is checked at construction.
     """
@@ -60,7 +60,7 @@ class PreparedLog:
     torque: Array
     """(n, r)"""
     moving: NDArray[np.bool_]
-    """(n,) whether the arm moves"""
+    """(n,) True where the arm moves"""
 
 
 def prepare(
@@ -72,12 +72,12 @@ def prepare(
 
     "resample" makes samples evenly spaced, by straight lines between those logged; "unwrap" takes jumps of a turn out
     of angles; "velocities" compares logged velocities with differentiated positions; "limits" compares positions,
-    speeds and torques with the joints' limits in `mechanism`; "standstill" marks where the whole arm is at rest, for
-    0.1 s or longer: every joint no faster than 1 % of its greatest speed or, where that is less, than 1e-3 rad/s (m/s).
-    Raises `InputError` for an unknown step, a log without 50 samples in a row, a sampling rate not from 20 Hz to 100
-    kHz, velocities of a joint that differ from its positions' derivative by more than 10 %, positions more than 0.25
-    rad (m) beyond limits, speeds or torques (99th percentiles) above three times theirs, and a log with fewer than 50
-    samples of motion.
+    speeds and torques with the joints' limits in `mechanism`; "standstill" flags where the whole arm is at rest, for
+    0.1 s or longer: every joint no faster than 1 % of its greatest speed or, where that is less, than 1e-3 rad/s (m/s
+    if prismatic). Raises `InputError` for an unknown step, a log without 50 samples in a row, a sampling rate not from
+    20 Hz to 100 kHz, velocities of a joint that differ from its positions' derivative by more than 10 %, positions more
+    than 0.25 rad (m) beyond limits, speeds or torques (99th percentiles) above three times theirs, and a log with fewer
+    than 50 samples of motion.
     """
     _require_known(skip)
     steps = [PreparationStep(name, "skipped") for name in STEPS if name in skip]

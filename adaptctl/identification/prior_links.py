@@ -14,14 +14,14 @@ DENSITY = 2700.0
 
 
 def prior_links(mechanism: Mechanism) -> tuple[Array, list[str]]:
-    """The inertial parameters (N, 10), before any log is read, of a mechanism's N links (all that are not declared
-    massless, in their order), and a list of remarks, as text, on links that were changed. A link's ten are m (kg),
-    mc_x, mc_y, mc_z (kg m), I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about its frame's origin.
+    """The inertial parameters (N, 10) of a mechanism's N links, those not declared massless, in their order, as guessed
+    before any log is read; and a list of remarks, as text, on links that were changed. A link's ten are m (kg), mc_x,
+    mc_y, mc_z (kg m), I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about its frame's origin.
 
     They are the mechanism's own, but physically consistent. A link is changed where its least principal second moment
     of mass about its centre is below 1 % of that of a solid aluminium ball of the same mass, as in files without
-    inertia tensors: each principal second moment below the ball's is then set to the ball's. Raises `InputError` for
-    another link without mass.
+    inertia tensors: each principal second moment below the ball's is then set to the ball's. Raises `InputError` for a
+    link without mass that is not declared massless.
     """
     tens, remarks = [], []
     for i in mechanism.description.bodies:

@@ -28,9 +28,9 @@ Allowed = Callable[[Array], bool]
 
 @dataclass(frozen=True, eq=False)
 class RobotLimits:
-    """Limits that a robot's motion must keep, (r,) each for r joints, infinite where there is none: `velocity` (rad/s,
-    or m/s for a prismatic joint), `acceleration` (rad/s^2 or m/s^2), `jerk`, the acceleration's rate (rad/s^3 or
-    m/s^3), and `torque` (N m or N). Nothing is checked at construction."""
+    """Limits of a robot's motion, largest magnitudes (r,) each for r joints, infinite where there is none: `velocity`
+    (rad/s, or m/s for a prismatic joint), `acceleration` (rad/s^2 or m/s^2), `jerk`, the acceleration's rate (rad/s^3
+    or m/s^3), and `torque` (N m or N). Nothing is checked at construction."""
 
     velocity: Array
     acceleration: Array
@@ -41,10 +41,10 @@ class RobotLimits:
     def of(
         cls, mechanism: Mechanism, share: float, acceleration: ArrayLike | None = None, jerk: ArrayLike | None = None
     ) -> RobotLimits:
-        """The limits, a `RobotLimits`, at a `share` (unitless, not checked) of a mechanism's own speeds and torques;
-        those of `acceleration` (rad/s^2, or m/s^2 for a prismatic joint) and `jerk` (rad/s^3 or m/s^3) are as given,
-        one number for all r joints or (r,), None for no limit. Raises `InputError` for another shape, `NonFiniteError`
-        for NaN."""
+        """The limits, a `RobotLimits`, of a `mechanism`: `share`, a fraction (unitless, not checked), of its own speed
+        and torque limits, and limits of `acceleration` (rad/s^2, or m/s^2 for a prismatic joint) and `jerk` (rad/s^3 or
+        m/s^3) as given. These are one number for all r joints or (r,), None for no limit. Raises `InputError` for
+        another shape, `NonFiniteError` for NaN."""
         speeds = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
         bends = _each(acceleration, mechanism.dof, "acceleration")
         return cls(share * speeds, bends, _each(jerk, mechanism.dof, "jerk"), share * mechanism.effort_limits)
@@ -58,11 +58,11 @@ def _each(limit: ArrayLike | None, dof: int, what: str) -> Array:
 class RobotMotion:
     """Motion of a robot with r joints: a periodic reference, entered from rest at one pose and left to rest at another.
 
-    p(t) = (1 - b) pose + b s, where s is the `reference` (rad, or m for a prismatic joint) without its own fade-in, its
-    time beginning as the first blend ends, and b is a polynomial that goes from 0 to 1 in the first `fade` s and back
-    in the last; the pose is `start` (r,) in the first half and `end` (r,) in the second, rad (m). `period` (s) is the
-    time between these blends, and all of it is `slower` (unitless, 1 by default) times slower. Nothing is checked at
-    construction.
+    Positions are p(t) = (1 - b) pose + b s. Here s is the `reference` (rad, or m for a prismatic joint) without its own
+    fade-in, its time beginning as the first blend ends, and b is a polynomial that goes from 0 to 1 in the first `fade`
+    s and back in the last; the pose is `start` (r,) in the first half and `end` (r,) in the second, rad (m). `period`
+    (s) is the time between these blends, and all of it is `slower` (unitless, 1 by default) times slower. Nothing is
+    checked at construction.
     """
 
     reference: Sinusoids
@@ -75,14 +75,15 @@ class RobotMotion:
 
     @property
     def duration(self) -> float:
-        """Duration of the whole motion, s: `slower` times the sum of `period` and of both blends, `fade` each."""
+        """Duration of the whole motion, s: its factor `slower` times the sum of its `period` and of both blends, `fade`
+        each."""
         return self.slower * (self.period + 2.0 * self.fade)
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Positions (rad, or m for a prismatic joint), velocities (rad/s, m/s), accelerations (rad/s^2, m/s^2) and
-        jerks (rad/s^3, m/s^3), (n, r) each for r joints, at n times (n,) in s from the motion's start. Before and after
-        the motion the robot rests at its first and last pose. Raises `IndexError` for a single time instead of an
-        array."""
+        jerks (rad/s^3, m/s^3) of the motion, (n, r) each for r joints, at n times `time` (n,) in s from its start.
+        Before and after the motion the robot rests at its first and last pose. Raises `IndexError` for a scalar
+        time."""
         t = np.asarray(time, dtype=np.float64) / self.slower
         whole = self.period + 2.0 * self.fade
         entering, leaving = _blend(t / self.fade, 1.0 / self.fade), _blend((whole - t) / self.fade, -1.0 / self.fade)
@@ -97,8 +98,9 @@ class RobotMotion:
 
     def sampled(self, rate: float = RATE) -> tuple[Array, Array, Array, Array, Array]:
         """Times (n,) in s, evenly from 0 to the motion's end, about `rate` a second (Hz, 250 by default), and the
-        motion there, (n, r) each for r joints: positions (rad, or m for a prismatic joint), velocities (rad/s, m/s),
-        accelerations (rad/s^2, m/s^2) and jerks (rad/s^3, m/s^3). n is at least 3; the rate is not checked."""
+        motion there: a tuple of five arrays. The others are (n, r) each for r joints: positions (rad, or m for a
+        prismatic joint), velocities (rad/s, m/s), accelerations (rad/s^2, m/s^2) and jerks (rad/s^3, m/s^3). n is at
+        least 3; the rate is not checked."""
         time = np.linspace(0.0, self.duration, max(2, round(self.duration * rate)) + 1)
         return time, *self.at(time)
 
@@ -134,20 +136,22 @@ def exciting_motion(
     allowed: Allowed | None = None,
 ) -> RobotMotion:
     """A motion, a `RobotMotion`, that excites a mechanism's parameters for an identification, within the `limits` of
-    its r joints: an exciting periodic reference, entered from rest at a pose `start` (r,) and left to rest at `end`
-    (r,), rad (m for a prismatic joint), by default (None) the middle of the joints' ranges.
+    its r joints. It is an exciting periodic reference, entered from rest at a pose `start` (r,) and left to rest at
+    `end` (r,), rad (m for a prismatic joint), by default (None) the middle of the joints' ranges.
 
     The reference has `harmonics` (5 by default) of the frequency 1/(`duration` - 2 `fade`) Hz and is the best of a
-    search of at most `iterations` (10) steps, begun from references drawn by `seed`, within a `share` (unitless, 0.8)
-    of the joints' own ranges, speeds and torques. `duration` (s, 14) is that of the whole motion, `fade` (s, 2) of each
-    blend; the motion takes longer where it must be slowed until its speeds, accelerations, jerks and torques, friction
-    included, keep to `limits`. `allowed` is a function that is true if all of n positions (n, r) are allowed, such as
-    free of collisions: the reference is made smaller until it is true. None allows all.
+    search of at most `iterations` (10) steps, begun from references drawn by `seed` (0; equal seeds give equal
+    motions), within a fraction `share` (unitless, 0.8) of the joints' own ranges, speeds and torques. `duration` (s,
+    14) is that of the whole motion, `fade` (s, 2) of each blend; the motion takes longer where it must be slowed until
+    its speeds, accelerations, jerks and torques, friction included, are within `limits`. `allowed` is a function that
+    is True if all of n positions (n, r) are allowed, such as free of collisions: the reference is made smaller until it
+    is True. None allows all.
 
     Raises `InputError` for a fade that is not above 0 and below half the duration, harmonics and iterations other than
     whole numbers of at least 1, a seed other than one of at least 0, a share not above 0 and up to 1, poses of a wrong
-    shape, outside the joints' ranges, not allowed, or not held within the torque limits, and where no motion is found;
-    `NonFiniteError` for poses not finite, `RankError` where the number of identifiable parameters cannot be certified.
+    shape, outside the joints' ranges, not allowed, or whose gravity torques are beyond the torque limits, and where no
+    motion is found; `NonFiniteError` for poses not finite, `RankError` where the number of identifiable parameters
+    cannot be certified.
     """
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
@@ -223,8 +227,8 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
 
 
 def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
-    """A copy of a motion, a `RobotMotion`, on the same path at another pace: its `slower` (unitless) is replaced by the
-    given one, by which it is slower than its reference. The number is not checked."""
+    """A copy of a `motion`, a `RobotMotion`, on the same path at another pace: `slower` (unitless), by which it is
+    slower than its reference, replaces its own factor. The number is not checked."""
     return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
 
 

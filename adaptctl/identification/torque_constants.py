@@ -29,14 +29,14 @@ DISTINCT = 1.5
 
 def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
     """Torque constants (r,) of the motors of r joints, N m (N for a linear motor) for a unit of their torque columns,
-    and a text on how the unknown ones were found.
+    and a text on how the unknown ones were found, a pair.
 
     `evidence` holds the logs' filtered equations, whose torques are as if unknown constants were 1, those of payloads
     included; of these equations those at a low-pass filter's `cutoff` (Hz) are used. With known payloads or another
     motor's known constant the unknown ones follow; without, they are known up to one scale, that at which the links are
     as heavy as the robot's file says. Raises `InputError` where one is not positive, where the logs do not tell them
-    from each other, and for payloads on unknown links or that no body can be; `KeyError` for a cut-off that the
-    evidence does not have.
+    from each other, and for payloads on unknown links or with an inertia that no body has; `KeyError` for a cut-off
+    that the evidence does not have.
     """
     drives, rows = evidence.drives, evidence.rows[cutoff]
     unknown = np.flatnonzero(np.isnan(drives.constants))
@@ -66,8 +66,8 @@ def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
 
 
 def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
-    """The log, a `JointLog`, with joint torques, N m (N for a prismatic joint), by the torque constants that were
-    found: `constants` (r,), N m (N) for a unit of the torque column of each of r motors, are applied to the motors
+    """A copy of the `log`, a `JointLog`, with joint torques, N m (N for a prismatic joint), by the given torque
+    constants. `constants` (r,), N m (N) for a unit of the torque column of each of r motors, are applied to the motors
     whose constant is unknown in `drives`, for which the log's torques took 1; other motors keep theirs. Raises
     `ValueError` for another number of joints, `NonFiniteError` for constants that are not finite."""
     factors = np.where(np.isnan(drives.constants), constants, 1.0)
@@ -76,8 +76,8 @@ def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
 
 
 def known_drives(drives: Drives, constants: Array) -> Drives:
-    """The drives, a `Drives`, with `constants` (r,) as the torque constants of their r motors, N m (N for a linear
-    motor) for a unit of each motor's torque column. Raises `ValueError` for another number of them."""
+    """A copy of the `drives`, a `Drives`, with `constants` (r,) as the torque constants of their r motors, N m (N for a
+    linear motor) for a unit of each motor's torque column. Raises `ValueError` for another number of them."""
     pairs = zip(drives.motors, constants.tolist(), strict=True)
     return replace(drives, motors=tuple(structs.replace(motor, torque_constant=k) for motor, k in pairs))
 

@@ -14,10 +14,10 @@ from adaptctl.identification.robot_motion import RobotMotion
 
 
 def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """Write a robot's motion as CSV, sampled evenly from its start to its end at about a `rate` (Hz), numbers to nine
-    digits: `time` (s), then `position.J` (rad, or m for a prismatic joint), `velocity.J` (rad/s, m/s) and
-    `acceleration.J` (rad/s^2, m/s^2) of each joint J in `joints`, the names in the motion's order. Raises `FileError`
-    where the file cannot be written; names and rate are not checked."""
+    """Write a robot's `motion` to the file `path` as CSV, sampled evenly from its start to its end at about a `rate`
+    (Hz), numbers to nine digits. The columns are `time` (s), then `position.J` (rad, or m for a prismatic joint),
+    `velocity.J` (rad/s, m/s) and `acceleration.J` (rad/s^2, m/s^2) of each joint J in `joints`, the names in the
+    motion's order. Raises `FileError` where the file cannot be written; names and rate are not checked."""
     time, p, v, a, _ = motion.sampled(rate)
     names = [f"{what}.{joint}" for what in ("position", "velocity", "acceleration") for joint in joints]
     rows = np.column_stack([time, p, v, a])
@@ -26,11 +26,11 @@ def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate
 
 
 def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) -> dict[str, Any]:
-    """The fields of a ROS 2 trajectory_msgs/JointTrajectory message, a dictionary of JSON's types, of a robot's motion
-    sampled evenly from its start to its end at about a `rate` (Hz), numbers to nine digits: `header`, with a stamp of 0
-    and no frame, `joint_names`, which are `joints`, and `points`, each with `time_from_start`, 0 for the first (sec and
-    nanosec), and the joints' `positions` (rad, or m for a prismatic joint), `velocities` (rad/s, m/s) and
-    `accelerations` (rad/s^2, m/s^2). Names and rate are not checked."""
+    """The fields of a ROS 2 trajectory_msgs/JointTrajectory message, a dict of JSON's types, of a robot's `motion`,
+    sampled evenly from its start to its end at about a `rate` (Hz), numbers to nine digits. They are `header`, with a
+    stamp of 0 and no frame, `joint_names`, which are `joints`, and `points`, each with `time_from_start`, 0 for the
+    first (sec and nanosec), and the joints' `positions` (rad, or m for a prismatic joint), `velocities` (rad/s, m/s)
+    and `accelerations` (rad/s^2, m/s^2). Names and rate are not checked."""
     time, p, v, a, _ = motion.sampled(rate)
     points = [
         {

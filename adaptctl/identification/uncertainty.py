@@ -14,11 +14,11 @@ from adaptctl.identification.fit import Fit, LogEvidence
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Uncertainty of a fit of P parameters of a mechanism, in the order of its `parameter_names`, and r shares of
-    load-dependent friction (of the joints' torques without friction): their `covariance` (P + r, P + r), SI units, and
-    for comparison `nominal` (P + r, P + r), the covariance if residuals were white (uncorrelated) and the model right.
-    Rows of parameters that the fit does not have are zero. Made by `uncertainty`; nothing is checked at
-    construction."""
+    """Uncertainty of a fit of P parameters of a mechanism, in the order of its `parameter_names`, and r coefficients of
+    load-dependent friction (its torque over that of the joint without friction). `covariance` (P + r, P + r), SI units,
+    is their covariance; for comparison `nominal` (P + r, P + r) is the covariance if residuals were white
+    (uncorrelated) and the model right. Rows of parameters that the fit does not have are zero. Made by `uncertainty`;
+    nothing is checked at construction."""
 
     covariance: Array
     """(P + r, P + r)"""
@@ -27,15 +27,16 @@ class Uncertainty:
 
     def of(self, combinations: Array) -> Array:
         """Standard deviations (k,) of k combinations of the fit's parameters, in the combinations' units;
-        `combinations` (k, P + r) are their coefficients on the mechanism's P parameters and r shares of load-dependent
-        friction (of the joints' torques without friction). Raises `ValueError` for another shape."""
+        `combinations` (k, P + r) are their coefficients on the mechanism's P parameters and r coefficients of
+        load-dependent friction (its torque over that of the joint without friction). Raises `ValueError` for another
+        shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
 
     def nominal_of(self, combinations: Array) -> Array:
         """Standard deviations (k,) that k combinations of the fit's parameters would have if torque residuals were
         white (uncorrelated), in the combinations' units; `combinations` (k, P + r) are their coefficients on the
-        mechanism's P parameters and r shares of load-dependent friction (of the joints' torques without friction).
-        Raises `ValueError` for another shape."""
+        mechanism's P parameters and r coefficients of load-dependent friction (its torque over that of the joint
+        without friction). Raises `ValueError` for another shape."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
 
 
@@ -45,11 +46,11 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
 
     The jackknife makes the fit without each block of time in turn, by one Newton step in which nothing has to be
     positive, so that an estimate at the edge of what is possible is not taken for certain. It sees the log's noise, not
-    how far the prior holds the estimate back; for that c w H^-1 H_p H^-1 is added, as if the truth had the covariance c
-    (H_p/w)^-1 about the prior. H is the curvature of the fit's squares plus H_p, that of the prior's links at the fit's
-    weight w, and c is twice the links' divergence from the prior, divided by the number of links' parameters that the
-    logs determine (at least 1). `evidence` is what the fit was made from. Raises `KeyError` where it does not have the
-    fit's cut-off.
+    how far the prior holds the estimate back; for that c w H^-1 H_p H^-1 is added, as if the true parameters had the
+    covariance c (H_p/w)^-1 about the prior. H is the curvature of the fit's squares plus H_p, that of the prior's links
+    at the fit's weight w, and c is twice the links' divergence from the prior, divided by the number of links'
+    parameters that the logs determine (at least 1). `evidence` is that from which the fit was made. Raises `KeyError`
+    where it does not have the fit's cut-off.
     """
     kept = np.flatnonzero(evidence.mask(fit.settings.friction))
     prior, weight = evidence.prior_of(fit.settings.friction), fit.settings.weight

@@ -21,9 +21,9 @@ ENERGY_ERROR = 1.0
 
 
 class Combination(NamedTuple):
-    """Combination of fundamental (base) parameters, and how strongly a log excites it: `words`, such as "0.89
-    link2.mc_x -0.45 link3.m", the largest coefficients (unitless), up to four, of parameters each divided by its prior
-    range, the greatest plausible distance from a first guess; and `strength` (unitless), the ratio of the prior range
+    """Combination of fundamental (base) parameters, and how strongly a log excites it. `words` is a text such as "0.89
+    link2.mc_x -0.45 link3.m": the largest coefficients (unitless), up to four, of parameters each divided by its prior
+    range, the greatest plausible distance from a first guess. `strength` (unitless) is the ratio of the prior range
     along the combination to the standard deviation that the log leaves. Made by `combinations`; nothing is checked at
     construction."""
 
@@ -34,8 +34,8 @@ class Combination(NamedTuple):
 
 def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | None = None) -> list[Combination]:
     """Combinations of k parameters, a list of k `Combination`, the least excited first: the eigenvectors of a normal
-    matrix `curvature` (k, k), per SI units of two parameters, of equations each divided by its standard deviation, once
-    parameters are scaled by their prior ranges.
+    matrix, once parameters are scaled by their prior ranges. The matrix `curvature` (k, k), per SI units of two
+    parameters, is of equations each divided by its standard deviation.
 
     `names` are the parameters' full names, such as `link1.m`, and `ranges` their greatest plausible distances from a
     first guess, by kind, `PriorRanges()` by default (None). Raises `NotFoundError` for a name of unknown kind,
@@ -50,19 +50,20 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 
 
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
-    """Combinations, among those `found`, that a log hardly excites, a list of `Combination`: those with a `strength`
-    below 3 times `inflation`, which it leaves about as uncertain as they were before it. `inflation` (unitless) is the
-    ratio of the true standard deviations to those for white (uncorrelated) residuals."""
+    """Combinations, a list of those `Combination` of `found` that a log hardly excites: with a `strength` below 3 times
+    `inflation`, the log leaves them about as uncertain as they were before it. `inflation` (unitless) is the ratio of
+    the true standard deviations to those for white (uncorrelated) residuals. Nothing is raised."""
     return [c for c in found if c.strength < WEAK * inflation]
 
 
 def essential_components(mechanism: Mechanism, p: Array, v: Array) -> tuple[EssentialSpace, int]:
-    """The essential space of a mechanism, an `EssentialSpace` (directions of the inertial parameters that change
-    energies and torques), with a log's motion as its states, and the number of essential components, combinations of
-    the mechanism's parameters, that give the motion's energy differences to a root mean square error of 1 % (Sheu and
-    Walker 1991, section 3.2). The motion has positions `p`, rad (m for a prismatic joint), and velocities `v`, rad/s
-    (m/s), both (n, r), of r joints at n instants. Raises `InputError` for a motion of other shapes or without energy
-    differences, `RankError` where the number of identifiable parameters cannot be certified."""
+    """The essential space of a `mechanism`, an `EssentialSpace` (directions of the inertial parameters that change
+    energies and torques), with a log's motion as its states, and a number of essential components, a pair. The number
+    is that of the components, combinations of the mechanism's parameters, that give the motion's energy differences to
+    a root mean square error of 1 % (Sheu and Walker 1991, section 3.2). The motion has positions `p`, rad (m for a
+    prismatic joint), and velocities `v`, rad/s (m/s), both (n, r), of r joints at n instants. Raises `InputError` for a
+    motion of other shapes or without energy differences, `RankError` where the number of identifiable parameters cannot
+    be certified."""
     space = essential_space(mechanism, states=States(p, v, "the log's motion"))
     return space, reduce(space, mechanism, energy_error=ENERGY_ERROR).kept
 

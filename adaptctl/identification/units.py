@@ -17,9 +17,9 @@ OTHER_TORQUE = ("A", "mA", "%", "1")
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a log's columns, as factors to SI units: of `time` to s, of `position` to rad (or m), of `torque` to N m
-    (or N), None where the column is only proportional to a torque, and of `velocity` to rad/s (or m/s), None, the
-    default, where it is not logged. Nothing is checked at construction."""
+    """Units of a log's columns, as factors to SI units: of `time` to s, of `position` to rad (or m), and of `torque` to
+    N m (or N), None where the column is only proportional to a torque. `velocity` is the factor to rad/s (or m/s),
+    None, the default, where it is not logged. Nothing is checked at construction."""
 
     time: float
     position: float

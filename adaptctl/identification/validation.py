@@ -17,10 +17,10 @@ from adaptctl.identification.filtered_dynamics import Rows
 @dataclass(frozen=True, eq=False)
 class Validation:
     """Validation of a model on n rows of a log: `measured` and `predicted` torques (n, r) of r joints, N m (N for a
-    prismatic joint), both through one low-pass filter of `cutoff` Hz, at instants when the arm moves.
+    prismatic joint), at instants when the arm moves. Both went through one low-pass filter of `cutoff` Hz.
 
-    `origin` is which rows these are, in words, and `time` (n,) in s, as in the log; predictions are from the measured
-    motion alone. Raises `InputError` for arrays of other shapes, and without a row or a joint.
+    `origin` says in words which rows these are, and `time` (n,) is in s, as in the log; predictions are from the
+    measured motion alone. Raises `InputError` for arrays of other shapes, and for no rows or no joints.
     """
 
     origin: str
@@ -42,7 +42,8 @@ class Validation:
 
     @property
     def rms_error(self) -> float:
-        """Root mean square torque error over all joints and instants, N m (N for prismatic joints)."""
+        """Root mean square torque error (predicted less measured) over all joints and instants, N m (N for prismatic
+        joints)."""
         return float(np.sqrt(np.mean(np.square(self.error))))
 
     @property
@@ -71,8 +72,8 @@ class Validation:
     def autocorrelation(self, lags: int = 50) -> Array:
         """Autocorrelation (lags + 1, r) of the torque errors of r joints less their means, without a unit, at 0 to
         `lags` rows apart (a whole number of at least 0; any above n - 1, for n rows, counts as n - 1). It is 1 at lag
-        0, and about 0 after it for white errors; it is 0 after it, too, for a joint whose errors are all the same.
-        Raises `InputError` for other lags."""
+        0, and about 0 at others for white errors; for a joint whose errors are all equal it is 0 at others. Raises
+        `InputError` for other lags."""
         count = min(whole_number(lags, "lags", 0, sys.maxsize), len(self.error) - 1)
         centred = np.where(np.ptp(self.error, axis=0) > 0.0, self.error - self.error.mean(axis=0), 0.0)
         whole = np.square(centred).sum(axis=0)
@@ -87,10 +88,11 @@ def _relative(error: ArrayLike, size: ArrayLike) -> Array:
 
 
 def predicted_torques(rows: Rows, x: Array, load: Array | None) -> Array:
-    """Torques (n, r) of r joints, N m (N for a prismatic joint), that parameters predict at the n instants of low-pass
-    filtered equations of motion, `rows`. `x` (P + r,), SI units, are the P parameters of the rows' regressor and the r
-    shares (unitless) of load-dependent friction, of the joints' torques without friction, whose columns are `load` (n,
-    r, r), N m (N); None leaves that friction out. Raises `ValueError` for shapes that do not fit together."""
+    """Torques (n, r) of r joints, N m (N for a prismatic joint), that parameters `x` predict at the n instants of
+    low-pass filtered equations of motion, `rows`. `x` (P + r,), SI units, are the P parameters of the rows' regressor
+    and the r coefficients (unitless) of load-dependent friction, its torque over that of the joint without friction.
+    `load` (n, r, r), N m (N), are the columns of these; None leaves that friction out. Raises `ValueError` for arrays
+    of unlike shapes."""
     P = rows.regressor.shape[-1]
     rigid = rows.regressor @ x[:P]
     return rigid if load is None else rigid + load @ x[P:]

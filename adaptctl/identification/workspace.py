@@ -18,10 +18,10 @@ from adaptctl.errors import SimplificationWarning
 
 @dataclass(frozen=True, eq=False)
 class ReachableSpace:
-    """Reachable space of a robot: the box from `lower` (3,) to `upper` (3,), m in the ground frame, that the origins of
-    the frames of a `mechanism`'s links stay in, and `collides`, a function that is true if the robot collides with
-    itself at positions (r,), rad (m for a prismatic joint), of its r joints, or None where no geometry is known.
-    Nothing is checked at construction."""
+    """Admissible joint positions of a robot: those at which its links are within a box and do not collide. The box,
+    from `lower` (3,) to `upper` (3,), m in the ground frame, is for the origins of the frames of the links of
+    `mechanism`. `collides` is a function that is True if the robot collides with itself at positions (r,), rad (m for a
+    prismatic joint), of its r joints, or None where no geometry is known. Nothing is checked at construction."""
 
     mechanism: Mechanism
     lower: Array
@@ -30,10 +30,10 @@ class ReachableSpace:
     """of one configuration (r,); None where no geometry is known"""
 
     def allows(self, p: Array) -> bool:
-        """True if at all of n positions `p` (n, r), rad (m for a prismatic joint), of r joints, the origins of the
-        links' frames are inside the box and the robot does not collide with itself, as far as its geometry is known.
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near locked
-        loops."""
+        """True if all of n positions `p` (n, r), rad (m for a prismatic joint), of r joints are admissible: the origins
+        of the links' frames are inside the box, its faces included, and the robot does not collide with itself, as far
+        as its geometry is known. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `SingularityError` near a singularity of kinematic loops."""
         places = link_poses(self.mechanism, p).translations
         if np.any(places < self.lower) or np.any(places > self.upper):
             return False
@@ -43,9 +43,10 @@ class ReachableSpace:
 def workspace(
     mechanism: Mechanism, robot: str | Path, lower: Array | None = None, upper: Array | None = None
 ) -> ReachableSpace:
-    """The reachable space of a robot, a `ReachableSpace`: a box from `lower` (3,) to `upper` (3,), m in the ground
-    frame, None for no bound, and collisions of the robot with itself by the <collision> geometry of its file, `robot`,
-    a URDF without loops.
+    """The admissible joint positions of a robot, a `ReachableSpace`: those at which the origins of its links' frames
+    are within a box and it does not collide with itself. The box is from `lower` (3,) to `upper` (3,), m in the ground
+    frame, None for no bound; collisions are by the <collision> geometry of the robot's file, `robot`, a URDF without
+    loops.
 
     Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken to touch by design
     and not checked. `mechanism` is the robot. For other files and built-in robots, or a URDF without such geometry,

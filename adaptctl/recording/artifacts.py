@@ -27,11 +27,11 @@ STAGED = "artifacts"
 
 
 def shown(comparison: Comparison) -> Result:
-    """The `Result` of an experiment, as the command line shows it, from the comparison of its runs: whether it is
-    complete, headline, facts and verdict in words, and `write(folder, progress)`, which writes its files (recording,
-    summary, trace, figures, report) as `write_artifacts` does. Its `failed` stays False: whether the adaptive
-    controller did what was asked is in its `verdict.passed`. Raises `ValueError` for a first run of another number of
-    joints than there are torque limits."""
+    """The `Result` of an experiment, as the command line shows it, made from the `comparison` of its runs: whether it
+    is complete, and headline, facts and verdict in words. Its `write(folder, progress)` writes its files (recording,
+    summary, trace, figures, report) as `write_artifacts` does. Its `failed` is False: whether the adaptive controller
+    did what was asked is in its `verdict.passed`. Raises `ValueError` for a first run of another number of joints than
+    there are torque limits."""
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),
@@ -42,17 +42,18 @@ def shown(comparison: Comparison) -> Result:
 
 
 def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
-    """Write the files of a comparison of runs into a folder, made where it is missing: recording, summary, trace,
-    figures and report; returns the folder's path.
+    """Write the files of a `comparison` of runs into a `folder`, which is made where it is missing, and return its
+    path. The files are recording.rrd (for the rerun viewer), summary.json, trace.parquet (all samples of the
+    comparison's first run), report.html, and PNG files of figures in the subfolder `figures`.
 
-    The files are recording.rrd (for the rerun viewer), summary.json, trace.parquet (all samples of the comparison's
-    first run) and report.html; figures are PNG files in the folder `figures`. All are written, each over one that is
-    there, or none where one cannot be or `progress` raises. `progress(what, share)` is called with the name of what is
-    being written, and the share of the whole that is done, 0 to 1; unless given, nothing is shown. A run that
-    diverged out of numbers is told as such: its numbers in the summary are null, and its recording ends before them.
-    Raises `FileError` where a file cannot be written or a folder cannot be made, and for findings that are NaN or
-    infinite; `InputError` for the basis of another mechanism, and `NonFiniteError`, one of these, for a run whose first
-    positions are NaN or infinite.
+    Either all are written, each over an existing file of its name, or none, where one cannot be written or `progress`
+    raises. `progress(what, share)` is called with the name of the file being written and the fraction of the work that
+    is done, 0 to 1; the default does nothing. Of a run whose numbers overflowed to NaN or infinity, the report and the
+    summary say so: its numbers in the summary are null, and its recording ends before them.
+
+    Raises `FileError` where a file cannot be written or the folder cannot be made, and for findings that are NaN or
+    infinite; `InputError` for a basis of another mechanism, and `NonFiniteError`, a subclass of it, for a run whose
+    first positions are NaN or infinite.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

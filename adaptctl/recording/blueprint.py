@@ -21,16 +21,16 @@ LONGEST = 12
 
 @dataclass(frozen=True, eq=False)
 class ScreenContents:
-    """Contents of a comparison's recording on which its layout on the screen depends: names, units and ranges.
+    """Names, units and ranges in a comparison's recording, on which its layout on the screen depends.
 
-    `viewpoint` is the camera's place and aim; `error_unit`, "mrad", "mm" or "mrad or mm", is the unit of the joints'
-    errors and of `error_range`, the lower and upper end of their axis. `links` are the names, as parts of entity paths,
-    of the links and joints with parameter estimates, `link_units` the units of each one's as one text, such as "kg·m,
-    kg·m²"; `joints` are the joints' names, `position_units` and `torque_units` their units; `runs` are the names of the
-    runs whose errors are shown, first the one that the comparison is about, and `labels` their titles. `lyapunov` is
-    words on the Lyapunov function, `leading` the title of errors that are shown before the joints', both None where
-    there are none; `end`, s, is where the first run ended and time axes end; `truth_known`, True unless given, whether
-    true parameters are drawn. Nothing is checked at construction.
+    `viewpoint` is the camera's position and target. `error_unit`, "mrad", "mm" or "mrad or mm", is the unit of the
+    joints' errors and of `error_range`, the lower and upper end of their axis. `links` are the names, as parts of
+    entity paths, of the links and joints with parameter estimates, `link_units` the units of each one's as one text,
+    such as "kg·m, kg·m²". `joints` are the joints' names, `position_units` and `torque_units` their units. `runs` are
+    the names of the runs whose errors are shown, first the one that the comparison is about, and `labels` their titles.
+    `lyapunov` is a text on the Lyapunov function, `leading` the title of errors that are shown before the joints', both
+    None where there are none. `end`, s, is where the first run ended and time axes end; `truth_known`, True unless
+    given, says whether true parameters are drawn. Nothing is checked at construction.
     """
 
     viewpoint: Viewpoint
@@ -59,16 +59,16 @@ class ScreenContents:
 
     @property
     def truth(self) -> str:
-        """Words on true parameters for the titles of views of estimates: "level lines: true values" where they are
-        known, else "true values unknown"."""
+        """Text on true parameters for the titles of views of estimates: "level lines: true values" where `truth_known`
+        of these contents is True, else "true values unknown"."""
         return "level lines: true values" if self.truth_known else "true values unknown"
 
 
 def blueprint(shown: ScreenContents) -> rrb.Blueprint:
-    """Blueprint, the layout of a comparison's rerun recording, in tabs: all at a glance; errors of all controllers;
+    """Blueprint, the layout of a comparison's rerun recording, in tabs: an overview; errors of all controllers;
     positions; torques; parameter estimates, where there are any; and the independent parameters with their equations.
-    Raises `ValueError` where the `shown` contents have another number of units than of joints or links, `IndexError`
-    where they have fewer labels than runs."""
+    `shown` are the contents that the layout depends on. Raises `ValueError` where they have another number of units
+    than of joints or links, `IndexError` where they have fewer labels than runs."""
     containers = [_overview(shown), _controllers(shown), _tracking(shown), _torques(shown)]
     if shown.links:
         containers.append(_parameters(shown))

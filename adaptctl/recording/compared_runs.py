@@ -28,7 +28,7 @@ def compared_runs(
     torque_limits: ArrayLike | None = None,
     truth_known: bool = False,
 ) -> Comparison:
-    """A `Comparison` of runs of one mechanism, given by their labels, for `write_artifacts`; the first run is its
+    """A `Comparison` of `runs` of one `mechanism`, such as logs of a bench, for `write_artifacts`; the first run is its
     subject, the one that recording and report are about.
 
     `runs` maps labels, for legends, to runs (`Rollout`) of the mechanism's r primary (independent) joints. `title` is
@@ -41,11 +41,11 @@ def compared_runs(
     least 1 N m (N). Unless `truth_known`, the mechanism's parameters are not taken for those of the arm: recording and
     report show estimates without true values.
 
-    Raises `InputError` without a run, for a run without samples or of another number of joints, where the first run has
-    estimates of another number of parameters than k, for a basis of another mechanism, and for limits of another shape,
-    not above 0 or no numbers (`NonFiniteError` for NaN and infinity); `NotFoundError` for an `adaptation_off` that is
-    no run's label; `RankError` where the number of identifiable parameters cannot be certified; `LoopError` where the
-    mechanism's kinematic loops do not fit together.
+    Raises `InputError` for empty `runs`, for a run without samples or of another number of joints, where the first run
+    has estimates of another number of parameters than k, for a basis of another mechanism, and for limits of another
+    shape, not above 0 or not numbers (`NonFiniteError` for NaN and infinity); `NotFoundError` for an `adaptation_off`
+    that is no run's label; `RankError` where the number of identifiable parameters cannot be certified; `LoopError`
+    where the mechanism's kinematic loops cannot be closed.
     """
     if not runs:
         raise InputError("compared_runs: expected at least one run")

@@ -38,10 +38,10 @@ ALL = slice(None)
 
 @dataclass(frozen=True)
 class TickCost:
-    """Cost of one control tick, the computation of one torque, in time and in operations. `called`, s, is the median
-    time of a call from Python; `native`, s, the mean time of one tick within a loop over many states in native code;
-    `flops`, the number of additions, subtractions, multiplications, divisions and negations. The last two are None
-    where not known. Nothing is checked at construction."""
+    """Cost of one control tick, the computation of one torque vector, in time and in operations. `called`, s, is the
+    median time of a call from Python; `native`, s, the mean time of one tick within a loop over many states in native
+    code; `flops`, the number of additions, subtractions, multiplications, divisions and negations. The last two are
+    None, the default, where not known. Nothing is checked at construction."""
 
     called: float
     """s, called from Python"""
@@ -55,10 +55,11 @@ class TickCost:
 class ControllerRun:
     """A closed-loop run of one controller, with its name, label and cost.
 
-    `name` is short, fit for a file, and no other run's in a comparison; `label` is for legends and tables; `knows`,
-    what the controller knew of the arm beforehand, in words or empty; `rollout`, the run's T samples of r joints;
-    `lyapunov` (T,), values of the Lyapunov function, J, None where the control law has none; `cost`, that of a control
-    tick (the computation of one torque), None where it was not measured. Nothing is checked at construction.
+    `name` is short, fit for a file, and no other run's in a comparison; `label` is for legends and tables; `knows` is a
+    text, or empty, on what the controller knew of the arm beforehand. `rollout` is the run as T samples of r joints.
+    `lyapunov` (T,) are values of the Lyapunov function, J, None, the default, where the control law has none. `cost` is
+    that of a control tick (the computation of one torque vector), None, the default, where it was not measured. Nothing
+    is checked at construction.
     """
 
     name: str
@@ -80,10 +81,11 @@ class ControllerRun:
         return self.rollout.duration
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
-        """Root mean square of the tracking errors, positions minus desired ones, rad (m), of joints at times t with
-        `start` <= t < `stop`, s, all of the run unless given; None without such samples. `joints` is a slice or a list
-        of indices from 0, all unless given; joints of both kinds go into one number. Raises `IndexError` for an index
-        that is no joint's, `InputError` for no joints."""
+        """Root mean square of the tracking errors of the run, positions less desired ones, over some joints and over
+        the samples at times t with `start` <= t < `stop`, s, all of the run unless given; None without such samples. It
+        is in rad (m if prismatic), and mixes both where the joints are of both kinds. `joints` is a slice or a list of
+        zero-based indices, all unless given. Raises `IndexError` for an index without a joint, `InputError` where
+        `joints` selects none."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         errors = self.rollout.error[inside][:, joints]
         if errors.shape[1] == 0:
@@ -92,26 +94,26 @@ class ControllerRun:
 
     @property
     def first_rms_error(self) -> float | None:
-        """Root mean square tracking error (rad or m) of all joints over the first second; None where the run is
-        shorter."""
+        """Root mean square tracking error of the run over all joints and over its first second, in rad (m if
+        prismatic), mixed where joints are of both kinds; None where the run is shorter."""
         return self.first_rms_error_of(ALL)
 
     @property
     def final_rms_error(self) -> float | None:
-        """Root mean square tracking error (rad or m) of all joints over the last two seconds that were run; None where
-        the run is shorter."""
+        """Root mean square tracking error of the run over all joints and over its last two seconds, in rad (m if
+        prismatic), mixed where joints are of both kinds; None where the run is shorter."""
         return self.final_rms_error_of(ALL)
 
     def first_rms_error_of(self, joints: Joints) -> float | None:
-        """Root mean square tracking error (rad or m) of some joints, a slice or a list of indices from 0, over the
-        first second; None where the run is shorter. Raises `IndexError` for an index that is no joint's, `InputError`
-        for no joints."""
+        """Root mean square tracking error of the run over some `joints`, a slice or a list of zero-based indices, and
+        over its first second, in rad (m if prismatic); None where the run is shorter. Raises `IndexError` for an index
+        without a joint, `InputError` where `joints` selects none."""
         return self.rms_error(stop=BEGINNING, joints=joints) if self._lasts(BEGINNING) else None
 
     def final_rms_error_of(self, joints: Joints) -> float | None:
-        """Root mean square tracking error (rad or m) of some joints, a slice or a list of indices from 0, over the last
-        two seconds that were run; None where the run is shorter. Raises `IndexError` for an index that is no joint's,
-        `InputError` for no joints."""
+        """Root mean square tracking error of the run over some `joints`, a slice or a list of zero-based indices, and
+        over its last two seconds, in rad (m if prismatic); None where the run is shorter. Raises `IndexError` for an
+        index without a joint, `InputError` where `joints` selects none."""
         return self.rms_error(start=self.duration - SETTLED, joints=joints) if self._lasts(SETTLED) else None
 
     def _lasts(self, length: float) -> bool:
@@ -119,10 +121,14 @@ class ControllerRun:
         return self.duration > length - 0.5 * self.rollout.spacing
 
     def moving_rms_error(self, window: float) -> Array:
-        """Moving root mean square (T,) of the tracking errors of all joints, rad or m, one for each of T samples: over
-        the `window`, s, that ends with it, over fewer samples at the run's start, and over the sample alone where the
-        window is shorter than the time between samples; NaN or infinite from the first such error on. Raises
-        `InputError` for a window that is not positive and finite."""
+        """Root mean square of the run's tracking errors (positions less desired ones) over a moving window, an array
+        (T,) with a value for each of its T samples: over all joints and over the samples of the last `window` s, that
+        sample included. It is in rad (m if prismatic), mixed where joints are of both kinds.
+
+        At the run's start there are fewer samples; a window shorter than the time between samples has one. From the
+        first NaN or infinite error on, values are NaN or infinite. Raises `InputError` for a window that is not
+        positive and finite.
+        """
         positive_number(window, "window: expected a positive number of s")
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
@@ -134,8 +140,8 @@ class ControllerRun:
 
     @property
     def lyapunov_max_increase(self) -> float | None:
-        """Largest rise of the Lyapunov function from one sample to the next, J; 0 where it never rises; None where the
-        control law has no such function, or where its values hold NaN or infinity."""
+        """Largest rise of the Lyapunov function from one sample of the run to the next, J; 0 where it never rises; None
+        where the control law has no such function, or where its values hold NaN or infinity."""
         if self.lyapunov is None or len(self.lyapunov) == 0 or not np.isfinite(self.lyapunov).all():
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
@@ -143,7 +149,7 @@ class ControllerRun:
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of an experiment, as its summary and report state it: its `name`, its `value` as text, and its
+    """Input value of an experiment, as its summary and report state it: its `name`, its `value` as text, and its
     `meaning` in words; the unit, if any, is in the value or the meaning. Nothing is checked at construction."""
 
     name: str
@@ -153,10 +159,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """A number that an experiment found, besides those that are computed of every run. `name` is its key in
-    summary.json; where it is about one run it ends in a dot and the run's name. `value` is in `unit`, "1" for none;
-    `meaning` is in words. Nothing is checked at construction, but `write_artifacts` raises `FileError` for a value of
-    NaN or infinity."""
+    """Scalar result of an experiment, besides those that are computed of every run. `name` is its key in summary.json;
+    where it is about one run it ends in a dot and the run's name. `value` is in `unit`, "1" for a number without a
+    unit; `meaning` is in words. Nothing is checked at construction, but `write_artifacts` raises `FileError` for a
+    value of NaN or infinity."""
 
     name: str
     """the key in summary.json"""
@@ -171,8 +177,8 @@ def _thousandths(value: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Leading:
-    """The leading errors of an experiment: those that its recording and report show before the joints' errors, such as
-    a tool's distance from its path.
+    """Errors that an experiment's recording and report show before the joints' errors, such as a tool's distance from
+    its path.
 
     `meaning` says what they are; `errors` maps the name of every run compared to its errors (T,), one for each of T
     samples, in a unit such as m; `unit` is a thousandth of that unit, such as mm, in which they are shown. Nothing is
@@ -187,9 +193,9 @@ class Leading:
     """(T,) by the name of the run"""
 
     def final_rms(self, run: ControllerRun) -> float | None:
-        """Root mean square of the errors that `errors` has for a run, in their unit, such as m (not in `unit`, a
-        thousandth of it), over the last two seconds that were run; None where the run is shorter. Raises `KeyError` for
-        a run without errors, `IndexError` for another number of errors than samples."""
+        """Root mean square, over the last two seconds of a `run`, of the leading errors that this object has for it, in
+        their own unit, such as m (not the thousandth in which they are shown); None where the run is shorter. Raises
+        `KeyError` for a run without errors here, `IndexError` for another number of errors than samples."""
         if run.final_rms_error is None:
             return None
         late = run.rollout.time >= run.duration - SETTLED
@@ -204,9 +210,10 @@ def _require_errors(leading: Leading, run: ControllerRun) -> None:
 
 
 def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTATION_OFF) -> dict[str, int]:
-    """Indices from 0 of the runs' colours in the palette, by the runs' names: 0 for the first run, the one that a
-    comparison is about, 1 for the run named `without_adaptation`, by default "adaptation-off" (left free where there is
-    none), then the others in their order. Raises `ValueError` without a run."""
+    """Zero-based indices of the runs' colours in the palette, by the runs' names: 0 for the first run, the one that a
+    comparison is about, 1 for the run named `without_adaptation`, by default "adaptation-off", then the others in their
+    order, from 2 on also where no run has that name; from 1 on where the first run has it. Raises `ValueError` where
+    `runs` is empty."""
     first, *others = [run.name for run in runs]
     others.sort(key=lambda name: name != without_adaptation)
     shift = 0 if first == without_adaptation or without_adaptation in others else 1
@@ -215,27 +222,27 @@ def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTA
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A comparison of closed-loop runs on one arm, one reference and one seed; the first is the subject, the run of the
+    """Comparison of closed-loop runs on one arm, one reference and one seed; the first run is the subject, that of the
     adaptive controller that the experiment is about.
 
-    `experiment` is the experiment's name, `title` and `purpose` are words for the report; `mechanism` has r primary
+    `experiment` is the experiment's name, `title` and `purpose` are texts for the report; `mechanism` has r primary
     (independent) joints; `space` is the essential space of its inertial parameters (their directions that change
-    energies and torques), `basis` the fundamental basis (base parameters) of the subject's estimates; `runs`, at least
-    one, with names that differ; `torque_limits` (r,), N m (N for a prismatic joint), positive and finite; `settings`
-    and `findings`, the experiment's settings and further results, for summary and report; `seed`, of the random
-    numbers; `duration`, s, the length asked for; `complete`, False where the experiment was interrupted: the runs hold
-    what was computed until then.
+    energies and torques), `basis` the fundamental basis (base parameters) of the subject's estimates. `runs` are at
+    least one, with names that differ; `torque_limits` (r,), N m (N for a prismatic joint), are positive and finite;
+    `settings` and `findings` are the experiment's settings and further results, for summary and report; `seed` is that
+    of the random numbers; `duration`, s, is the length asked for; `complete` is False where the experiment was
+    interrupted: the runs hold what was computed until then.
 
     `without_adaptation` is the name of the run with the subject's gains and adaptation off, "adaptation-off" unless
-    given; `more_drawings`, figures for the report besides those of every comparison; `answer`, the outcome in a
-    sentence or two, None for words made from the errors with and without adaptation; `truth_known`, False where the
-    mechanism's parameters are not the arm's true ones; `leading`, errors that recording and report show before the
-    joints' errors, None for none; `expected`, a mapping from the subject's failures that the experiment expects to the
-    reasons why; `live`, the subject's closed loop compiled to run in the report's page, a `LiveArm`, or a text that
+    given; `more_drawings` are figures for the report besides those of every comparison; `answer` is the outcome in a
+    sentence or two, None for one made from the errors with and without adaptation; `truth_known` is False where the
+    mechanism's parameters are not the arm's true ones; `leading` are errors that recording and report show before the
+    joints' errors, None where there are none; `expected` maps the subject's failures that the experiment expects to the
+    reasons why; `live` is the subject's closed loop compiled to run in the report's page, a `LiveArm`, or a text that
     says why there is none (empty unless given).
 
-    Raises `InputError` without a run, where the first has no samples, where two have one name, for torque limits of
-    another shape, not above 0 or no numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without an
+    Raises `InputError` for empty `runs`, where the first has no samples, where two have one name, for torque limits of
+    another shape, not above 0 or not numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without an
     error for every sample of every run; nothing else is checked at construction.
     """
 
@@ -294,33 +301,35 @@ class Comparison:
 
     @property
     def subject(self) -> ControllerRun:
-        """The run of the adaptive controller that the experiment is about, the first of `runs`."""
+        """The run of the adaptive controller that the experiment is about, the first of the comparison's `runs`."""
         return self.runs[0]
 
     @cached_property
     def color_places(self) -> dict[str, int]:
-        """Index from 0 of every run's colour in the palette, by the run's name: 0 for the first run, the subject, 1 for
-        the run with adaptation off (left free where there is none), then the others in their order."""
+        """Zero-based index of every run's colour in the palette, by the run's name: 0 for the first run, the subject, 1
+        for the run with adaptation off, then the others in their order, from 2 on also where no run has adaptation off.
+        Where the first run is the one with adaptation off, the others begin at 1."""
         return color_places(self.runs, self.without_adaptation)
 
     @property
     def baseline(self) -> ControllerRun | None:
-        """The run of the first run's controller with its adaptation off: the one whose name is `without_adaptation`;
-        None where there is none."""
+        """The run of the comparison with the first run's controller and its adaptation off, named by
+        `without_adaptation`; None where there is none."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 
     @cached_property
     def model(self) -> ReducedModel:
-        """The reduced model, dynamics on k parameters alone, whose parameters the first run estimates: the fundamental
-        (base) inertial parameters of `basis`, then all friction parameters. Raises `InputError` for a `basis` of
-        another mechanism."""
+        """The reduced model of the comparison's mechanism, dynamics on k parameters alone, whose parameters the first
+        run estimates: the fundamental (base) inertial parameters of the comparison's `basis`, then all friction
+        parameters. Raises `InputError` for a basis of another mechanism."""
         return ReducedModel(self.mechanism, self.basis)
 
     @property
     def true_parameters(self) -> Array:
-        """True values (k,) of the k parameters of `model`, fundamental (base) inertial parameters and then friction's,
-        in the order of `model.names` and SI units (kg, kg m, kg m^2; friction by its kind, such as N m); NaN where
-        `truth_known` is False. Raises `InputError` for a `basis` of another mechanism."""
+        """True values (k,) of the k parameters that the comparison's first run estimates, fundamental (base) inertial
+        parameters and then friction's, in the order of `model.names`. Units are SI (kg, kg m, kg m^2; friction by its
+        kind, such as N m); values are NaN where `truth_known` is False. Raises `InputError` for a basis of another
+        mechanism."""
         own = self.model.fundamental_parameters
         return own if self.truth_known else np.full_like(own, np.nan)
 
@@ -349,21 +358,22 @@ class Comparison:
 
     @property
     def joints_by_unit(self) -> dict[str, list[int]]:
-        """Indices from 0 of the mechanism's primary (independent) joints, as lists, by the unit of their positions,
-        "rad" or "m": rad before m; a unit that no joint has is left out."""
+        """Zero-based indices of the mechanism's primary (independent) joints, a list each, by the unit of their
+        positions, "rad" or "m": rad before m; a unit that no joint has is left out."""
         units = self.position_units
         return {unit: [j for j, one in enumerate(units) if one == unit] for unit in sorted(set(units), reverse=True)}
 
     def limited_steps(self, run: ControllerRun) -> int:
-        """Number of samples of a run at which any joint's torque was clipped, or was within 1e-9 of its limit (a share
-        of the limit). A run has one sample in `rollout.every` control periods. Raises `ValueError` for a run of another
-        number of joints."""
+        """Number of samples of a `run` at which any joint's torque was clipped, or its magnitude at least (1 - 1e-9)
+        times its limit. A run has one sample in `rollout.every` control periods. Raises `ValueError` for a run of
+        another number of joints."""
         largest = np.abs(run.rollout.applied) / self.torque_limits
         at_limit = (largest >= AT_LIMIT).any(axis=1) | (run.rollout.clipped > 0.0)
         return int(np.count_nonzero(at_limit))
 
     @property
     def peak_torque_shares(self) -> Array:
-        """Largest magnitudes (r,) of the applied torques of the r primary (independent) joints in the first run, each
-        as a share of the joint's torque limit, no unit: 1 at the limit."""
+        """Largest magnitudes (r,) of the applied torques of the r primary (independent) joints in the comparison's
+        first run, divided by the joints' torque limits, no unit: 1 at the limit. Raises `ValueError` for a run of
+        another number of joints."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

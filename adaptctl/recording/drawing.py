@@ -50,8 +50,9 @@ STYLE: dict[Any, Any] = {
 
 
 class Drawing(NamedTuple):
-    """A drawing for a report: its `name`, which its PNG file gets, its `caption` in words, and `draw`, a function
-    without arguments that returns it as a Matplotlib figure. Nothing is checked at construction."""
+    """Figure of a report, drawn when it is asked for: its `name`, that of its PNG file without the suffix, its
+    `caption` in words, and `draw`, a function without arguments that returns it as a Matplotlib figure. Nothing is
+    checked at construction."""
 
     name: str
     caption: str
@@ -59,15 +60,15 @@ class Drawing(NamedTuple):
 
 
 def sheet(height: float) -> Figure:
-    """An empty Matplotlib figure for a report, 9.2 inches wide and `height` inches tall, with 160 dots an inch and a
-    layout that keeps its parts apart."""
+    """An empty Matplotlib figure for a report, 9.2 inches wide and `height` inches tall, with 160 dots an inch and
+    Matplotlib's constrained layout. Raises `ValueError` for a height that is negative or not finite."""
     return Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
 
 
 def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str, Path]:
-    """Write drawings as PNG files into an existing folder, each whole or not at all, in the reports' style; returns the
-    files' paths by the drawings' names, such as "torque" for torque.png. Raises `FileError` where a file cannot be
-    written, and what a drawing's own function raises."""
+    """Write `drawings` as PNG files into an existing `folder`, each whole or not at all, in the reports' style, and
+    return the files' paths by the drawings' names, such as "torque" for torque.png. Raises `FileError` where a file
+    cannot be written, and what a drawing's own function raises."""
     written = {}
     for drawing in drawings:
         written[drawing.name] = Path(folder) / f"{drawing.name}.png"

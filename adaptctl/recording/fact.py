@@ -31,5 +31,5 @@ class Fact(NamedTuple):
 
 def answers(facts: Iterable[Fact]) -> dict[str, str]:
     """Mapping of questions to answers, both texts, of the facts about an experiment's result, in their order; of facts
-    with one question, the last counts."""
+    with one question, the last counts. Nothing is raised."""
     return {fact.question: fact.answer for fact in facts}

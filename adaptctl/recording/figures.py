@@ -33,10 +33,10 @@ def write_figures(folder: str | Path, comparison: Comparison) -> dict[str, Path]
 
 
 def drawings(comparison: Comparison) -> Iterator[Drawing]:
-    """Figures of a comparison of runs, each a `Drawing` with name, caption and drawing function, in the order of the
-    report: tracking errors, the comparison's own figures, joint errors, the Lyapunov function where the first run has
-    one, torques, parameter estimates where it has any, singular values. Nothing is drawn, nor raised, before a
-    drawing's function is called."""
+    """Figures of a `comparison` of runs, each a `Drawing` with name, caption and drawing function, in the order of the
+    report. They are tracking errors, the comparison's own figures, joint errors, the Lyapunov function where the first
+    run has one, torques, parameter estimates where it has any, and singular values. Nothing is drawn, nor raised,
+    before a drawing's function is called."""
     unit = comparison.error_unit
     yield Drawing(
         "tracking-error",
@@ -73,8 +73,9 @@ def drawings(comparison: Comparison) -> Iterator[Drawing]:
 
 
 def tracking_error(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of the tracking errors of all runs of a comparison over time (s), one line a run, on a
-    logarithmic scale: at each time the root mean square over all joints and the 0.25 s before it, in mrad or mm."""
+    """Figure (Matplotlib) of the tracking errors of all runs of a `comparison` over time (s), one line a run, on a
+    logarithmic scale. At each time it is the root mean square over all joints and the samples of the last 0.25 s, in
+    mrad or mm. Nothing is raised."""
     figure = sheet(4.2)
     axes = figure.subplots()
     for run in reversed(comparison.runs):
@@ -98,8 +99,9 @@ def tracking_error(comparison: Comparison) -> Figure:
 
 
 def joint_errors(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of every joint's tracking error over time (s), in mrad or mm: a panel for the comparison's
-    first run and, where there is one, below it and on the same scale, a panel for the run with adaptation off."""
+    """Figure (Matplotlib) of every joint's tracking error, position less desired position, over time (s), in mrad or
+    mm. It has a panel for the comparison's first run and, where there is one, below it and on the same scale, a panel
+    for the run with adaptation off. Nothing is raised."""
     runs = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     figure = sheet(2.3 * len(runs) + 0.4)
     for axes, run in zip(
@@ -119,7 +121,7 @@ def joint_errors(comparison: Comparison) -> Figure:
 
 def lyapunov(comparison: Comparison) -> Figure:
     """Figure (Matplotlib) of the Lyapunov function of a comparison's first run over time (s), in J, and of its fall
-    from each sample to the next, on a logarithmic scale, where rises are marked as dots. Raises `ValueError` for a run
+    from each sample to the next, on a logarithmic scale, where rises are drawn as dots. Raises `ValueError` for a run
     without a Lyapunov function."""
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
@@ -150,7 +152,8 @@ def lyapunov(comparison: Comparison) -> Figure:
 
 def torque(comparison: Comparison) -> Figure:
     """Figure (Matplotlib) of the applied torques of a comparison's first run over time (s), one panel a joint, N m (N
-    if prismatic): what lies beyond the torque limits is shaded, and the peak is told in percent of the limit."""
+    if prismatic): the region beyond the torque limits is shaded, and a text gives the peak in percent of the limit.
+    Nothing is checked."""
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
     grid = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
@@ -186,10 +189,10 @@ def parameters(comparison: Comparison) -> Figure:
 
 
 def spectrum(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of the singular values of the energy differences of a comparison's mechanism, one for each of
-    its inertial parameters, divided by the largest (no unit), on a logarithmic scale: a bar for each, and a dashed line
-    in the gap between the first k, k being the number of independent parameters, and the others, which are zero but for
-    round-off."""
+    """Figure (Matplotlib) of the singular values of the energy differences of a comparison's mechanism, divided by the
+    largest (no unit), on a logarithmic scale: a bar for each of its inertial parameters. A dashed line lies in the gap
+    between the first k, k being the number of independent parameters, and the others, which are zero but for round-off.
+    Nothing is raised."""
     values, rank = shares(comparison.space), comparison.space.rank
     figure = sheet(3.3)
     axes = figure.subplots()

@@ -11,9 +11,9 @@ from adaptctl.recording.comparison import Comparison, ControllerRun
 
 
 def finite_part(comparison: Comparison) -> Comparison:
-    """The comparison with each of its runs up to the sample before the first at which a position, velocity, torque or
-    parameter estimate is NaN or infinite, but at least with the run's first sample. It is the comparison itself where
-    there is no such sample."""
+    """The `comparison` with each of its runs cut off before the first sample at which a position, velocity, torque or
+    parameter estimate is NaN or infinite; a run keeps at least its first sample. It is the comparison itself where all
+    are finite. Nothing is raised."""
     counts = {run.name: _finite_samples(run) for run in comparison.runs}
     if all(counts[run.name] == len(run.rollout.time) for run in comparison.runs):
         return comparison

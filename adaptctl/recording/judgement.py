@@ -18,15 +18,15 @@ BETTER = 0.9
 
 
 def judged(comparison: Comparison) -> Verdict:
-    """The verdict on the subject of a comparison, its first run: the failures found, each with a sentence, and with the
-    reason where the comparison expects it.
+    """The verdict on the subject of a `comparison`, its first run: the failures found, each with a sentence, and with
+    the reason where the comparison expects it.
 
-    Failures are STOPPED, the environment ended the run early; else DIVERGED, a joint's position error was 1 rad (m) or
-    more, or NaN, in the run's last two seconds; SATURATED, a torque was at its limit for over 2 s in all; NO_BETTER,
-    the RMS position error of all joints over the last two seconds is not below 0.9 times that with adaptation off, in
-    which NaN counts as infinite. The last is not judged where the comparison was interrupted, where one of the two runs
-    was stopped or is shorter than 2 s, or where no other run has adaptation off. Raises `ValueError` for a run of
-    another number of joints than there are torque limits.
+    Failures are STOPPED, the environment ended the run early; else DIVERGED, a joint's position error was 1 rad (1 m if
+    prismatic) or more, or NaN, in the run's last two seconds; SATURATED, a torque was at its limit for over 2 s in all;
+    NO_BETTER, the RMS position error of all joints over the last two seconds is not below 0.9 times that with
+    adaptation off, in which NaN counts as infinite. NO_BETTER is not judged where the comparison was interrupted, where
+    one of the two runs was stopped or is shorter than 2 s, or where no other run has adaptation off. Raises
+    `ValueError` for a run of another number of joints than there are torque limits.
     """
     return Verdict.of(_failures(comparison), comparison.expected)
 

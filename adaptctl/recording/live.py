@@ -35,21 +35,22 @@ CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
 
 
 class Live:
-    """A live view of a control loop on a `mechanism` of r joints, drawn by the rerun viewer: `show` takes a sample of
-    the loop and returns within microseconds.
+    """Live view of a control loop on a `mechanism` of r joints, drawn by the rerun viewer: its method `show` takes a
+    sample of the loop and returns within microseconds.
 
-    At most `rate` samples per second of the loop's time, 100 unless given, are sent to a process of its own that draws
-    them; where it does not keep up, samples are dropped and the loop never waits: `sent` and `dropped` count them. `to`
-    is the address HOST:PORT of a viewer on this computer, None for 127.0.0.1:9876, or a file that ends in .rrd. With
-    `start_viewer` (the default) a viewer is started where none is at the address, bound to 127.0.0.1 alone and waited
-    for up to 10 s. Where none can be reached, one `LiveViewWarning` is given, and the loop goes on unseen. `url` is the
-    viewer's or the file's, None where there is none. With `inline` (False by default), for notebooks, what is started
-    is a server without a window, to which what is displayed in a cell connects (`display(live)`; needs rerun-notebook);
-    it ends with Python.
+    At most `rate` samples per second of the loop's time, 100 unless given, are sent to a separate process that draws
+    them; where it does not keep up, samples are dropped and the loop never waits. The attributes `sent` and `dropped`
+    count them. `to` is the address HOST:PORT of a viewer on this computer, None for 127.0.0.1:9876, or a file that ends
+    in .rrd. With `start_viewer` (the default) a viewer is started where none is at the address, bound to 127.0.0.1
+    alone and waited for up to 10 s. Where none can be reached, one `LiveViewWarning` is given, and the loop goes on
+    unseen. The attribute `url` is the viewer's or the file's, None where there is none. With `inline` (False by
+    default), for notebooks, what is started is a server without a window, to which what is displayed in a cell connects
+    (`display(live)`; needs rerun-notebook); it ends with Python.
 
-    A context manager, which closes the view at its end. Raises `InputError` for another address or computer, a `to`
-    that is no text, a rate that is not positive and finite, and a mechanism with position limits of a continuous joint
-    or with loops that have neither closures nor couplings, `FileError` for a file in no place to write to.
+    It is a context manager, which closes the view at its end. Raises `InputError` for another address or computer, a
+    `to` that is not a text, a rate that is not positive and finite, and a mechanism with position limits of a
+    continuous joint or with loops that have neither closures nor couplings, `FileError` for a file that cannot be
+    written.
     """
 
     def __init__(
@@ -87,7 +88,7 @@ class Live:
         """Send a sample to the viewer, without waiting: `time` in s, positions `p` and desired positions `reference_p`
         (r,) of the r joints, rad (m if prismatic), and `torque` (r,), N m (N). The sample is left out where it follows
         the last one sooner than the view's `rate` (samples a second) allows; one with an earlier time than the last is
-        sent. Values that are no numbers, NaN or infinite, and arrays of another shape end the view with a
+        sent. Values that are not numbers, NaN or infinite, and arrays of another shape end the view with a
         `LiveViewWarning`; no error is raised, so that the control loop goes on."""
         try:
             if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
@@ -102,8 +103,8 @@ class Live:
 
     def close(self) -> None:
         """Close the live view: wait until the samples that were sent are drawn, at most 10 s, or 60 s for a file, then
-        end the process that draws them, with what is not drawn by then. Without a view, or called again, it does
-        nothing; an error of that process is not raised."""
+        end the process that draws them, also where it is not done. Without a view, or called again, it does nothing; an
+        error of that process is not raised."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -204,8 +205,8 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
 @contextmanager
 def streaming(to: str | None) -> Iterator[None]:
     """A context in which experiments that can be watched stream their runs to a live view: `to` is the address
-    HOST:PORT of a rerun viewer on this computer, or a file that ends in .rrd; to none where it is None. What was set
-    before holds again after the block. The address is checked only where an experiment uses it."""
+    HOST:PORT of a rerun viewer on this computer, or a file that ends in .rrd; None for no live view. At its end the
+    earlier setting is restored. The address is checked only where an experiment uses it."""
     token = CURRENT.set(to)
     try:
         yield

@@ -28,11 +28,11 @@ LARGEST = 1 << 16
 
 
 def main(descriptor: int, url: str) -> None:
-    """Draw a live view until its samples end: the work of the process that `Live` starts. The mechanism of r joints
-    comes as TOML text on stdin; `descriptor` is the file descriptor of a socket, each message of which is a sample of 1
-    + 3 r float64: time, s, positions and desired positions, rad (m if prismatic), and torques, N m (N). `url` is the
-    rerun viewer's, or a file that ends in .rrd. Ctrl-C (SIGINT) is ignored; messages of another length are left out.
-    Raises `FileError` for a text that is no mechanism, `OSError` for a descriptor that is no socket."""
+    """Draw a live view until its samples end, as the process that `Live` starts does. The mechanism of r joints comes
+    as TOML text on stdin; `descriptor` is the file descriptor of a socket, each message of which is a sample of 1 + 3 r
+    float64: time, s, positions and desired positions, rad (m if prismatic), and torques, N m (N). `url` is the rerun
+    viewer's, or a file that ends in .rrd. Ctrl-C (SIGINT) is ignored; messages of another length are left out. Raises
+    `FileError` for a text that describes no mechanism, `OSError` for a descriptor of no socket."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the loop, which then closes the socket
     mechanism = _mechanism(sys.stdin.read())
     with socket.socket(fileno=descriptor) as samples:

@@ -18,8 +18,9 @@ from adaptctl.recording.wording import (
 
 
 def summary_markdown(comparison: Comparison) -> str:
-    """Summary of a comparison of runs as Markdown: its outcome in words, a table of facts, and a table with a row for
-    each run, with its tracking errors and how it ended."""
+    """Summary of a `comparison` of runs as Markdown text: its outcome in words, a table of facts, and a table with a
+    row for each run, with its tracking errors and how it ended. Raises `ValueError` for a first run of another number
+    of joints than there are torque limits."""
     warning = "" if comparison.complete else f"**{INCOMPLETE}**\n\n"
     leading = comparison.leading
     heads = ["controller", "knows", *(["first second", "last 2 s"] if leading is None else _heads(leading)), "outcome"]
@@ -58,9 +59,9 @@ def _paired(answers: list[Fact]) -> str:
 
 
 def equations_markdown(comparison: Comparison) -> str:
-    """Regrouping equations of a comparison's fundamental basis as Markdown, SI units. The heading has the rank, the
-    number of independent inertial parameters, and the number of all; below it is one equation for each parameter that
-    is kept, with what is added to it of the parameters that depend on it."""
+    """Regrouping equations of a comparison's fundamental (base) parameters as Markdown text, SI units. The heading has
+    the rank, the number of independent inertial parameters, and the number of all; below it is one equation for each
+    parameter that is kept, with the multiples of dependent parameters that are added to it. Nothing is raised."""
     certificate = f"rank {comparison.space.rank} of {len(comparison.space.parameter_names)}"
     equations = "\n".join(f"    {equation}" for equation in comparison.basis.equations())
     return f"""# Independent parameters: {certificate}

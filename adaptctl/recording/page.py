@@ -42,9 +42,9 @@ def rendered(template: str, package: str = HOME, **content: object) -> str:
 
 
 def embedded(drawings: Iterable[Drawing], files: Mapping[str, Path]) -> dict[str, Figure]:
-    """Figures to put inside an HTML page, as a mapping of the drawings' names to `Figure`: caption, and PNG file in
-    base64. `files` maps names to PNG files; a drawing without a file is left out. Raises `OSError` where a file cannot
-    be read."""
+    """Figures to put inside an HTML page, a mapping of the drawings' names to `Figure`, each a caption and a PNG file
+    in base64. `files` maps names to PNG files; a drawing without a file is left out. Raises `OSError` where a file
+    cannot be read."""
     return {
         drawing.name: Figure(drawing.caption, base64.b64encode(files[drawing.name].read_bytes()).decode("ascii"))
         for drawing in drawings

@@ -18,8 +18,8 @@ class Color(NamedTuple):
         return f"#{self.red:02x}{self.green:02x}{self.blue:02x}"
 
     def faded(self, share: float, towards: Color) -> Color:
-        """The colour mixed with another one, channel by channel, rounded: a `share` of 0 is this colour, 1 is
-        `towards`."""
+        """Mixture of this colour with the colour `towards`, channel by channel, rounded: a fraction `share` of 0 gives
+        this colour, 1 gives `towards`. Nothing is checked."""
         return Color(*(round(mine + share * (other - mine)) for mine, other in zip(self, towards, strict=True)))
 
 
@@ -80,12 +80,12 @@ BASE = Color(96, 104, 120)
 
 
 def run_color(index: int) -> Color:
-    """The colour of the run of an `index`, from 0, in recordings and reports: blue for 0, the run that a comparison is
-    about, orange for 1, that with adaptation off, then others. There are 18, which then repeat."""
+    """The colour, in recordings and reports, of the run of zero-based `index`: blue for 0, the run that a comparison is
+    about, orange for 1, that with adaptation off, then others. There are 18, which then repeat. Nothing is checked."""
     return RUNS[index % len(RUNS)]
 
 
 def joint_color(index: int) -> Color:
-    """The colour of the joint, or curve, of an `index`, from 0, in recordings and reports. There are 10, which then
-    repeat."""
+    """The colour, in recordings and reports, of the joint, or curve, of zero-based `index`. There are 10, which then
+    repeat. Nothing is checked."""
     return JOINTS[index % len(JOINTS)]

@@ -32,10 +32,10 @@ from adaptctl.recording.wording import (
 
 
 def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
-    """Write the report of a comparison of runs to the file `path`, whole or not at all: one HTML page that needs no
+    """Write the report of a `comparison` of runs to the file `path`, whole or not at all: one HTML page that needs no
     other file. `figures` maps names of the comparison's drawings to PNG files, which go into the page; a drawing
-    without a file is left out. Raises `FileError` where the page cannot be written, and as `report` does: `OSError`
-    where a PNG file cannot be read, `InputError` for parameter estimates with the basis of another mechanism."""
+    without a file is left out. Raises `FileError` where the page cannot be written, `OSError` where a PNG file cannot
+    be read, `InputError` for parameter estimates with the basis of another mechanism."""
     write_text(path, report(comparison, figures))
 
 
@@ -70,10 +70,10 @@ def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
 
 
 def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
-    """Content, in JSON's types, of a report's live arm, a simulated arm that runs in the page as WebAssembly; None
-    where `live` is a text, the reason why there is none. It has `binary`, the module in base64; `facts`, those of
-    `live`: places of numbers in the module's memory, names of joints, first values and geometry; `label`, the name of
-    the run that it repeats; and `colors`, one a joint, such as "#2d7deb". Nothing is raised."""
+    """Content, a dict in JSON's types, of a report's live arm, a simulated arm that runs in the page as WebAssembly;
+    None where `live` is a text, the reason why there is none. It has `binary`, the module in base64; `facts`, those of
+    `live`: indices of numbers in the module's memory, names of joints, initial values and geometry; `label`, the name
+    of the run that it repeats; and `colors`, one a joint, such as "#2d7deb". Nothing is raised."""
     if isinstance(live, str):
         return None
     binary = base64.b64encode(live.binary).decode("ascii")
@@ -82,9 +82,9 @@ def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
 
 
 class Measured(NamedTuple):
-    """A column of the report's table of runs: a quantity that was measured of them besides their errors. `heading` is
-    its name with the unit in brackets, `meaning` is in words, and `values` are numbers as texts, one a run, a dash for
-    a run without it. Nothing is checked at construction."""
+    """Column of a report's table of runs, of a quantity that was measured of the runs besides their errors. `heading`
+    is its name with the unit in brackets, `meaning` is in words, and `values` are numbers as texts, one a run, a dash
+    for a run without it. Nothing is checked at construction."""
 
     heading: str
     meaning: str
@@ -93,10 +93,10 @@ class Measured(NamedTuple):
 
 
 def measured(comparison: Comparison) -> list[Measured]:
-    """Columns, as `Measured`, of the report's table of runs, made from the comparison's findings about single runs:
-    findings named "what.run", such as "peak_speed.adaptive", make one column for each "what". Each has a text for every
-    run of the comparison, in their order, a dash for one without the finding. Empty where there are no such
-    findings."""
+    """Columns, a list of `Measured`, of a report's table of runs, made from the comparison's findings about single
+    runs: findings named "what.run", such as "peak_speed.adaptive", make one column for each "what". Each has a text for
+    every run of the comparison, in their order, a dash for one without the finding. The list is empty where there are
+    no such findings. Nothing is raised."""
     names = [run.name for run in comparison.runs]
     columns: dict[str, dict[str, Finding]] = {}
     for finding in comparison.findings:

@@ -38,11 +38,11 @@ AVERAGE = 0.25
 
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
-    """Write the recording of a comparison of runs for the rerun viewer to the file `path` (.rrd), whole or not at all:
-    arms in motion, curves of errors, torques, energies and estimates over time, and tables. A run ends before its first
-    sample that is not finite, and is judged as a whole. Raises `FileError` where the file cannot be written or read
-    back, `InputError` for parameter estimates with the basis of another mechanism, and `NonFiniteError`, one of these,
-    for a run whose first positions are NaN or infinite."""
+    """Write the recording of a `comparison` of runs for the rerun viewer to the file `path` (.rrd), whole or not at
+    all: arms in motion, curves of errors, torques, energies and estimates over time, and tables. Motion and curves of a
+    run end before its first sample that is not finite; the texts judge the whole run. Raises `FileError` where the file
+    cannot be written or read back, `InputError` for parameter estimates with the basis of another mechanism, and
+    `NonFiniteError`, a subclass of it, for a run whose first positions are NaN or infinite."""
     words, comparison = summary_markdown(comparison), finite_part(comparison)
     positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
     with saved_stream(path, comparison, positions, blueprint(_contents(comparison))) as recording:

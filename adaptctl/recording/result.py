@@ -11,12 +11,13 @@ from adaptctl.recording.fact import Fact
 from adaptctl.recording.verdict import Verdict
 
 Progress: TypeAlias = Callable[[str, float], object]
-"""Called with what is being done, and the share of it (0 to 1) that is done."""
+"""Called with what is being done, and the fraction of it (0 to 1) that is done."""
 
 
 def silent(what: str, share: float) -> None:
-    """Progress callback that does nothing, for those who want no progress shown. Its arguments are those of every such
-    callback: `what` is being done, in words, and the `share` of it that is done, 0 to 1."""
+    """Progress callback that does nothing, for callers that want no progress shown. Its arguments are those of every
+    such callback: `what` is being done, in words, and the fraction of it that is done, `share`, 0 to 1. Nothing is
+    raised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +25,12 @@ class Result:
     """Result of a finished experiment, as the command line prints and saves it.
 
     `complete` is False where the experiment was interrupted: the result then holds what was computed. `headline` is the
-    outcome in a sentence or two; `facts` are the questions that a person asks first, with their answers; `verdict`, the
-    failures of the controllers that the experiment is about, by which the command's exit code is decided;
-    `write(folder, progress)` writes recording, report and figures into a folder that is there, and calls
-    `progress(what, share)` with what is being written and the share done, 0 to 1. `failed` is True where the experiment
-    itself marks its controller as having failed; False unless given, as by most experiments, whose failures are in
-    `verdict` alone. Nothing is checked at construction.
+    outcome in a sentence or two; `facts` are the questions that a person asks first, with their answers; `verdict` has
+    the failures of the controllers that the experiment is about, by which the command's exit code is decided.
+    `write(folder, progress)` writes recording, report and figures into an existing folder, and calls `progress(what,
+    share)` with what is being written and the fraction done, 0 to 1. `failed` is True where the experiment itself
+    counts its controller as failed; False, the default, for most experiments, whose failures are in `verdict` alone.
+    Nothing is checked at construction.
     """
 
     complete: bool
@@ -41,6 +42,6 @@ class Result:
     verdict: Verdict
     """whether the controllers that it is about did what was asked"""
     write: Callable[[Path, Progress], object]
-    """writes recording, report, figures and all into a folder that is ready, every file whole or not at all"""
+    """writes recording, report, figures and all into an existing folder, every file whole or not at all"""
     failed: bool = False
     """True where its subject should have succeeded and did not: it was stopped, or learned nothing"""

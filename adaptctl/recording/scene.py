@@ -25,8 +25,8 @@ Solids = rr.Capsules3D | rr.Cylinders3D | rr.Ellipsoids3D
 
 @dataclass(frozen=True)
 class Look:
-    """The appearance of an arm in a recording: the colours of its `links` and its `joints`, and its `opacity`, from 0
-    to 255, solid, the default; below that it is a translucent ghost. Nothing is checked at construction."""
+    """Appearance of an arm in a recording: the colours of its `links` and its `joints`, and its `opacity`, from 0 to
+    255. At 255, the default, it is solid, below that a translucent ghost. Nothing is checked at construction."""
 
     links: Color
     joints: Color
@@ -40,14 +40,14 @@ class Look:
 
 
 def solid_look(joints: Color) -> Look:
-    """The appearance, a `Look`, of an arm that is in the foreground: opaque, with light grey links and joints of the
-    colour `joints`."""
+    """The appearance, a `Look`, of an arm in the foreground: opaque, with light grey links and joints of the colour
+    `joints`. Nothing is raised."""
     return Look(BODY, joints)
 
 
 def ghost_look(color: Color) -> Look:
     """The appearance, a `Look`, of an arm shown for comparison, a translucent ghost: all of it of one `color`, at an
-    opacity of 70 of 255."""
+    opacity of 70 of 255. Nothing is raised."""
     return Look(color, color, opacity=70)
 
 
@@ -63,14 +63,14 @@ def log_arm(
     p: Array,
     look: Look,
 ) -> Array:
-    """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world", LINK being a link's name;
-    returns the path of its tip (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of
+    """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world", LINK being a link's name, and
+    return the path of its tip (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of
     its r joints at T times `time` (T,), s.
 
     Links have the shapes and colours of the robot's file; where it has none they are capsules, with cylinders for
     joints, the shapes in `parts`, coloured by `look`. Raises `InputError` for positions of another number of joints,
-    `NonFiniteError` for NaN and infinity, `LoopError` where kinematic loops do not fit together, `SingularityError`
-    near where they lock.
+    `NonFiniteError` for NaN and infinity, `LoopError` where kinematic loops cannot be closed, `SingularityError` near a
+    singularity of these.
     """
     poses, shown = link_poses(mechanism, p), visuals(mechanism.description)
     for i, link in enumerate(mechanism.links):
@@ -87,8 +87,8 @@ def log_arm(
 def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array, color: Color) -> None:
     """Draw the trail of an arm's tip in a rerun recording, as the entity `name` below "world": the positions `path` (T,
     3), m in the world's frame, at T times `time` (T,), s, joined by pieces of line. A piece is logged at the time of
-    its end; the view `views.arm` shows those of the last 4 s. Fewer than two samples draw nothing. Raises nothing
-    itself."""
+    its end; the view `views.arm` shows those of the last 4 s. Fewer than two samples draw nothing. Nothing is
+    checked."""
     if len(path) < 2:
         return
     strips = np.stack([path[:-1], path[1:]], axis=1)
@@ -104,7 +104,8 @@ def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array
 
 def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:
     """Draw the whole path of an arm's tip in a rerun recording, as the entity `name` below "world", the same at all
-    times: a faint line through T positions `path` (T, 3), m in the world's frame, in their order."""
+    times: a faint line through T positions `path` (T, 3), m in the world's frame, in their order. Nothing is
+    checked."""
     line = rr.LineStrips3D([path], radii=[0.002], colors=[(*color, 110)])
     recording.log(f"{WORLD}/{name}", line, static=True)
 
@@ -112,10 +113,10 @@ def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color
 def log_base(
     recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, floor: float, name: str = "base"
 ) -> None:
-    """Draw what stands still under a mechanism in a rerun recording, as the entity `name` below "world": the shapes
-    that the robot's file fixes to the ground, and a pedestal from each link on the ground down to the floor, whose
-    height is `floor`, m. A body that hangs above its own links, such as a humanoid's hips, gets none. `parts` are the
-    shapes that the mechanism is drawn by; they set the pedestals' size. Nothing is raised."""
+    """Draw the fixed base of a mechanism in a rerun recording, as the entity `name` below "world": the shapes that the
+    robot's file fixes to the ground, and a pedestal from each link on the ground down to the floor, whose height is
+    `floor`, m. A body that hangs above its own links, such as a humanoid's hips, gets none. `parts` are the shapes that
+    the mechanism is drawn by; they set the pedestals' size. Nothing is raised."""
     radius = 1.15 * ROOT_RADIUS * parts.reach
     feet = np.array([link.near.translation for link in mechanism.links if link.parent == GROUND])
     shown = visuals(mechanism.description)
@@ -150,8 +151,8 @@ def _stands(mechanism: Mechanism, feet: Array, radius: float) -> NDArray[np.bool
 
 
 def entity(name: str) -> str:
-    """A name as one part of an entity path of a rerun recording: letters, digits, "-", "_" and "." stay, every other
-    character becomes an underscore."""
+    """The text `name` as one part of an entity path of a rerun recording: letters, digits, "-", "_" and "." stay, every
+    other character becomes an underscore. Nothing is raised."""
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
 
 

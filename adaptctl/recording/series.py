@@ -15,9 +15,8 @@ from adaptctl.recording.scene import TIMELINE
 
 @dataclass(frozen=True)
 class Style:
-    """The style of n curves that are drawn under one entity of a recording: their `names`, for the legend, and
-    `colors`, n of each, and one `width` of line for all, in points of the screen, 1.5 by default. Nothing is checked at
-    construction."""
+    """Style of n curves that are drawn under one entity of a recording: their `names`, for the legend, and `colors`, n
+    of each. The line `width` of all is in points of the screen, 1.5 by default. Nothing is checked at construction."""
 
     names: Sequence[str]
     colors: Sequence[Color]
@@ -50,7 +49,7 @@ def log_levels(recording: rr.RecordingStream, path: str, time: Array, levels: Ar
 
 
 def thinned(samples: int, most: int) -> slice:
-    """Slice that takes evenly spaced samples, at most `most` of them, from so many `samples`, beginning with the first:
-    for drawings, which need no more. All are taken where there are no more than that. Raises `ZeroDivisionError` for a
+    """Slice that takes evenly spaced samples, at most `most` of them, from so many `samples`, beginning with the first;
+    all where there are no more than `most`. It is for drawings, which need no more. Raises `ZeroDivisionError` for a
     `most` of 0."""
     return slice(0, samples, max(1, -(-samples // most)))

@@ -30,7 +30,7 @@ class Solid(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A round solid by which a link is drawn, fixed to the link of index `link`, from 0: `solid` is its kind, `start`
+    """Round solid by which a link is drawn, fixed to the link of zero-based index `link`: `solid` is its kind, `start`
     and `end` (3,), m in the link's frame, are the ends of its axis, one point for a ball, and `radius`, m, is its
     radius. Nothing is checked at construction."""
 
@@ -48,10 +48,10 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """The skeleton of a mechanism, by which it is drawn where its file has no shapes: `shapes`, its round solids;
-    `reach`, m, the length of the chain of links from the first joint to the tip; and the tip, the point whose path is
-    shown, as the index `tip_link`, from 0, of its link and its position `tip` (3,), m in that link's frame. Nothing is
-    checked at construction."""
+    """Skeleton of a mechanism, by which it is drawn where its file has no shapes. `shapes` are its round solids;
+    `reach`, m, is the length of the chain of links from the first joint to the tip. The tip, the point whose path is
+    shown, is given by the zero-based index `tip_link` of its link and its position `tip` (3,), m in that link's frame.
+    Nothing is checked at construction."""
 
     shapes: tuple[Shape, ...]
     reach: float
@@ -79,10 +79,10 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
 
 
 def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
-    """The skeleton with another tip: the point `tip` (3,), m in the frame of the link of index `link`, from 0. A
-    capsule is added that reaches it, from the old tip where that was on the same link, else from the link's origin, and
-    its length is added to the reach; the ball moves there. Raises `ValueError` for a skeleton without a capsule or
-    without a ball."""
+    """The skeleton `parts` with another tip: the point `tip` (3,), m in the frame of the link of zero-based index
+    `link`. A capsule is added that reaches it, from the old tip where that was on the same link, else from the link's
+    origin, and its length is added to the reach; the ball moves to the new tip. Raises `ValueError` for a skeleton
+    without a capsule or without a ball."""
     start = parts.tip if link == parts.tip_link else np.zeros(3)
     body = [shape for shape in parts.shapes if shape.solid is not Solid.TOOL]
     ball = max(shape.radius for shape in parts.shapes if shape.solid is Solid.TOOL)
@@ -92,10 +92,10 @@ def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
 
 
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
-    """Positions (..., 3) of a mechanism's tip, m in the world's frame, from the poses of its N links in the world:
-    `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, in the order of `Mechanism.links`, the ground not
-    among them, leading axes being samples. `parts` is the skeleton, which has the tip's place in its link. Raises
-    `IndexError` for fewer links than it needs."""
+    """Positions (..., 3) of a mechanism's tip, m in the world's frame, from the poses of its N links in the world. The
+    poses are `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, in the order of `Mechanism.links`, the
+    ground not among them, leading axes being samples. `parts` is the skeleton, which has the tip's position in its
+    link. Raises `IndexError` where there are fewer links than the tip's index needs."""
     return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
 
 

@@ -18,7 +18,7 @@ from adaptctl.files import replacing
 
 
 class Recorded(Protocol):
-    """Protocol of what a recording is about: `experiment`, the experiment's name, `title`, `seed` of its random
+    """Protocol of the subject of a recording: `experiment`, the experiment's name, `title`, `seed` of its random
     numbers, and `complete`, True where it ran to its end. An implementation needs these four attributes alone; reading
     them raises nothing."""
 
@@ -45,7 +45,7 @@ def saved_stream(
     path: str | Path, shown: Recorded, content: bytes, blueprint: rrb.Blueprint
 ) -> Iterator[rr.RecordingStream]:
     """A context with a rerun recording stream to log to, z up, which becomes the file `path` (.rrd), whole or not at
-    all: when the block ends the file is complete and readable; when it raises, `path` stays as it was.
+    all. When the block ends the file is complete and readable; when it raises, `path` stays as it was.
 
     `shown` gives title, experiment, seed and completeness; `blueprint` is the layout of its views. `content` is hashed
     into the recording's identifier: recordings of one experiment and seed with equal `content`, such as the bytes of
@@ -70,7 +70,8 @@ def saved_stream(
 
 
 def log_markdown(recording: rr.RecordingStream, path: str, text: str) -> None:
-    """Log a text in Markdown under the entity `path` of a rerun recording, the same at all times."""
+    """Log a text in Markdown under the entity `path` of a rerun recording, the same at all times. Nothing is
+    checked."""
     recording.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 

@@ -15,29 +15,29 @@ SCHEMA = "adaptctl/summary/1"
 
 
 def write_summary(path: str | Path, comparison: Comparison) -> None:
-    """Write the summary of a comparison of runs, `summary`, to the file `path` as JSON, whole or not at all. Raises
-    `FileError` where it cannot be written and for findings that are NaN or infinite, `InputError` for parameter
-    estimates with the basis of another mechanism."""
+    """Write the summary of a `comparison` of runs, as the function `summary` makes it, to the file `path` as JSON,
+    whole or not at all. Raises `FileError` where it cannot be written and for findings that are NaN or infinite,
+    `InputError` for parameter estimates with the basis of another mechanism."""
     write_json(path, summary(comparison))
 
 
 def summary(comparison: Comparison) -> dict[str, Any]:
-    """Summary of a comparison of runs in JSON's types, SI units and rad; None for a number that is not known or was not
-    measured, and for one of a run that is NaN or infinite, as where it diverged.
+    """Summary of a `comparison` of runs, a dict in JSON's types, SI units and rad. A number is None where it is not
+    known or was not measured, and where it is NaN or infinite, as of a run that diverged.
 
     `experiment`, `robot`, `robot_sha256`, `seed` and `complete`, False where it was interrupted, say what was run;
     `verdict` has the failures, `findings` and `settings` what the experiment states; `parameters` maps names to the
     `true` value and the last `estimate`, `truth_known` tells whether the former is, and `rank` is the number of
     independent inertial parameters. `runs` has label, end, errors and cost of every run, by name.
 
-    Further numbers are of the first run: `duration`, asked for, `duration_run`, `control_period`, and `wall_time`,
-    which computing took, s, and `realtime_factor`, simulated seconds in one of computing; `rms_error`, the root mean
-    square of the position errors (rad, m) of all joints and samples, `first_rms_error` over the first second,
-    `final_rms_error` over the last two, `final_rms_error_adaptation_off` that of the run with adaptation off;
-    `lyapunov_initial`, `lyapunov_final` and `lyapunov_max_increase`, J; `peak_torque_share`, the largest torque over
-    its limit; `clipped_steps`, samples with a torque that was clipped or at its limit. Raises `InputError` for
-    parameter estimates with the basis of another mechanism, `ValueError` for a first run of another number of joints
-    than there are torque limits.
+    Further numbers are of the first run: `duration`, the one asked for, `duration_run`, the one run, `control_period`,
+    and `wall_time`, the time that computing took, s, and `realtime_factor`, simulated seconds in one of computing;
+    `rms_error`, the root mean square of the position errors (rad, m) of all joints and samples, `first_rms_error` over
+    the first second, `final_rms_error` over the last two, `final_rms_error_adaptation_off` that of the run with
+    adaptation off; `lyapunov_initial`, `lyapunov_final` and `lyapunov_max_increase`, J; `peak_torque_share`, the
+    largest ratio of a torque to its limit; `clipped_steps`, samples with a torque that was clipped or at its limit.
+    Raises `InputError` for parameter estimates with the basis of another mechanism, `ValueError` for a first run of
+    another number of joints than there are torque limits.
     """
     subject, baseline = comparison.subject, comparison.baseline
     lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)
@@ -71,8 +71,8 @@ def summary(comparison: Comparison) -> dict[str, Any]:
 
 
 def realtime_factor(run: ControllerRun) -> float | None:
-    """Seconds of simulated time in a second of computing, no unit: above 1 for a run faster than real time; None where
-    the time that the run took is not above 0, as where it was not measured."""
+    """Ratio of simulated time to computing time of a `run`, no unit: above 1 for a run faster than real time; None
+    where the run's wall time is not above 0, as where it was not measured. Nothing is raised."""
     return run.duration / run.rollout.wall_time if run.rollout.wall_time > 0.0 else None
 
 

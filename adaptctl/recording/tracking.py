@@ -27,14 +27,14 @@ def log_scene(
     color: Color,
     within: str = "",
 ) -> None:
-    """Draw the arms of a comparison in a rerun recording, below the entity "world": that of its first run, solid, in
-    `color`, and as translucent ghosts the desired motion, green, and, where there is one, the run with adaptation off,
-    in its own colour; all with the paths of their tips.
+    """Draw the arms of a `comparison` in a rerun recording, below the entity "world", with the paths of their tips. The
+    arm of the first run is solid, in `color`; translucent ghosts are the desired motion, green, and, where there is
+    one, the run with adaptation off, in its own colour.
 
     `parts` are the shapes they are drawn by, `floor` is the floor's height, m, and `within` a prefix of the entities'
     names below "world", ending in a slash, empty unless given. Each run is thinned to at most 2000 samples. Raises
-    `NonFiniteError` for positions that are NaN or infinite, `LoopError` where kinematic loops do not fit together,
-    `SingularityError` near where they lock.
+    `NonFiniteError` for positions that are NaN or infinite, `LoopError` where kinematic loops cannot be closed,
+    `SingularityError` near a singularity of these.
     """
     mechanism, rollout = comparison.mechanism, comparison.subject.rollout
     every = thinned(len(rollout.time), POSE_SAMPLES)
@@ -76,24 +76,25 @@ def log_curve(recording: rr.RecordingStream, path: str, run: ControllerRun, valu
 
 
 def log_decades(recording: rr.RecordingStream, path: str, run: ControllerRun, errors: Array, style: Style) -> None:
-    """Draw the errors of a run in a rerun recording, as the entity `path`, on a logarithmic scale: log10(1000 e) for
-    the `errors` e (T,), rad or m, of T samples, the power of ten in mrad or mm. Errors below 1e-9 are drawn as 1e-9;
-    samples are thinned to at most 4000. `style` has one name and one colour. Raises `ValueError` for errors that are
-    not one-dimensional; another number of them is not checked."""
+    """Draw the `errors` of a `run` in a rerun recording, as the entity `path`, on a logarithmic scale. The curve is
+    log10(1000 e) for the errors e (T,), rad (m if prismatic), of T samples: the power of ten in mrad or mm. Errors
+    below 1e-9 are drawn as 1e-9; samples are thinned to at most 4000. `style` has one name and one colour. Raises
+    `ValueError` for errors that are not one-dimensional; another number of them is not checked."""
     log_curve(recording, path, run, np.log10(1e3 * np.maximum(errors, SMALLEST_ERROR)), style)
 
 
 def log_joint_errors(recording: rr.RecordingStream, path: str, run: ControllerRun, names: tuple[str, ...]) -> None:
     """Draw the tracking errors of a run's r joints over time in a rerun recording, as the entity `path`, one curve a
-    joint, in mrad or mm, thinned to at most 4000 samples. `names` are the r joints' names, for the legend."""
+    joint, in mrad or mm, thinned to at most 4000 samples. `names` are the r joints' names, for the legend. Nothing is
+    checked."""
     every = thinned(len(run.rollout.time), CURVE_SAMPLES)
     log_series(recording, path, run.rollout.time[every], 1e3 * run.rollout.error[every], _joint_style(names))
 
 
 def log_torque_shares(recording: rr.RecordingStream, path: str, comparison: Comparison) -> None:
-    """Draw the applied torques of a comparison's first run over time in a rerun recording, each as a share of its
-    joint's torque limit, no unit: one curve a joint below the entity `path`/joints, and the limits, -1 and 1, at
-    `path`/limit. All samples are drawn, so that no peak is lost."""
+    """Draw the applied torques of a comparison's first run over time in a rerun recording, each divided by its joint's
+    torque limit, no unit: one curve a joint below the entity `path`/joints, and the limits, -1 and 1, at `path`/limit.
+    All samples are drawn, so that no peak is lost. Raises `ValueError` for a run of another number of joints."""
     rollout = comparison.subject.rollout
     shares = rollout.applied / comparison.torque_limits
     log_series(recording, f"{path}/joints", rollout.time, shares, _joint_style(comparison.joint_names))

@@ -7,31 +7,31 @@ from adaptctl.dynamics import Mechanism
 
 def position_units(mechanism: Mechanism) -> tuple[str, ...]:
     """Units of position of a mechanism's r primary (independent) joints, r texts in their order: "rad", or "m" for a
-    prismatic joint."""
+    prismatic joint. Nothing is raised."""
     return tuple(joint.kind.position_unit for joint in mechanism.primary_joints)
 
 
 def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
     """Units of torque of a mechanism's r primary (independent) joints, r texts in their order: "N·m", or "N" for a
-    prismatic joint's force."""
+    prismatic joint's force. Nothing is raised."""
     return tuple(typeset(joint.kind.effort_unit) for joint in mechanism.primary_joints)
 
 
 def error_unit(mechanism: Mechanism) -> str:
     """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own: "mrad",
-    "mm", or "mrad or mm" where its primary (independent) joints are of both kinds."""
+    "mm", or "mrad or mm" where its primary (independent) joints are of both kinds. Nothing is raised."""
     return " or ".join(f"m{unit}" for unit in sorted(set(position_units(mechanism)), reverse=True))
 
 
 def torque_error_unit(mechanism: Mechanism) -> str:
     """Unit, as text, of a torque error over all primary (independent) joints of a mechanism: "N·m", "N" where all are
-    prismatic, or "N·m or N" where joints are of both kinds."""
+    prismatic, or "N·m or N" where joints are of both kinds. Nothing is raised."""
     return " or ".join(sorted(set(torque_units(mechanism)), reverse=True))
 
 
 def typeset(unit: str) -> str:
     """Text of a unit as pages show it: "kg m^2" becomes "kg·m²". Spaces become middle dots, "^2" and "^1/2" raised
-    signs, and "us" is "µs"; all else stays as it is."""
+    signs, and "us" is "µs"; all else stays as it is. Nothing is raised."""
     if unit == "us":
         return "µs"
     return unit.replace(" ", "·").replace("^2", "²").replace("^1/2", "^½")

@@ -19,9 +19,8 @@ SEEN = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """A camera's viewpoint of a mechanism: `eye` (3,), where the camera stands, `target` (3,), the point that it looks
-    at, and `floor`, the height of the floor along z, all in m in the world's frame. Nothing is checked at
-    construction."""
+    """Camera's viewpoint of a mechanism: `eye` (3,), the camera's position, `target` (3,), the point that it looks at,
+    and `floor`, the height of the floor along z, all in m in the world's frame. Nothing is checked at construction."""
 
     eye: Array
     """(3,) where the camera stands"""
@@ -32,11 +31,11 @@ class Viewpoint:
 
     @classmethod
     def of(cls, mechanism: Mechanism, parts: Skeleton, p: Array) -> Viewpoint:
-        """The viewpoint from a mechanism's side from which all of it is seen along its motion: positions `p` (T, r),
+        """The viewpoint, from a mechanism's side, from which all of it is seen along its motion: positions `p` (T, r),
         rad (m if prismatic), of r joints at T samples, at least one, of which at most 200 are looked at. `parts` are
         the shapes it is drawn by. Raises `InputError` for positions of another number of joints, `NonFiniteError` for
-        NaN and infinity, `LoopError` where kinematic loops do not fit together, `SingularityError` near where they
-        lock."""
+        NaN and infinity, `LoopError` where kinematic loops cannot be closed, `SingularityError` near a singularity of
+        these, `IndexError` for no positions."""
         poses = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))])
         origins = poses.translations
         tips = origins[:, parts.tip_link] + poses.rotations[:, parts.tip_link] @ parts.tip
@@ -62,13 +61,13 @@ def _distance_to_see(points: Array, toward: Array) -> float:
 
 
 def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
-    """Height of the floor under a mechanism, m along z in the world's frame: 0 where the origins of all links' frames
-    stay above z = 0, else below the lowest of them and of the first joint, by 0.6 of the length of the chain of links
-    to the tip. `p` (T, r) are the positions, rad (m if prismatic), of r joints at T samples, at least one, of which at
-    most 200 are looked at; `parts` are the shapes it is drawn by.
+    """Height of the floor under a mechanism, m along z in the world's frame. It is 0 where the origins of all links'
+    frames stay above z = 0, else below the lowest of them and of the first joint, by 0.6 of the length of the chain of
+    links to the tip. `p` (T, r) are the positions, rad (m if prismatic), of r joints at T samples, at least one, of
+    which at most 200 are looked at; `parts` are the shapes it is drawn by.
 
     Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
-    where kinematic loops do not fit together, `SingularityError` near where they lock.
+    where kinematic loops cannot be closed, `SingularityError` near a singularity of these.
     """
     heights = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations[..., 2]
     lowest = min(float(heights.min()), min(link.near.translation[2] for link in mechanism.links[:1]))

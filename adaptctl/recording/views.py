@@ -20,7 +20,7 @@ TRAIL = 4.0
 
 def tabs(*containers: rrb.Container) -> rrb.Blueprint:
     """Blueprint, the layout of a rerun recording, of containers as tabs over the whole window: the first is open, time
-    runs in a loop, and the panels of entities and selections are hidden."""
+    runs in a loop, and the panels of entities and selections are hidden. Nothing is checked."""
     return rrb.Blueprint(
         rrb.Tabs(*containers, active_tab=0),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="all"),
@@ -33,7 +33,7 @@ def tabs(*containers: rrb.Container) -> rrb.Blueprint:
 
 def live(view: rrb.View, curves: Sequence[rrb.View]) -> rrb.Blueprint:
     """Blueprint, the layout of a rerun recording, for a live view: the view of an arm on the left, views of curves one
-    below the other on the right, and time that follows the newest sample."""
+    below the other on the right, and time that follows the newest sample. Nothing is checked."""
     return rrb.Blueprint(
         rrb.Horizontal(view, rrb.Vertical(*curves)),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
@@ -45,9 +45,9 @@ def live(view: rrb.View, curves: Sequence[rrb.View]) -> rrb.Blueprint:
 
 
 def arm(origin: str, name: str, viewpoint: Viewpoint) -> rrb.View:
-    """View, for a rerun blueprint, of a moving arm in space on a grid at the floor's height, seen from `viewpoint`,
-    with the last 4 s of what was logged, such as its tip's trail. `origin` is the entity path, without the first slash,
-    of all that it shows; `name` is its title."""
+    """View, for a rerun blueprint, of a moving arm in space on a grid at the floor's height, seen from `viewpoint`. It
+    shows the last 4 s of what was logged, such as the trail of the arm's tip. `origin` is the entity path, without the
+    first slash, of all that it shows; `name` is its title. Nothing is checked."""
     window = rr.VisibleTimeRange(
         TIMELINE,
         start=rr.TimeRangeBoundary.cursor_relative(seconds=-TRAIL),
@@ -80,8 +80,9 @@ def curves(
 ) -> rrb.View:
     """View, for a rerun blueprint, of the curves below the entity path `origin`, with the title `name`, from `start` (0
     unless given) until `end`, s; with an `end` of None all times, as for a run that goes on. The vertical axis has the
-    range `bounds`, least and greatest value in the curves' unit, or adapts itself where that is None. With a `legend`,
-    as by default, a share `room` of the time range, 0.3 unless given, is left empty for it on the right."""
+    range `bounds`, least and greatest value in the curves' unit, or adapts itself where that is None, the default. With
+    a `legend`, as by default, space is left empty for it on the right: `room` times the time range, 0.3 unless given.
+    Nothing is checked."""
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
@@ -98,17 +99,17 @@ def _range(start: float, end: float) -> rr.TimeRange:
 
 def bars(origin: str, name: str) -> rrb.View:
     """View, for a rerun blueprint, of the bar charts below the entity path `origin`, the same at all times. It has no
-    legend: its title, `name`, should tell what the colours are."""
+    legend: its title, `name`, should say what the colours are. Nothing is checked."""
     return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))
 
 
 def text(origin: str, name: str) -> rrb.View:
     """View, for a rerun blueprint, of the text logged at the entity path `origin`, given without the first slash;
-    `name` is its title."""
+    `name` is its title. Nothing is checked."""
     return rrb.TextDocumentView(origin=f"/{origin}", name=name)
 
 
 def picture(origin: str, name: str) -> rrb.View:
     """View, for a rerun blueprint, of the picture logged at the entity path `origin`, given without the first slash;
-    `name` is its title."""
+    `name` is its title. Nothing is checked."""
     return rrb.Spatial2DView(origin=f"/{origin}", name=name)

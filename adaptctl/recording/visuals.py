@@ -26,9 +26,9 @@ MOST = 12_000_000
 
 @dataclass(frozen=True)
 class Visuals:
-    """Shapes of a mechanism's links as robot files draw them: `of_link` maps the index of a link, from 0, or -1 for the
-    ground, to its shapes (`Visual`: meshes and plain solids), and `contents` maps the path of each mesh file to its
-    bytes. Nothing is checked at construction."""
+    """Shapes of a mechanism's links, as robot files have them for drawing: `of_link` maps the zero-based index of a
+    link, or -1 for the ground, to its shapes (`Visual`: meshes and plain solids), and `contents` maps the path of each
+    mesh file to its bytes. Nothing is checked at construction."""
 
     of_link: Mapping[int, Sequence[Visual]]
     contents: Mapping[Path, bytes]
@@ -36,8 +36,8 @@ class Visuals:
 
 def visuals(description: Description) -> Visuals:
     """Shapes, as `Visuals`, by which a mechanism's file draws its links, with the bytes of the mesh files (.dae, .glb,
-    .obj, .stl). A link with a mesh of another kind or one that cannot be read is left out, to be drawn by capsules
-    instead. All are left out where the meshes have more than 12 MB together, too much for a recording. Nothing is
+    .obj, .stl). A link with a mesh of another kind or one that cannot be read is left out, and is then drawn by
+    capsules. All are left out where the meshes have more than 12 MB together, too much for a recording. Nothing is
     raised."""
     contents = _contents(description)
     if sum(len(content) for content in contents.values()) > MOST:
@@ -52,9 +52,9 @@ def visuals(description: Description) -> Visuals:
 def log_visuals(
     recording: rr.RecordingStream, path: str, link: int, shown: Visuals, color: Color, opacity: int = 255
 ) -> bool:
-    """Draw the shapes that a robot file has for one link, in a rerun recording, at all times; returns False where it
-    has none. `link` is the link's index from 0, or -1 for the ground; `shown` has the shapes of all links and the bytes
-    of their mesh files. The shapes become the entities `path`/visual/0, 1, ...
+    """Draw the shapes that a robot file has for one link, in a rerun recording, at all times; return True, or False
+    where it has none. `link` is the link's index from 0, or -1 for the ground; `shown` has the shapes of all links and
+    the bytes of their mesh files. The shapes become the entities `path`/visual/0, 1, ...
 
     With an `opacity` of 255, the default, shapes have their own colours, and `color` where they have none; meshes have
     those of their files, except STL files, which hold none. Below 255 the link is a translucent ghost, all of it in

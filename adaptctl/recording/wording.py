@@ -14,7 +14,7 @@ from adaptctl.recording.summary import realtime_factor
 def number(value: float | None, digits: int = 3) -> str:
     """Text of a number with so many significant `digits`, 3 by default, such as "0.0123"; "–", a dash, for None.
     Numbers below 1e-4 or from 1e5 on in size are written with a power of ten, such as "2.80·10⁻¹⁴", and those from 10
-    to the power `digits` on as whole numbers; NaN and infinity in words, such as "not a number"."""
+    to the power `digits` on as whole numbers; NaN and infinity in words, such as "not a number". Nothing is checked."""
     if value is None:
         return "–"
     if value == 0.0:
@@ -27,7 +27,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 def scientific(value: float, digits: int = 3) -> str:
     """Text of a number as a multiple of a power of ten, with so many significant `digits`, 3 by default: 2.8e-14 is
-    "2.80·10⁻¹⁴". NaN and infinity are told in words: "not a number", "infinity", "minus infinity"."""
+    "2.80·10⁻¹⁴". NaN and infinity are in words: "not a number", "infinity", "minus infinity". Nothing is checked."""
     if not math.isfinite(value):
         return "not a number" if math.isnan(value) else "infinity" if value > 0.0 else "minus infinity"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
@@ -38,24 +38,25 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def error(value: float | None, unit: str) -> str:
-    """Text of a tracking error, given in rad (m) and shown in thousandths with their `unit`, such as 0.012 and "mrad"
-    as "12 mrad"; "–", a dash, for None, and "not a number" or "infinity", without a unit, for NaN and infinity."""
+    """Text of a tracking error `value`, given in rad (m if prismatic) and shown in thousandths with their `unit`: 0.012
+    and "mrad" give "12 mrad". It is "–", a dash, for None, and "not a number" or "infinity", without a unit, for NaN
+    and infinity. Nothing is raised."""
     if value is None or not math.isfinite(value):
         return number(value)
     return f"{number(1e3 * value)} {unit}"
 
 
 def first_error(comparison: Comparison, run: ControllerRun) -> str:
-    """Text of a run's root mean square tracking error over its first second, joints of each unit by themselves: "12
-    mrad", or "12 mrad and 3 mm"; a dash in place of the number where the run is shorter, words for NaN and
-    infinity."""
+    """Text of the root mean square tracking error of a `run` over its first second, over all joints of each unit: "12
+    mrad", or "12 mrad and 3 mm". It has a dash for the number where the run is shorter, and words for NaN and infinity.
+    Raises `IndexError` for a run of fewer joints than the comparison's mechanism."""
     return _in_each_unit(comparison, run.first_rms_error_of)
 
 
 def final_error(comparison: Comparison, run: ControllerRun) -> str:
-    """Text of a run's root mean square tracking error over its last two seconds, joints of each unit by themselves: "12
-    mrad", or "12 mrad and 3 mm"; a dash in place of the number where the run is shorter, words for NaN and
-    infinity."""
+    """Text of the root mean square tracking error of a `run` over its last two seconds, over all joints of each unit:
+    "12 mrad", or "12 mrad and 3 mm". It has a dash for the number where the run is shorter, and words for NaN and
+    infinity. Raises `IndexError` for a run of fewer joints than the comparison's mechanism."""
     return _in_each_unit(comparison, run.final_rms_error_of)
 
 
@@ -64,7 +65,7 @@ def _in_each_unit(comparison: Comparison, of: Callable[[Joints], float | None]) 
 
 
 def outcome_words(comparison: Comparison) -> str:
-    """The outcome of a comparison of runs in a few sentences: first the failures of its first run, if any, after
+    """The outcome of a `comparison` of runs in a few sentences. First come the failures of its first run, if any, after
     "Failed:", then the comparison's own `answer`, or where that is None the tracking errors with and without
     adaptation, then the failures that were expected. Raises `ValueError` for a first run of another number of joints
     than there are torque limits."""
@@ -102,13 +103,13 @@ def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
 
 def headline(outcome_words: str, complete: bool) -> str:
     """The outcome of an experiment as text, `outcome_words`; before it, where `complete` is False, a line that says
-    that the experiment was interrupted."""
+    that the experiment was interrupted. Nothing is raised."""
     return outcome_words if complete else f"{INCOMPLETE}\n{outcome_words}"
 
 
 def outcome(run: ControllerRun) -> str:
     """The end of a run in words: "ran to the end", "interrupted at 3.20 s", or "stopped at 3.20 s: error beyond bounds"
-    where the environment ended it."""
+    where the environment ended it. Nothing is raised."""
     if not run.rollout.complete:
         return f"interrupted at {run.duration:.2f} s"
     if run.rollout.terminated:
@@ -119,8 +120,8 @@ def outcome(run: ControllerRun) -> str:
 def facts(comparison: Comparison) -> Iterator[Fact]:
     """Facts of a comparison of runs, each a `Fact`: a question that a person asks first, and its answer in words, with
     units. They are of the first run: its tracking errors, Lyapunov function, torques, number of parameters and speed of
-    simulation; the final error with adaptation off stands beside its own, and `whose` marks the two. Raises
-    `ValueError` for a first run of another number of joints than there are torque limits."""
+    simulation; the final error with adaptation off comes after its own, and the field `whose` of these two says which
+    is which. Raises `ValueError` for a first run of another number of joints than there are torque limits."""
     subject, leading, baseline = comparison.subject, comparison.leading, comparison.baseline
     if leading is not None:
         yield Fact(leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)")
@@ -145,14 +146,14 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
 
 
 def lyapunov_words(rise: float) -> str:
-    """Words on a Lyapunov function, from its largest rise from one sample to the next, `rise`, J: "never rises" for 0,
-    which is what theory says, else such as "rises by at most 2.1 J a step"."""
+    """Text on a Lyapunov function, from its largest rise from one sample to the next, `rise`, J: "never rises" for 0,
+    as theory predicts, else such as "rises by at most 2.1 J a step". Nothing is raised."""
     return "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
 
 
 def parameters(comparison: Comparison) -> str:
-    """Words on a mechanism's numbers of parameters: how many of its inertial parameters are independent, and how many
-    of friction there are besides, such as "36 independent among 60 inertial, and 12 of friction"."""
+    """Text on a mechanism's numbers of parameters: how many of its inertial parameters are independent, and how many of
+    friction there are besides, such as "36 independent among 60 inertial, and 12 of friction". Nothing is raised."""
     inertial, all_of_them = len(comparison.space.parameter_names), len(comparison.mechanism.parameter_names)
     friction = f", and {all_of_them - inertial} of friction" if all_of_them > inertial else ""
     return f"{comparison.space.rank} independent among {inertial} inertial{friction}"

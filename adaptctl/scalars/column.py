@@ -26,7 +26,7 @@ class Column:
 
     @classmethod
     def zeros(cls, n: int) -> Column:
-        """Column (n,) of n zeros, as floats."""
+        """Column (n,) of n zeros, as floats; empty for `n` of 0 or less."""
         return cls((0.0,) * n)
 
     def __add__(self, other: Column) -> Column:
@@ -62,8 +62,8 @@ class Column:
 
 
 def combined(columns: Sequence[Column], weights: Column) -> Column:
-    """The linear combination of m `columns` (n,) of n scalars: the column (n,) that is their sum, each times its entry
-    of `weights`, a column (m,). Raises `IndexError` for no columns or no weights, and `ValueError` for different
+    """The linear combination of m `columns` (n,): the column (n,) of n scalars that is the sum of each column times its
+    entry of `weights`, a column (m,). Raises `IndexError` for no columns or no weights, and `ValueError` for different
     numbers of them or columns of different lengths."""
     total = weights[0] * columns[0]
     for weight, one in zip(weights.of[1:], columns[1:], strict=True):
@@ -72,9 +72,9 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 
 def column(array: Any) -> Column:
-    """A column of the n entries (n,) along the last axis of an array (..., n), or of nested lists or tuples of numbers:
-    floats for one sample (n,), arrays of samples (...) otherwise. A column is returned as it is. Raises `InputError`
-    for one number, which has no axis, and for what holds no numbers."""
+    """A column of the n entries (n,) along the last axis of an `array` (..., n), or of nested lists or tuples of
+    numbers. Entries are floats for one sample (n,), arrays of samples (...) otherwise. A column is returned as it is.
+    Raises `InputError` for one number, which has no axis, and for entries that are no numbers."""
     if isinstance(array, Column):
         return array
     if not isinstance(array, np.ndarray):
@@ -87,10 +87,10 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """A column (n,) from one scalar of any kind (float, dual number, node of an expression graph), the same for all n
-    entries, or from numbers (n,) or (1,), an array, list or tuple, as floats; a column is returned as it is, not
-    checked. Raises `ValueError` for numbers of another shape and texts in a list that do not read as one, `TypeError`
-    for other entries that are no real numbers."""
+    """A column (n,) of n entries made of `values`. One scalar of any kind (float, dual number, node of an expression
+    graph) is every entry; numbers (n,) or (1,), an array, list or tuple, become floats; a column is returned as it is,
+    not checked. Raises `ValueError` for numbers of another shape and texts in a list that do not read as one,
+    `TypeError` for other entries that are no real numbers."""
     if isinstance(values, Column):
         return values
     if isinstance(values, np.ndarray | list | tuple):

@@ -95,8 +95,8 @@ class Dual:
 
 
 def dual(x: Any) -> Dual:
-    """A dual number (a value with its derivative along a direction, the slope) from a scalar x: a float or an array of
-    samples becomes one of slope 0, a constant, and a dual number is returned as it is. Nothing is checked."""
+    """A dual number (a value with its derivative along a direction, the slope) from a scalar `x`. A float or an array
+    of samples becomes one of slope 0, a constant; a dual number is returned as it is. Nothing is checked."""
     return x if isinstance(x, Dual) else Dual(x)
 
 

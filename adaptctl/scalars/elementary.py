@@ -42,10 +42,10 @@ _ATAN_BELOW = (
 
 
 def exponential(x: Any) -> Any:
-    """The exponential e^x of a scalar x without unit (a float, an array, a dual number or a node of an expression
-    graph), by arithmetic and comparisons alone, so that it compiles to SIMD instructions; within a few units in the
-    last place, elementwise in arrays. It is infinity where it exceeds the largest double, 0 below about -745, and NaN
-    for NaN."""
+    """The exponential e^x of a scalar `x` without unit, by arithmetic and comparisons alone, so that it compiles to
+    SIMD instructions. x is a float, an array (elementwise), a dual number or a node of an expression graph. The result
+    is right to a few units in the last place: infinity where it exceeds the largest double, 0 below about -745, and NaN
+    for NaN. Nothing is raised."""
     x = clip(x, -746.0, 710.0)
     k = (x * (1.0 / math.log(2.0)) + _SHIFT) - _SHIFT
     r = (x - k * _LN2[0]) - k * _LN2[1]
@@ -59,10 +59,10 @@ def exponential(x: Any) -> Any:
 
 
 def logarithm(x: Any) -> Any:
-    """The natural logarithm ln x of a scalar x without unit (a float, an array, a dual number or a node of an
-    expression graph), by arithmetic and comparisons alone, so that it compiles to SIMD instructions; within a few units
-    in the last place, elementwise in arrays. It is minus infinity at 0, infinity at infinity, and NaN for negative
-    numbers and NaN."""
+    """The natural logarithm ln x of a scalar `x` without unit, by arithmetic and comparisons alone, so that it compiles
+    to SIMD instructions. x is a float, an array (elementwise), a dual number or a node of an expression graph. The
+    result is right to a few units in the last place: minus infinity at 0, infinity at infinity, and NaN for negative
+    numbers and NaN. Nothing is raised."""
     m, k = x, 0.0 * x
     for bit in _HALVINGS:
         small, large = m < 2.0 ** (1 - bit), m >= 2.0**bit
@@ -79,10 +79,10 @@ def logarithm(x: Any) -> Any:
 
 
 def hyperbolic_tangent(x: Any) -> Any:
-    """The hyperbolic tangent tanh x of a scalar x without unit (a float, an array, a dual number or a node of an
-    expression graph), by arithmetic and comparisons alone, so that it compiles to SIMD instructions; within a few units
-    in the last place, elementwise in arrays. It is a rational function of x for |x| below 0.625, and made of
-    exponentials elsewhere."""
+    """The hyperbolic tangent tanh x of a scalar `x` without unit, by arithmetic and comparisons alone, so that it
+    compiles to SIMD instructions. x is a float, an array (elementwise), a dual number or a node of an expression graph.
+    The result is right to a few units in the last place: a rational function of x for |x| below 0.625, and made of
+    exponentials elsewhere; NaN for NaN. Nothing is raised."""
     near = clip(x, -0.625, 0.625)
     z = near * near
     close = near + near * z * (polynomial(_TANH, z) / polynomial(_TANH_BELOW, z))
@@ -91,10 +91,10 @@ def hyperbolic_tangent(x: Any) -> Any:
 
 
 def arc_tangent(y: Any, x: Any) -> Any:
-    """The angle of the point (x, y) from the x axis, in rad, from -pi to pi, and 0 at the origin, by arithmetic and
-    comparisons alone, so that it compiles to SIMD instructions. It is right to a few units in the last place,
-    elementwise in arrays, and pi for negative x where y is 0 or -0. The coordinates y and x, in one unit, are each a
-    float, an array, a dual number or a node of an expression graph."""
+    """The angle of the point (x, y) from the x axis, in rad, from -pi to pi, by arithmetic and comparisons alone, so
+    that it compiles to SIMD instructions. The coordinates `y` and `x`, in one unit, are each a float, an array
+    (elementwise), a dual number or a node of an expression graph. The result is right to a few units in the last place:
+    0 at the origin, and pi for negative x where y is 0 or -0. Nothing is raised."""
     high, low = maximum(absolute(x), absolute(y)), minimum(absolute(x), absolute(y))
     upper = low > math.tan(math.pi / 8.0) * high
     t = where(upper, low - high, low) / where(upper, low + high, where(high > 0.0, high, 1.0))
@@ -108,5 +108,5 @@ def arc_tangent(y: Any, x: Any) -> Any:
 def polynomial(coefficients: Sequence[float], z: Any) -> Any:
     """The polynomial c_0 + c_1 z + c_2 z^2 + ... of a scalar z (a float, an array, a dual number or a node of an
     expression graph) by Horner's scheme. `coefficients` has the numbers c_0, c_1, ..., from the zeroth power of z on.
-    Raises `TypeError` for no coefficients."""
+    Raises `TypeError` where there are no coefficients."""
     return reduce(lambda higher, c: c + z * higher, reversed(coefficients))

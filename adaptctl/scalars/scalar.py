@@ -15,7 +15,8 @@ import numpy as np
 
 class Scalar(Protocol):
     """Protocol of a scalar: the arithmetic that every kind supports, +, -, *, / with numbers on either side, and the
-    sign -x. Kinds are a float, an array of samples, a dual number, a node of an expression graph."""
+    sign -x. Kinds are a float, an array of samples, a dual number, a node of an expression graph. Nothing is
+    checked."""
 
     def __add__(self, other: Any, /) -> Any: ...
     def __radd__(self, other: Any, /) -> Any: ...
@@ -36,57 +37,57 @@ Condition: TypeAlias = Any
 
 
 def sin(x: Any) -> Any:
-    """Sine of an angle x in rad (a float, an array, a dual number or a node of an expression graph). Raises
+    """Sine of an angle `x` in rad (a float, an array, a dual number or a node of an expression graph). Raises
     `ValueError` for an infinite float; in arrays it is NaN there."""
     return math.sin(x) if isinstance(x, float) else np.sin(x)
 
 
 def cos(x: Any) -> Any:
-    """Cosine of an angle x in rad (a float, an array, a dual number or a node of an expression graph). Raises
+    """Cosine of an angle `x` in rad (a float, an array, a dual number or a node of an expression graph). Raises
     `ValueError` for an infinite float; in arrays it is NaN there."""
     return math.cos(x) if isinstance(x, float) else np.cos(x)
 
 
 def sqrt(x: Any) -> Any:
-    """Square root of a scalar x (a float, an array, a dual number or a node of an expression graph). Raises
-    `ValueError` for a negative float, `ZeroDivisionError` for a dual number of value 0.0, which has no derivative; in
-    arrays the root of negative numbers is NaN."""
+    """Square root of a scalar `x`, in the root of its unit (a float, an array, a dual number or a node of an expression
+    graph). Raises `ValueError` for a negative float, `ZeroDivisionError` for a dual number of value 0.0, which has no
+    derivative; in arrays the root of negative numbers is NaN."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
 def exp(x: Any) -> Any:
-    """Exponential e^x of a scalar x without unit (a float, an array, a dual number or a node of an expression graph);
-    infinity where it exceeds the largest double."""
+    """Exponential e^x of a scalar `x` without unit (a float, an array, a dual number or a node of an expression graph);
+    infinity where it exceeds the largest double. Nothing is raised."""
     if isinstance(x, float):
         return math.exp(x) if not x > LARGEST_EXPONENT else math.inf
     return np.exp(x)
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm of a scalar x without unit (a float, an array, a dual number or a node of an expression graph);
-    minus infinity of zero, NaN of negative numbers. Raises `ZeroDivisionError` for a dual number of value 0.0, which
-    has no derivative."""
+    """Natural logarithm of a scalar `x` without unit (a float, an array, a dual number or a node of an expression
+    graph); minus infinity of zero, NaN of negative numbers. Raises `ZeroDivisionError` for a dual number of value 0.0,
+    which has no derivative."""
     if isinstance(x, float):
         return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
     return np.log(x)
 
 
 def tanh(x: Any) -> Any:
-    """Hyperbolic tangent of a scalar x without unit (a float, an array, a dual number or a node of an expression
-    graph)."""
+    """Hyperbolic tangent of a scalar `x` without unit (a float, an array, a dual number or a node of an expression
+    graph). Nothing is raised."""
     return math.tanh(x) if isinstance(x, float) else np.tanh(x)
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) from the x axis, in rad, from -pi to pi; x and y, in one unit, are each a float, an
-    array, a dual number or a node of an expression graph. 0 at the origin, where a dual number of floats, having no
-    derivative, raises `ZeroDivisionError`."""
+    """Angle of the point (x, y) from the x axis, in rad, from -pi to pi, and 0 at the origin. The coordinates `y` and
+    `x`, in one unit, are each a float, an array, a dual number or a node of an expression graph. A dual number of
+    floats at the origin, having no derivative there, raises `ZeroDivisionError`."""
     return math.atan2(y, x) if isinstance(x, float) and isinstance(y, float) else np.arctan2(y, x)
 
 
 def nearest_whole(x: Any) -> Any:
-    """The whole number nearest to a scalar x (a float, an array, a dual number or a node of an expression graph), as a
-    scalar of the same kind; of two equally near, the even one."""
+    """The whole number nearest to a scalar `x`, as a scalar of the same kind: a float, an array, a dual number or a
+    node of an expression graph. Of two equally near it is the even one. Nothing is raised."""
     return float(np.rint(x)) if isinstance(x, float) else np.rint(x)
 
 
@@ -103,34 +104,35 @@ def angle(sine: Any, cosine: Any, near: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Magnitude |x| of a scalar x (a float, an array, a dual number or a node of an expression graph), in the unit of
-    x, elementwise in arrays."""
+    """Magnitude |x| of a scalar `x` (a float, an array, a dual number or a node of an expression graph), in the unit of
+    x, elementwise in arrays. Nothing is raised."""
     return np.absolute(x)
 
 
 def minimum(x: Any, y: Any) -> Any:
     """The smaller of two scalars x and y in one unit, each a float, an array, a dual number or a node of an expression
-    graph, elementwise in arrays; NaN where either is NaN."""
+    graph, elementwise in arrays; NaN where either is NaN. Raises `ValueError` for arrays that do not broadcast."""
     return np.minimum(x, y)
 
 
 def maximum(x: Any, y: Any) -> Any:
     """The larger of two scalars x and y in one unit, each a float, an array, a dual number or a node of an expression
-    graph, elementwise in arrays; NaN where either is NaN."""
+    graph, elementwise in arrays; NaN where either is NaN. Raises `ValueError` for arrays that do not broadcast."""
     return np.maximum(x, y)
 
 
 def where(condition: Condition, yes: Any, no: Any) -> Any:
-    """The value `yes` where the `condition` holds, else `no`, elementwise in arrays, all of which broadcast: the only
-    way for an equation over scalars to branch. The condition is a comparison of scalars: a bool, an array of bools, or
-    a node of an expression graph. Both values are computed in any case."""
+    """The value `yes` where the `condition` holds, else `no`, elementwise in arrays, all of which broadcast (else
+    `ValueError` is raised). It is the only way for an equation over scalars to branch. The condition is a comparison of
+    scalars: a bool, an array of bools, or a node of an expression graph. Both values are computed in any case."""
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
     return np.where(condition, yes, no)
 
 
 def clip(x: Any, lower: Any, upper: Any) -> Any:
-    """The scalar x brought into the range from `lower` to `upper`, to the nearer end where it is outside, elementwise
-    in arrays; `upper` where `lower` is above it, NaN where any is NaN. All are in one unit, each a float, an array, a
-    dual number or a node of an expression graph."""
+    """The scalar `x` limited to the range from `lower` to `upper`: the nearer end where it is outside, elementwise in
+    arrays. It is `upper` where `lower` is above it, NaN where any of the three is NaN. All are in one unit, each a
+    float, an array, a dual number or a node of an expression graph. Raises `ValueError` for arrays that do not
+    broadcast."""
     return minimum(maximum(x, lower), upper)

@@ -19,9 +19,11 @@ from adaptctl.scalars.column import Column
 
 
 class Structure:
-    """The structure of an object `of`: its class and all its values except its tunable numbers (arguments of native
-    code), given as a hashable `key`, by which structures are compared. Objects of equal structure have one equation,
-    whose native code they share. Raises `TypeError` for a key that cannot be hashed; nothing else is checked."""
+    """Structure of an object `of`: the part that fixes the native code of its equation, that is, its class and all its
+    values except its tunable numbers (arguments of that code). It is given as a hashable `key`; two structures are
+    equal, and have the same hash, where their keys are. Objects of equal structure share one equation and its native
+    code. Raises `TypeError` for a key that cannot be hashed; nothing else is checked, such as that `key` belongs to
+    `of`."""
 
     __slots__ = ("_hash", "_key", "of")
 
@@ -36,14 +38,14 @@ class Structure:
 
 
 class Keyed:
-    """Base class of frozen dataclasses without tunable numbers (arguments of native code). Their `structure`, the class
-    and the values of all fields, is computed once; objects of equal structure share native code. Nothing is checked at
-    construction."""
+    """Base class of frozen dataclasses without tunable numbers (arguments of native code). The property `structure`,
+    the class and the values of all fields, is computed once; objects of equal structure share native code. Nothing is
+    checked at construction."""
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of this object: its class and the values of all its fields, to be compared and hashed. Objects of
-        equal structure share one equation and its native code."""
+        """Structure of this object, a `Structure` to be compared and hashed: its class and the values of all its
+        fields. Objects of equal structure share one equation and its native code."""
         return Structure(self, _fields_key(self))
 
 
@@ -60,8 +62,8 @@ class Tunable:
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the attributes that hold tunable numbers, which are arguments of the settings' native code, not
-        compiled into it. Empty unless a class overrides this property."""
+        """Names (a tuple of texts) of the attributes that hold tunable numbers, which are arguments of the settings'
+        native code, not compiled into it. Empty unless a class overrides this property."""
         return ()
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -71,15 +73,15 @@ class Tunable:
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """The attributes that are themselves `Tunable` settings, which have tunable numbers (arguments of native code)
-        of their own, by attribute name; empty where there are none."""
+        """Mapping from attribute names to those attributes of the settings that are `Tunable` themselves and have
+        tunable numbers (arguments of native code) of their own; empty where there are none."""
         return {name: value for name, value in self._settings() if isinstance(value, Tunable)}
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
         """The tunable numbers (arguments of native code) by name, as float arrays (), (n,) or (m, n) in the units of
-        their attributes: those named in the property `tunable`, then those of parts (attributes that are `Tunable`
-        themselves), as in ``adaptation.gain``. Attributes that are None are left out."""
+        their attributes. They are those named in the property `tunable`, then those of parts (attributes that are
+        `Tunable` themselves), as in ``adaptation.gain``. Attributes that are None are left out."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()
@@ -87,19 +89,20 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All g tunable numbers (arguments of native code) in one float array (g,): the settings' own, in the order of
-        the property `tunable`, then those of parts (attributes that are `Tunable` themselves); matrices row by row."""
+        """All g tunable numbers (arguments of native code) in one float array (g,). The settings' own come first, in
+        the order of the property `tunable`, then those of parts (attributes that are `Tunable` themselves); matrices
+        are row by row."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
         """A copy of these settings whose g tunable numbers are those of the column `packed` (g,), in the order of the
-        property `numbers`, matrices row by row: scalars of any kind (float, array, dual number, node of an expression
-        graph), whose values are not checked. Raises `InputError` for another number of them."""
+        property `numbers`, matrices row by row. They are scalars of any kind (float, array, dual number, node of an
+        expression graph), whose values are not checked. Raises `InputError` for another number of them."""
         return self._having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
-        """The g tunable numbers of a column `packed` (g,), by their names in the property `numbers`: each a scalar, a
-        column (n,), or for a matrix (m, n) a tuple of its m rows, columns (n,). The column has them in the order of
+        """The g tunable numbers of a column `packed` (g,), by their names in the property `numbers`. Each is a scalar,
+        a column (n,), or for a matrix (m, n) a tuple of its m rows, columns (n,). The column has them in the order of
         `numbers`, matrices row by row. Raises `InputError` for another number of them."""
         if len(packed) != self.packed.size:
             raise InputError(f"{type(self).__name__}: packed: expected {self.packed.size} numbers, got {len(packed)}")
@@ -108,10 +111,10 @@ class Tunable:
         return {name: _shaped(packed.of[end - array.size : end], array.shape) for (name, array), end in parts}
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
-        """A copy of these settings with other tunable numbers, given by their names in the property `numbers`, such as
-        "adaptation.gain": scalars of any kind (float, dual number, node of an expression graph), or arrays of which
-        leading axes are samples. The others stay. Values are not checked. Raises `NotFoundError` for a name that is not
-        there."""
+        """A copy of these settings with other tunable numbers, given in `numbers` by their names in the property of
+        that name, such as "adaptation.gain". They are scalars of any kind (float, dual number, node of an expression
+        graph), or arrays of which leading axes are samples; those not given stay. Values are not checked. Raises
+        `NotFoundError` for an unknown name."""
         self._require_named(numbers, self._names)
         return self._having(numbers)
 
@@ -124,11 +127,11 @@ class Tunable:
         return other
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
-        """A copy of these settings with other tunable numbers, given by their names in the property `numbers`, such as
-        "adaptation.gain", in the shapes and units of the attributes; the others stay. The values are checked as those
-        of new settings are.
+        """A copy of these settings with other tunable numbers, given in `numbers` by their names in the property of
+        that name, such as "adaptation.gain", in the shapes and units of the attributes. Those not given stay. The
+        values are checked as those of new settings are.
 
-        Raises `NotFoundError` for a name that is not there, and what the class itself raises for its attributes.
+        Raises `NotFoundError` for an unknown name, and what the class itself raises for its attributes.
         """
         self._require_named(numbers, self.numbers)
         own: dict[str, Any] = {name: value for name, value in numbers.items() if "." not in name}
@@ -149,9 +152,9 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of these settings, to be compared and hashed: their class, the names and shapes of the tunable
-        numbers (arguments of native code), and all other values. Settings of equal structure share one equation and its
-        native code."""
+        """Structure of these settings, a `Structure` to be compared and hashed: their class, the names and shapes of
+        the tunable numbers (arguments of native code), and all other values. Settings of equal structure share one
+        equation and its native code."""
         parts, shapes = self.tunable_parts, tuple((name, array.shape) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)

@@ -64,7 +64,7 @@ class Mat:
     @classmethod
     def of(cls, rows: ArrayLike) -> Mat:
         """A matrix (3, 3) of floats from three rows of three numbers, nested sequences or an array (3, 3). Raises
-        `InputError` for another shape and for what is no number, `NonFiniteError` for NaN and infinity."""
+        `InputError` for another shape and for entries that are no numbers, `NonFiniteError` for NaN and infinity."""
         entries = checked(rows, 3, "matrix")
         if entries.shape != (3, 3):
             raise InputError(f"matrix: expected shape (3, 3), got {entries.shape}")
@@ -90,7 +90,7 @@ class Mat:
 
     @property
     def T(self) -> Mat:
-        """The transposed matrix (3, 3), rows and columns exchanged."""
+        """The transpose (3, 3) of this matrix, rows and columns exchanged."""
         a, b, c = self.x, self.y, self.z
         return Mat(Vec(a.x, b.x, c.x), Vec(a.y, b.y, c.y), Vec(a.z, b.z, c.z))
 

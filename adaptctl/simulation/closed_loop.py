@@ -25,17 +25,17 @@ _NOTHING = (Column(()), Column(()))
 
 class Sample(NamedTuple):
     """The record of one control period of a closed loop: the state at its beginning, and the torques commanded and
-    applied on it. Its parts are Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled),
-    or arrays, with leading axes for more periods or arms. Nothing is checked.
+    applied on it. Its parts are Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or
+    arrays, with leading axes for more periods or arms. Nothing is checked.
 
-    `q` (n,), rad (m), are positions of the n joints of the plant's spanning tree; `v` (r,), rad/s (m/s), velocities of
-    its r primary (independent) joints; `measured_p` and `measured_v` (r,), in the same units, what the sensors measured
-    of these, (0,) without sensors; `energy` (1,), J, is kinetic plus potential. `torque` (r,), N m (N), was commanded,
-    and `applied` (r,) reached the joints; `clipped` (1,) is 1 where the command was beyond the plant's torque limits,
-    else 0. `estimate` (k,) has the controller's k parameter estimates, SI units, after the period's evaluation of its
-    law, k = 0 where it has none. `marks` (m,), named in `ClosedLoop.marks`, are 1 where an actuator effect or a guard
-    of the controller acted, else 0. `learning` (l,) has the l numbers that the adaptation law records of its memory, l
-    = 0 where it records none.
+    `q` (n,), rad (m if prismatic), are positions of the n joints of the plant's spanning tree; `v` (r,), rad/s (m/s),
+    velocities of its r primary (independent) joints; `measured_p` and `measured_v` (r,), in the same units, what the
+    sensors measured of these, (0,) without sensors; `energy` (1,), J, is kinetic plus potential. `torque` (r,), N m
+    (N), was commanded, and `applied` (r,) reached the joints; `clipped` (1,) is 1 where the command was beyond the
+    plant's torque limits, else 0. `estimate` (k,) has the controller's k parameter estimates, SI units, after the
+    period's evaluation of its law, k = 0 where it has none. `marks` (m,), named in `ClosedLoop.marks`, are 1 where an
+    actuator effect or a guard of the controller acted, else 0. `learning` (l,) has the l numbers that the adaptation
+    law records of its internal state, l = 0 where it records none.
     """
 
     q: Any
@@ -67,10 +67,10 @@ class ClosedLoop:
     computes a torque from the plant's measured positions and velocities, and the plant holds it until the end.
 
     These columns (vectors of scalars) pass from one period to the next, in this order: q, positions of the n joints of
-    the plant's spanning tree; v, velocities of its r primary (independent) joints; the memories of the plant's drives
-    and sensors; where there are sensors, the last measurement; and the controller's memory. Loops that differ in
-    tunable gains alone are equal, and share native code. Raises `InputError` where plant and controller differ in their
-    number r of joints.
+    the plant's spanning tree; v, velocities of its r primary (independent) joints; the internal states of the plant's
+    drives and sensors; where there are sensors, the last measurement; and the controller's internal state. Loops that
+    differ in tunable gains alone are equal, and share native code. Raises `InputError` where plant and controller
+    differ in their number r of joints.
     """
 
     plant: Plant
@@ -84,46 +84,48 @@ class ClosedLoop:
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths of the columns (vectors) that pass from one control period to the next, by name: "q", the n joints of
-        the plant's spanning tree, "v", its r primary (independent) joints, "drives" and "sensors", the memories of the
-        plant's effects, "measured_p" and "measured_v", r each, or 0 where nothing is measured, and "memory_0",
-        "memory_1", ..., the arrays of the controller's memory."""
+        """Lengths, by name, of the columns (vectors) that pass from one control period of the closed loop to the next.
+        They are "q", the n joints of the plant's spanning tree; "v", its r primary (independent) joints; "drives" and
+        "sensors", the internal states of the plant's effects; "measured_p" and "measured_v", r each, or 0 where nothing
+        is measured; and "memory_0", "memory_1", ..., the arrays of the controller's internal state."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the columns (vectors) that stay the same in a run: P for "parameters", the plant's
-        inertial and friction parameters in the order of `Mechanism.parameter_names`, and, where there are any, g for
-        "gains", the controller's tunable gains."""
+        """Lengths, by name, of the columns (vectors) that are constant over a run of the closed loop: P for
+        "parameters", the plant's inertial and friction parameters in the order of `Mechanism.parameter_names`, and,
+        where there are any, g for "gains", the controller's tunable gains."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths of a reference point's columns (vectors) "reference_p", "reference_v" and "reference_a" (positions,
-        velocities, accelerations), by name: the number of joints r each, or for a task-space controller that of its
+        """Lengths, by name, of a reference point's columns (vectors) "reference_p", "reference_v" and "reference_a"
+        (positions, velocities, accelerations): the number of joints r each, or for a task-space controller that of its
         task-space coordinates."""
         return dict.fromkeys(REFERENCE, self.controller.reference_size)
 
     @property
     def noise(self) -> dict[str, int]:
-        """Length of the column (vector) "noise", the sensors' standard normal numbers (no unit) in a control period, by
-        its name: 2r for r joints, the positions' first, or 0 where there are no sensor effects and no encoders on
-        motors of elastic joints."""
+        """Length, by its name, of the column (vector) "noise" of the standard normal numbers (no unit) that the sensors
+        take in a control period: 2r for r joints, the positions' first, or 0 where there are no sensor effects and no
+        encoders on motors of elastic joints."""
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """The columns, vectors of scalars, after one control period, as a list in the order of the property `state`,
-        and the `Sample` recorded of it, which has the period's positions, velocities, torques and energy (J), over
-        scalars of any kind (floats, arrays of samples, dual numbers, nodes of an expression graph).
+        """The closed loop's state after one control period and the `Sample` recorded of the period, a pair. The state
+        is a list of columns (vectors) in the order of the property `state`; the sample has the period's positions,
+        velocities, torques and energy (J). Scalars are of any kind: floats, arrays of samples, dual numbers, nodes of
+        an expression graph.
 
-        `columns` are, in SI units, those before it: "q", "v", "drives", "sensors", "measured_p", "measured_v" and
-        "memory_0", "memory_1", ... (lengths in the property `state`); "parameters", the plant's P true inertial ones,
-        in the order of `Mechanism.parameter_names`, and "gains", the controller's tunable numbers (in `held`);
-        "reference_p", "reference_v" and "reference_a", the reference's positions, velocities and accelerations (in
-        `reference`); "noise", the sensors' standard normal numbers, the positions' first. Without "gains" the
-        controller's own are taken. Raises `KeyError` where another is missing; lengths are not checked.
+        `columns` are, in SI units, those of the state before the period: "q", "v", "drives", "sensors", "measured_p",
+        "measured_v" and "memory_0", "memory_1", ... (lengths in the property `state`); "parameters", the plant's P true
+        inertial parameters, in the order of `Mechanism.parameter_names`, and "gains", the controller's tunable numbers
+        (lengths in the property `held`); "reference_p", "reference_v" and "reference_a", the reference's positions,
+        velocities and accelerations (lengths in the property `reference`); "noise", the sensors' standard normal
+        numbers, the positions' first. Without "gains" the controller's own are taken. Raises `KeyError` where another
+        is missing; lengths are not checked.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
@@ -143,9 +145,9 @@ class ClosedLoop:
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Names of the marks in a `Sample`, the record of a control period, in their order. Each is 1 in a period in
-        which its effect or guard acted, else 0: first the plant's actuator effects that mark a change of a torque, then
-        the guards of a `Guarded` controller, such as "torque_limited"."""
+        """Names of the flags in a `Sample`, the record of a control period, in their order. Each is 1 in a period in
+        which its effect or guard acted, else 0: first the plant's actuator effects that have a flag for a change of a
+        torque, then the guards of a `Guarded` controller, such as "torque_limited"."""
         return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
@@ -169,10 +171,11 @@ class ClosedLoop:
         return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
-        """The results of the method `equation` in one tuple: the columns (vectors of scalars) after one control period,
-        in the order of the property `state`, then the fields of the `Sample` recorded of it. `columns` are by name, in
-        SI units, those of the properties `state`, `held`, `reference` and `noise`. Raises `KeyError` where one is
-        missing; without "gains" the controller's own are taken."""
+        """The closed loop's state after one control period, then the fields of the `Sample` recorded of the period, all
+        in one tuple of columns (vectors of scalars of any kind). The state is in the order of the property `state`; it
+        is what the method `equation` returns. `columns` are by name, in SI units, those of the properties `state`,
+        `held`, `reference` and `noise`. Raises `KeyError` where one is missing; without "gains" the controller's own
+        are taken."""
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 
@@ -181,7 +184,7 @@ class ClosedLoop:
         `Plant.init` and `Controller.init` give them, and their tunable gains, if any, to the controller's. Each array
         is (length,), the same for all arms, or (M, length), the length being its column's. The plants' inertial
         parameters, `arms.held["parameters"]`, are left alone. Raises `InputError` for arms of another loop and where
-        arrays do not fit the arms, `ValueError` for a memory of another number of arrays."""
+        arrays do not fit the arms, `ValueError` for an internal state of another number of arrays."""
         self._require_own(arms)
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
@@ -191,10 +194,10 @@ class ClosedLoop:
             arms.held[name] = self.controller.packed
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
-        """The plant's state and the controller's memory of one of the `arms` (copies of the compiled step), that of
-        index `member`, from 0, the default. `time` (s) is put into the state as it is. The state's `applied` (the
-        torques applied), `clipped` and `marks` (flags of effects), which arms do not keep, are zero. Raises
-        `InputError` for an index that no arm has and for arms of another loop."""
+        """The plant's state and the controller's internal state, a pair, of one of the `arms` (copies of the compiled
+        step): the arm of zero-based index `member`, 0 by default. `time` (s) is put into the state as it is. The
+        state's `applied` (the torques applied), `clipped` and `marks` (flags of effects), which arms do not keep, are
+        zero. Raises `InputError` for an index that no arm has and for arms of another loop."""
         self._require_own(arms)
         member = whole_number(member, "closed loop: member", 0, arms.members - 1)
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)
@@ -221,8 +224,8 @@ class ClosedLoop:
 
 
 def guards(memory: Any) -> tuple[Any, ...]:
-    """The marks in a controller's `memory`: where the controller is `Guarded`, a named tuple of columns or arrays (1,)
-    each, such as `torque_limited`, that are 1 where that guard acted in the last control period, else 0; an empty tuple
-    for a controller without guards. Raises nothing."""
+    """The flags of a controller's guards in `memory`, its internal state: where the controller is `Guarded`, a named
+    tuple of columns or arrays (1,) each, such as `torque_limited`, that are 1 where that guard acted in the last
+    control period, else 0; an empty tuple for a controller without guards. Nothing is raised."""
     marks = getattr(memory, "marks", ())
     return marks if isinstance(marks, tuple) else ()

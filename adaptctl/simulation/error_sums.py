@@ -18,9 +18,9 @@ LARGEST = float(np.finfo(np.float64).max)
 
 class ErrorSums(NamedTuple):
     """Sums of the tracking errors (positions less the reference's) of a run of r joints over its control periods so
-    far: Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, r) or (M,
-    1) for M runs. From the period on in which the run diverges, an error being NaN or larger than its bound `beyond`,
-    rad (m), (r,), errors are not counted any more. Nothing is checked.
+    far: Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, r) or (M, 1)
+    for M runs. From the period on in which the run diverges, an error being NaN or larger than its bound `beyond`, rad
+    (m if prismatic), (r,), errors are not counted any more. Nothing is checked.
 
     `squares` (r,), rad^2 (m^2), are sums of the errors' squares, and `final_squares` (r,) those of the periods at the
     run's end over which its final error is taken; `largest` (r,), rad (m), are the errors' largest magnitudes.
@@ -54,22 +54,23 @@ def sum_sizes(joints: int) -> dict[str, int]:
 
 
 def judged_by(joints: int) -> dict[str, int]:
-    """Lengths, by name, of the columns (vectors) that tracking errors of r `joints` are judged by: r for the bounds,
-    rad (m), of the errors' magnitudes, "within", in which a run is to return, and "beyond", past which it has diverged;
-    1 for "final", the index from 0 of the control period from which on errors count as final. Nothing is checked."""
+    """Lengths, by name, of the columns (vectors) of the criteria for tracking errors of r `joints`. They are r for the
+    bounds, rad (m if prismatic), of the errors' magnitudes, "within", to which a run is to return, and "beyond", past
+    which it has diverged; 1 for "final", the zero-based index of the control period from which on errors count as
+    final. Nothing is checked."""
     return {"within": joints, "beyond": joints, "final": 1}
 
 
 def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> ErrorSums:
-    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over Columns, vectors of
-    scalars of any kind (floats, arrays, or symbols to be compiled).
+    """The `ErrorSums`, sums of a run's tracking errors, after one more control period, over Columns, vectors of scalars
+    of any kind (floats, arrays, or symbols to be compiled).
 
     `clock` is the period's index, from 0, and `error` (r,) are its tracking errors, positions of r joints less the
-    reference's, rad (m). `columns` has, by name, the sums before the period, "squares", "final_squares" and "largest"
-    (r,), "outside", "diverged" and "joint" (1,), and what errors are judged by: the bounds "within" and "beyond" (r,),
-    rad (m), and "final" (1,), the index of the first period whose errors are final. An error that is NaN or larger than
-    `beyond` makes the run diverge: from this period on all sums stay. Raises `KeyError` where a column is missing,
-    `IndexError` where "beyond" is too short, `ValueError` where "within" or "largest" has another length.
+    reference's, rad (m if prismatic). `columns` has, by name, the sums before the period, "squares", "final_squares"
+    and "largest" (r,), "outside", "diverged" and "joint" (1,), and the criteria for errors: the bounds "within" and
+    "beyond" (r,), rad (m), and "final" (1,), the index of the first period whose errors are final. An error that is NaN
+    or larger than `beyond` makes the run diverge: from this period on all sums stay. Raises `KeyError` where a column
+    is missing, `IndexError` where "beyond" is too short, `ValueError` where "within" or "largest" has another length.
     """
     before = ErrorSums(*(columns[name] for name in ErrorSums._fields))
     sizes = Column(map(absolute, error))
@@ -97,9 +98,9 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
 class ErrorSummary(NamedTuple):
     """Summaries of the tracking errors, positions less the reference's, of M runs of r joints. Nothing is checked.
 
-    (M, r), rad (m): `rms_error`, root mean square, and `largest_error`, largest magnitude, both, in a run that
-    diverged, of the time before, or NaN if no joint's bound for divergence was finite; `final_rms_error`, root mean
-    square over the last SETTLED (2) s, NaN in shorter runs and those that diverged before. (M,): `return_time`, s,
+    (M, r), rad (m if prismatic): `rms_error`, root mean square, and `largest_error`, largest magnitude, both, in a run
+    that diverged, of the time before, or NaN if no joint's bound for divergence was finite; `final_rms_error`, root
+    mean square over the last SETTLED (2) s, NaN in shorter runs and those that diverged before. (M,): `return_time`, s,
     after which every error stayed within the bounds asked for, NaN where the last one did not or the run diverged;
     `diverged_at`, s, at which an error was first not finite or beyond the bound for divergence, NaN where none was;
     `diverged_joint`, the index from 0 of the first joint with such an error, -1 where none was.
@@ -115,8 +116,8 @@ class ErrorSummary(NamedTuple):
 
 def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> ErrorSummary:
     """The `ErrorSummary` of M runs of r joints, from their `sums`, arrays (M, r) or (M, 1), after `count` control
-    periods of `period` (s): root mean squares and largest magnitudes of tracking errors, rad (m), and times of return
-    and divergence, s.
+    periods of `period` (s): root mean squares and largest magnitudes of tracking errors, rad (m if prismatic), and
+    times of return and divergence, s.
 
     Errors count as final from the period of index `final` on. `beyond` (r,), rad (m), are the bounds by which runs
     diverged. In a run that diverged, `rms_error` and `largest_error` are NaN if all bounds are infinite; else they are

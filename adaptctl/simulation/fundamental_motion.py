@@ -18,21 +18,23 @@ LONGEST = 12
 
 
 class FundamentalMotion(NamedTuple):
-    """A mechanism's equations of motion in fewer operations: in the fundamental (base) parameters onto which its
-    inertial parameters are regrouped, which leaves many of them zero, and with each link's frame at its joint.
+    """A mechanism's equations of motion in fewer operations: in its fundamental (base) parameters, and with each link's
+    frame at its joint. Regrouping the P inertial parameters onto the fundamental ones leaves many of the m parameters
+    of these equations zero.
 
-    `equations` are these, of P' parameters. `sums` has for each of the P' a tuple of pairs (index, weight): the
-    parameter is the sum of the mechanism's own parameters (P,), SI units, at these indices, times their weights; the
-    tuple is empty where it is zero. Nothing is checked.
+    `equations` are the equations, of m parameters. `sums` has for each of the m a tuple of pairs (index, weight): the
+    parameter is the sum of the mechanism's own parameters (P,), SI units, at these zero-based indices, times their
+    weights; the tuple is empty where it is zero. Nothing is checked.
     """
 
     equations: Equations
     sums: tuple[tuple[tuple[int, float], ...], ...]
 
     def parameters(self, true: Column) -> Column:
-        """The column (vector) (P',) of the P' parameters of `equations`, regrouped from the mechanism's P `true`
-        parameters (P,), SI units, over scalars of any kind (floats, arrays, or symbols to be compiled). Raises
-        `IndexError` for a column that is too short."""
+        """The m parameters, a Column (vector) (m,), SI units, of a mechanism's equations of motion on its fundamental
+        (base) parameters: weighted sums of its own P inertial and friction parameters `true` (P,), zero where
+        regrouping leaves none. Scalars are of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError`
+        where `true` is too short."""
 
         def total(terms: tuple[tuple[int, float], ...]) -> Scalar:
             (i, weight), *rest = terms
@@ -42,8 +44,9 @@ class FundamentalMotion(NamedTuple):
 
 
 def fundamental_motion(mechanism: Mechanism) -> FundamentalMotion | None:
-    """A mechanism's equations of motion in its fundamental (base) parameters, as a `FundamentalMotion`: these are the
-    combinations of inertial parameters that the motion depends on, and take fewer operations than all parameters.
+    """The equations of motion of a `mechanism` on its fundamental (base) parameters, a `FundamentalMotion`, or None.
+    These parameters are the combinations of inertial parameters that the motion depends on, and take fewer operations
+    than all.
 
     None is returned for a mechanism of more than LONGEST (12) links, for a subclass of `Mechanism`, as one with
     constraints on its parameters is, and where no such basis can be certified. Nothing is raised.

@@ -20,10 +20,10 @@ NONE: Mapping[str, Array] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False)
 class GainsOfMany:
-    """Gains (tunable numbers) of the controllers of M arms: `given` maps names in `controller.numbers`, such as
-    "bandwidth", to arrays in the shapes and units that they have there, the same for all arms, or with a leading axis
-    of M; the numbers not given are those of the `controller`. `GainsOfMany.of` checks them; the class itself checks
-    nothing."""
+    """Gains (tunable numbers) of M arms' controllers, which differ in nothing else. `controller` is the controller of
+    all; `given` maps names in `controller.numbers`, such as "bandwidth", to arrays in the shapes and units that they
+    have there, the same for all arms, or with a leading axis of M. Numbers not given are those of the `controller`.
+    `GainsOfMany.of` checks them; the class itself checks nothing."""
 
     controller: Controller[Any]
     given: Mapping[str, Array]
@@ -35,11 +35,13 @@ class GainsOfMany:
         given: Mapping[str, ArrayLike],
         own: Mapping[str, Array] = NONE,
     ) -> GainsOfMany:
-        """The `GainsOfMany` of M arms, from either of two mappings whose keys are names in `controller.numbers`:
-        `given`, arrays in the shapes that they have there or with a leading axis of M; or `own`, arrays with that axis,
-        the numbers of M controllers that were made before, which are not checked again (none by default).
+        """The `GainsOfMany`, gains of the controllers of M arms, from one of two mappings of names in
+        `controller.numbers`, such as "bandwidth", to arrays. In `given` each array has the shape that the number has in
+        the `controller`, the same for all arms, or a leading axis of M before it. In `own`, empty by default, each has
+        that axis: the numbers of M controllers that exist already, which are not checked again. Both may be empty: then
+        all arms have the controller's own gains.
 
-        With `given`, each arm's gains are checked as those of a new controller are. Raises `InputError` where neither
+        Each arm's gains in `given` are checked as those of a new controller are. Raises `InputError` where neither
         mapping is empty and for arrays of another shape or of no numbers, `NotFoundError` for an unknown name, and what
         the controller's class raises for its numbers, such as `GainError`.
         """
@@ -58,15 +60,16 @@ class GainsOfMany:
 
     @property
     def arms(self) -> dict[str, tuple[int, ...]]:
-        """The leading axes of each gain given, by its name with the word "gains" before it, as in "gains bandwidth":
-        (M,) where it has a row for each of M arms, () where it is the same for all; empty where no gain is given."""
+        """The leading axes of each gain given, by its name with the word "gains" before it, as in "gains bandwidth".
+        They are (M,) where the gain has a row for each of M arms, () where it is the same for all; the mapping is empty
+        where no gain is given."""
         sizes = {name: x.ndim - self.controller.numbers[name].ndim for name, x in self.given.items()}
         return {f"gains {name}": self.given[name].shape[:axes] for name, axes in sizes.items()}
 
     def require(self) -> None:
         """Raise what the controller's class raises for its numbers, such as `InputError` and `GainError`, unless each
-        arm's set of gains would make a controller. Gains with unlike numbers of rows are not checked here:
-        `simulate_many` refuses them."""
+        arm's set of gains would make a controller. Gains with unlike numbers of rows are not checked; `simulate_many`
+        refuses them."""
         if not self.given:
             return
         count = max((axes[0] for axes in self.arms.values() if axes), default=1)
@@ -85,9 +88,9 @@ class GainsOfMany:
             self.controller.tuned({name: x.max(axis=0) for name, x in each.items()})
 
     def of_arms(self, arms: slice) -> dict[str, Array]:
-        """All tunable numbers of the controllers of M arms, by their names in `controller.numbers`: arrays (M, ...) in
-        the shapes and units of these, of the arms that the slice `arms` (from start to stop) selects; {} where no gain
-        is given. Nothing is checked."""
+        """All tunable numbers of the controllers of M arms, by their names in `Controller.numbers`: arrays (M, ...) in
+        the shapes and units that they have there. The slice `arms`, with a start and a stop, selects the M arms. The
+        dict is empty where no gain is given. Nothing is checked."""
         if not self.given:
             return {}
         count = arms.stop - arms.start
@@ -95,9 +98,9 @@ class GainsOfMany:
         return own | self._rows(arms, count)
 
     def packed(self, arms: slice) -> Array:
-        """All g tunable numbers of the controllers of M arms in one array (M, g), in the order of `controller.numbers`,
-        matrices row by row, of the arms that the slice `arms` (from start to stop) selects. Raises `ValueError` where
-        no gain is given."""
+        """All g tunable numbers of the controllers of M arms in one array (M, g), in the order of `Controller.numbers`,
+        matrices row by row. The slice `arms`, with a start and a stop, selects the M arms. Raises `ValueError` where no
+        gain is given."""
         return np.concatenate([x.reshape(len(x), -1) for x in self.of_arms(arms).values()], axis=1)
 
     def _rows(self, arms: slice, count: int) -> dict[str, Array]:
@@ -106,11 +109,11 @@ class GainsOfMany:
 
 
 def alike(given: Controller[Any] | Sequence[Controller[Any]]) -> tuple[Controller[Any], dict[str, Array]]:
-    """One controller that stands for all those `given`, and a dict of their own tunable numbers, such as gains. For a
+    """A controller that stands for all those `given`, and a dict of their own tunable numbers, such as gains. For a
     sequence of M controllers it is the first, and the dict maps the names in `Controller.numbers` to arrays (M, ...), a
-    row for each in the shape and unit that the number has there; for one controller alone it is that one and {}. Raises
-    `InputError` for an empty sequence, for what is no controller, and where controllers differ in more than these
-    numbers."""
+    row for each in the shape and unit that the number has there; for one controller alone it is that one and an empty
+    dict. Raises `InputError` for an empty sequence, for an element that is no `Controller`, and where controllers
+    differ in more than these numbers."""
     if isinstance(given, Controller):
         return given, {}
     controllers = list(given) if isinstance(given, Sequence) else []

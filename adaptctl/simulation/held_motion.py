@@ -25,17 +25,17 @@ STILL = 1e-9
 
 
 class Bodies(NamedTuple):
-    """Equations of motion under a torque as three functions over Columns, vectors of scalars of any kind (floats,
-    arrays, or symbols to be compiled), as an integrator takes them: `rates(q, v)`, `moved(q, v, torque, parameters)`
-    and `projected(q)`. Nothing is checked.
+    """Equations of motion of a mechanism under a torque, as an integrator takes them: three functions over Columns,
+    vectors of scalars of any kind (floats, arrays, or symbols to be compiled), `rates(q, v)`, `moved(q, v, torque,
+    parameters)` and `projected(q)`. Nothing is checked.
 
-    Their columns are q (n,), rad (m), positions of the spanning tree's n joints, and v (r,), rad/s (m/s), velocities of
-    the r primary (independent) joints; with elastic joints each is followed by the motors' (r,). `rates` gives the rate
-    q' (n,) of q, rad/s (m/s), from q and v. `moved` gives q' and the accelerations v' (r,), rad/s^2 (m/s^2), from q, v,
-    the torque (r,), N m (N), and the inertial parameters (P,), SI units; where it is for the links alone and an
-    implicit integrator, it may be given one more column (r,), N m s/rad (N s/m), the decrease of the torque for every
-    rad/s (m/s) that v gains in the step. `projected` gives from q a configuration whose loops are closed more exactly,
-    q itself for a tree.
+    Their columns are q (n,), rad (m if prismatic), positions of the spanning tree's n joints, and v (r,), rad/s (m/s),
+    velocities of the r primary (independent) joints; with elastic joints each is followed by the motors' (r,). A prime
+    is a time derivative. `rates` gives q' (n,), rad/s (m/s), from q and v. `moved` gives q' and the accelerations v'
+    (r,), rad/s^2 (m/s^2), from q, v, the torque (r,), N m (N), and the inertial parameters (P,), SI units. Where it is
+    for the links alone and an implicit integrator, it may be given one more column (r,), N m s/rad (N s/m), the
+    decrease of the torque for every rad/s (m/s) that v gains in the step. `projected` gives from q a configuration
+    whose loops are closed more exactly, q itself for a tree.
     """
 
     rates: Callable[[Column, Column], Column]
@@ -55,12 +55,12 @@ def held_motion(
     friction: Sequence[JointEffect] = (),
     transmission: Transmission | None = None,
 ) -> HeldMotion:
-    """The motion of a mechanism over one `control_period` (s) under a held torque: a function (q, v, torque,
-    parameters) of columns (n,), (r,), (r,) and (P,) that returns q and v at the period's end; columns are vectors of
-    scalars of any kind (floats, arrays, or symbols to be compiled).
+    """The motion of a `mechanism` over one `control_period` (s) under a held torque, a function (q, v, torque,
+    parameters) that returns q and v at the period's end. Its arguments are columns (n,), (r,), (r,) and (P,), vectors
+    of scalars of any kind (floats, arrays, or symbols to be compiled).
 
-    q, rad (m), are positions of all n joints of the spanning tree, v, rad/s (m/s), velocities of the r primary
-    (independent) joints, the torque is in N m (N), the inertial parameters are in SI units, in the order of
+    q, rad (m if prismatic), are positions of all n joints of the spanning tree, v, rad/s (m/s), velocities of the r
+    primary (independent) joints, the torque is in N m (N), the inertial parameters are in SI units, in the order of
     `Mechanism.parameter_names`. The period is integrated by `integrator` in `substeps` equal steps. `friction` are
     effects that brake the joints, none unless given; `transmission` has the springs of elastic joints, None for rigid
     ones: with it q is (n + r,), the joints' positions and then the motors', and v is (2r,), the joints' velocities and
@@ -113,9 +113,9 @@ def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[Join
 def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodies:
     """The equations of motion, a `Bodies`, of links and motors together, from `links`, those of the links alone, and
     the springs between them, `transmission`. Their configuration is the n positions of the spanning tree's joints, rad
-    (m), then the r of the motors; their velocities are those of the r primary (independent) joints, rad/s (m/s), then
-    the motors'. `dt` (s) is the step of an implicit integrator, whose springs' torque is taken at its end, and 0 for an
-    explicit one. Nothing is checked."""
+    (m if prismatic), then the r of the motors; their velocities are those of the r primary (independent) joints, rad/s
+    (m/s), then the motors'. `dt` (s) is the step of an implicit integrator, whose springs' torque is taken at its end,
+    and 0 for an explicit one. Nothing is checked."""
     r = len(transmission.primary)
 
     def parted(both: Column) -> tuple[Column, Column]:

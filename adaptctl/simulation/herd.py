@@ -28,9 +28,10 @@ class Herd:
     periods, so that what it reads and writes fits the processor's caches.
 
     `loop` is the closed loop, and `stepper` its native step of one control period; `members` is the slice of these arms
-    among all that are simulated, and `references` and `noise` are theirs alone. `parameters` (M, P) are their P true
-    inertial parameters, SI units, in the order of `Mechanism.parameter_names`, without the loads of effects. The
-    attribute `arms` is the `Ensemble` of M copies of the step, all zero until `begin`. Raises `InputError` for no arms.
+    among all that are simulated, and `references` and `noise` are for these arms alone. `parameters` (M, P) are their P
+    true inertial parameters, SI units, in the order of `Mechanism.parameter_names`, without the loads of effects. The
+    attribute `arms` is the `Ensemble` of M copies of the step, all zero until `begin`. Raises `InputError` where
+    `parameters` has no rows.
     """
 
     def __init__(
@@ -47,10 +48,10 @@ class Herd:
         self.arms = stepper.ensemble(len(parameters))
 
     def begin(self, p: Array, v: Array, memory: Any, tuned: GainsOfMany) -> None:
-        """Put the M arms of this group, of r joints each, at time zero, at positions `p`, rad (m), and velocities `v`,
-        rad/s (m/s), (M, r) each. `memory` is the controllers' first memory, arrays (M, length), or (length,) for all
-        arms alike; None for that of new controllers, begun at the first measurement, whose noise is drawn here. `tuned`
-        has the gains of all arms simulated, of which this group takes its own.
+        """Put the M arms of this group, of r joints each, at time zero, at positions `p`, rad (m if prismatic), and
+        velocities `v`, rad/s (m/s), (M, r) each. `memory` is the controllers' initial internal state: arrays (M,
+        length), or (length,) for all arms alike; None for that of new controllers at the first measurement, whose noise
+        is drawn here. `tuned` has the gains of all arms simulated, of which this group takes its own.
 
         Raises `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError`
         on NaN or infinity.
@@ -65,11 +66,11 @@ class Herd:
             self.arms.held[name] = values
 
     def judge(self, bounds: Mapping[str, Array], final: int, tuned: GainsOfMany) -> None:
-        """Set the numbers that the arms' tracking errors are judged by: `bounds`, arrays (r,), rad (m), by the names
-        "within", in which errors are to return, and "beyond", past which a run has diverged (infinity becomes the
-        largest number of the precision), and `final`, the index from 0 of the control period from which on errors count
-        as final. Set also the true parameters of the Lyapunov function where it is known; `tuned` has the gains of all
-        arms simulated. Raises `InputError` for other names and lengths."""
+        """Set the criteria for the tracking errors of this group's arms. `bounds` are arrays (r,), rad (m if
+        prismatic), by the names "within", to which errors are to return, and "beyond", past which a run has diverged
+        (infinity becomes the largest number of the precision); `final` is the zero-based index of the control period
+        from which on errors count as final. The true parameters of the Lyapunov function are set too, where it is
+        known; `tuned` has the gains of all arms simulated. Raises `InputError` for other names and lengths."""
         for name, bound in bounds.items():
             self.arms.held[name] = np.minimum(bound, float(np.finfo(self.arms.stepper.dtype).max))
         self.arms.held["final"] = float(final)
@@ -80,7 +81,7 @@ class Herd:
                 columns[name] = numbers
 
     def longest(self, *, record: bool) -> int:
-        """The number of control periods that one native call takes at most, at least 1 and up to STRETCH (2000): as
+        """The number of control periods that one native call of this group takes at most, from 1 to STRETCH (2000): as
         many as keep what it reads and writes, besides the arms' states, within MEMORY (2^23 bytes). With `record` the
         samples of all periods count too. Nothing is raised."""
         shapes, columns = self.arms.stepper.outputs, self.arms.stepper.columns
@@ -88,13 +89,13 @@ class Herd:
         return max(1, min(STRETCH, MEMORY // (8 * self.arms.members * numbers) if numbers else STRETCH))
 
     def taken(self, time: Array, *, record: bool, threads: int) -> tuple[Array, ...]:
-        """The outputs of the native step, those that its equation returns after the new state, in the T control periods
-        that begin at `time` (T,), s, which the M arms take: an array each, in the equation's order, (T, M, length) of
-        all periods with `record`, else (M, length) of the last one.
+        """Run this group's M arms through the T control periods that begin at the times `time` (T,), s, and return the
+        outputs of the native step, what its equation returns after the new state. They are an array for each output, in
+        the equation's order: (T, M, length) of all periods with `record`, else (M, length) of the last one.
 
-        The loads of effects are those at the first of these times. `threads` share the arms. Raises `InputError` for a
-        number of threads below 1, and what the references raise, `InputError` and `NonFiniteError`, where they are
-        sampled.
+        The loads of effects are those at the first of these times. `threads` is the number of threads to which the arms
+        are distributed. Raises `InputError` for a number of threads below 1, and what the references raise,
+        `InputError` and `NonFiniteError`, where they are sampled.
         """
         if self.loop.plant.loads:
             self.arms.held["parameters"] = self.loop.plant.parameters(self.parameters, time[0])

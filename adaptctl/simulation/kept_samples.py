@@ -12,8 +12,8 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class KeptSamples:
-    """Rule for the control periods of a run that are kept as samples: those of indices 0, `every`, 2 `every`, ... (all
-    by default, `every` 1), and of these only the latest, as many as `most`; all where that is None, the default.
+    """Rule for the control periods of a run that are kept as samples: those of indices 0, `every`, 2 `every`, ..., all
+    by default (`every` 1). Of these only the latest `most` are kept, or all where that is None, the default.
 
     Samples are kept in the rows of an array, which is filled from row 0; when all `most` rows are filled, the oldest is
     overwritten. Nothing is checked at construction; `KeptSamples.of` checks.
@@ -25,9 +25,9 @@ class KeptSamples:
     @classmethod
     def of(cls, every: int, last: float | None, period: float) -> KeptSamples:
         """The `KeptSamples`, a rule for keeping the control periods of indices 0, `every`, 2 `every`, ... of a run as
-        samples, those of its last `last` seconds, at least one, or all where `last` is None. `period` (s) is the
-        control period. Raises `InputError` for an `every` that is no int of at least 1 and a `last` that is no positive
-        finite number. The period is not checked."""
+        samples: those of its last `last` seconds, at least one sample, or all where `last` is None. `period` (s) is the
+        control period, which is not checked. Raises `InputError` for an `every` that is not an int of at least 1, and
+        for a `last` that is not a positive finite number."""
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
             raise InputError(f"every: expected a whole number of control periods, at least 1, got {every!r}")
         if last is None:
@@ -38,33 +38,34 @@ class KeptSamples:
 
     def room(self, steps: int) -> int:
         """Number of rows, one for each kept sample, that the array of samples of a run of `steps` control periods
-        needs: ceil(`steps`/`every`), at most `most`. Nothing is checked."""
+        needs: `steps` divided by the rule's `every`, rounded up, and at most its `most`. Nothing is checked."""
         needed = -(-steps // self.every)
         return needed if self.most is None else min(needed, self.most)
 
     def row(self, period: int) -> int | None:
         """The index of the row in which the sample of control period `period`, counted from 0, is kept; None where it
-        is not, as `period` is no multiple of `every`. Nothing is checked."""
+        is not kept, since `period` is no multiple of the rule's `every`. Nothing is checked."""
         sample, rest = divmod(period, self.every)
         return None if rest else sample if self.most is None else sample % self.most
 
     def among(self, first: int, count: int) -> slice:
-        """The slice that selects, from an array with a row for each of `count` successive control periods, the rows of
-        periods whose index in the run, from 0, is a multiple of `every`; `first` is the index of the first one. Nothing
-        is checked."""
+        """The slice that selects the control periods to be kept from an array with a row for each of `count` successive
+        control periods: those whose zero-based index in the run is a multiple of the rule's `every`. `first` is the
+        index of the first period in the run. Nothing is checked."""
         return slice(-first % self.every, count, self.every)
 
     def rows(self, first: int, count: int) -> NDArray[np.int64]:
-        """The indices (s,) of the rows, in the array of samples, into which the s samples go that are kept of `count`
+        """The zero-based indices (s,) of the rows, in the array of samples, for the s samples that are kept of `count`
         successive control periods; `first` is the index of the first period in the run, from 0. Where s is more than
-        `most`, the number of rows, indices repeat, and the later sample is the one to keep. Nothing is checked."""
+        the rule's `most`, the number of rows, indices repeat, and the later sample is the one to keep. Nothing is
+        checked."""
         samples = np.arange(-(-first // self.every), -(-(first + count) // self.every))
         return samples if self.most is None else samples % self.most
 
     def order(self, count: int) -> slice | NDArray[np.int64]:
         """The rows of the array of samples that are filled after `count` control periods of a run, the oldest sample
-        first: a slice, or, where older samples have been overwritten, an array (s,) of the indices of all s rows.
-        Nothing is checked."""
+        first. They are a slice or, where older samples have been overwritten, an array (s,) of the zero-based indices
+        of all s rows. Nothing is checked."""
         samples = -(-count // self.every)
         if self.most is None or samples <= self.most:
             return slice(0, samples)

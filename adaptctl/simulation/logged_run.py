@@ -25,14 +25,14 @@ def logged_run(
     """The fields, by name, of the `Rollout` of a run of r joints that was logged elsewhere: T samples, at least 2, one
     a `control_period` (s), as read-only copies, with what follows from them.
 
-    (T, r): positions `p` and `reference_p`, rad (m), and `torque`, the one commanded, N m (N). `given` maps "v",
-    "reference_v", "reference_a" (SI units) and "applied" (N m, N), the torques at the joints, to arrays (T, r) or None:
-    a derivative that is None is computed by differences of the positions or velocities, central but at both ends, and
-    an `applied` that is None is `torque`. `estimate` (T, k), SI units, has k parameter estimates, None for k = 0;
-    `time` (T,), s, counts periods from zero where None; `complete` is False for a run that was cut off. Energies are
-    NaN, rewards and wall time 0, and "clipped" is 1 where a sample's `applied` is not `torque`.
+    (T, r): positions `p` and `reference_p`, rad (m if prismatic), and `torque`, the one commanded, N m (N). `given`
+    maps "v", "reference_v", "reference_a" (SI units) and "applied" (N m, N), the torques at the joints, to arrays (T,
+    r) or None: a derivative that is None is computed by differences of the positions or velocities, central but at both
+    ends, and an `applied` that is None is `torque`. `estimate` (T, k), SI units, has k parameter estimates, None for k
+    = 0; `time` (T,), s, counts periods from zero where None; `complete` is False for a run that was cut off. Energies
+    are NaN, rewards and wall time 0, and "clipped" is 1 where a sample's `applied` is not `torque`.
 
-    Raises `InputError` for shapes that do not fit, what holds no numbers, a period that is not positive and finite and
+    Raises `InputError` for shapes that do not fit, arrays of no numbers, a period that is not positive and finite, and
     times that do not increase, `NonFiniteError` for NaN and infinity.
     """
     period = positive_number(control_period, "control_period: expected a positive time in s")

@@ -30,10 +30,11 @@ class LyapunovRise(NamedTuple):
     Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or arrays (M, 1) for M arms.
     Nothing is checked.
 
-    `lyapunov` (1,), J, is V = s'H s/2 plus the adaptation law's distance between estimated and true parameters; s is
-    the sliding variable, rad/s (m/s), the velocity errors plus bandwidth (1/s) times position errors, and H the mass
-    matrix, at the beginning of the period. `lyapunov_rise` (1,), J, is its largest rise from one period to the next
-    until the run diverged, 0 where it never rose. Both are empty, (0,), where V is not known.
+    `lyapunov` (1,), J, is V = s^T H s/2 plus the adaptation law's distance between estimated and true parameters, at
+    the beginning of the period. s is the sliding variable, rad/s (m/s if prismatic), the velocity errors plus bandwidth
+    (1/s) times position errors, s^T its transpose, and H the mass matrix. `lyapunov_rise` (1,), J, is its largest rise
+    from one period to the next until the run diverged, 0 where it never rose. Both are empty, (0,), where V is not
+    known.
     """
 
     lyapunov: Any
@@ -43,18 +44,19 @@ class LyapunovRise(NamedTuple):
 
 
 def rise_sizes(law: SlotineLi | None) -> dict[str, int]:
-    """Lengths, by name, of the columns "lyapunov" and "lyapunov_rise", the Lyapunov function V and its largest rise, J:
-    1 each, or 0 where `law` is None. `law` is the controller of which V is computed, None where V is not known, as
-    `watched` returns it. Nothing is raised."""
+    """Lengths, by name, of the columns "lyapunov" and "lyapunov_rise", a Lyapunov function V and its largest rise so
+    far, J: 1 each, or 0 where `law` is None. `law` is the controller of which V is computed, None where V is not known,
+    as `watched` returns it. Nothing is raised."""
     known = 0 if law is None else 1
     return LyapunovRise(known, known)._asdict()
 
 
 def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
-    """Lengths, by name, of the constant columns from which a Lyapunov function V is computed: k for "truth", the true
-    values of the k adapted parameters, and, where the adaptation is gradient descent with a matrix (k, k) as gain
-    Gamma, k (k + 1)/2 for "metric", the upper triangle of its inverse. `law` is the controller of which V is computed,
-    as `watched` returns it: None where V is not known, which gives {}. Nothing is checked."""
+    """Lengths, by name, of the constant columns from which a Lyapunov function V is computed, as `first_rise` makes
+    them. They are k for "truth", the true values of the k adapted parameters, and k (k + 1)/2 for "metric", the upper
+    triangle of the inverse of the adaptation gain, only where the adaptation is gradient descent with a matrix (k, k)
+    as gain. `law` is the controller of which V is computed, as `watched` returns it; where it is None, as V is not
+    known, the dict is empty. Nothing is checked."""
     if law is None:
         return {}
     k = len(law.model.names)
@@ -86,16 +88,16 @@ def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
 def first_rise(
     law: SlotineLi | None, parameters: Array, gains: Mapping[str, Array]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The columns of a Lyapunov function V's rise before the first control period, and its constant columns, two dicts
-    by name for M arms: "lyapunov", the largest finite float, from which nothing rises, and "lyapunov_rise", 0.0, the
-    same for all arms; then "truth" (M, k), the true values of the k adapted parameters in SI units, and, where the
-    adaptation is gradient descent with a matrix (k, k) as gain Gamma, "metric" (M, k (k + 1)/2), the upper triangle of
-    its inverse, row by row, its diagonal entries halved.
+    """The initial columns for computing a Lyapunov function V and its largest rise, and its constant columns, two dicts
+    by name for M arms. `law` is the controller of which V is computed, as `watched` returns it: None where V is not
+    known, which gives two empty dicts.
 
-    `law` is the controller of which V is computed, as `watched` returns it: None where V is not known, which gives two
-    empty dicts. `parameters` (M, P) are the P true inertial ones, SI units; `gains` has arms' own tunable numbers, (M,
-    ...), by name, of which "adaptation.gain" (M, k, k) is read, the controller's where missing. Raises
-    `numpy.linalg.LinAlgError` for a gain that is singular.
+    The first dict has "lyapunov", the largest finite float, from which nothing rises, and "lyapunov_rise", 0.0, the
+    same for all arms. The second has "truth" (M, k), the true values of the k adapted parameters in SI units, and,
+    where the adaptation is gradient descent with a matrix (k, k) as gain Gamma, "metric" (M, k (k + 1)/2), the upper
+    triangle of its inverse, row by row, its diagonal entries halved. `parameters` (M, P) are the P true inertial ones,
+    SI units; `gains` has arms' own tunable numbers, (M, ...), by name, of which "adaptation.gain" (M, k, k) is read,
+    the controller's where missing. Raises `numpy.linalg.LinAlgError` for a gain that is singular.
     """
     if law is None:
         return {}, {}
@@ -116,15 +118,16 @@ def _whole_gain(law: SlotineLi) -> Array | None:
 def risen(
     loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
 ) -> LyapunovRise:
-    """The `LyapunovRise`, Slotine and Li's Lyapunov function V and its largest rise so far, in J, after a control
-    period of a closed `loop`, over Columns, vectors of scalars of any kind (floats, arrays, or symbols to be
-    compiled).
+    """The `LyapunovRise`, Slotine and Li's Lyapunov function V and its largest rise so far, in J, after one more
+    control period of a closed `loop`. It is over Columns, vectors of scalars of any kind (floats, arrays, or symbols to
+    be compiled).
 
-    `sample` is the period's record, a `Sample`, `point` the reference in it, columns (r,) of positions, rad (m),
-    velocities and accelerations, the same per s and s^2, of r joints; `runs` is a condition that is true until the run
-    diverges, from when on the rise stays. `columns` has by name what `first_rise` gave or the period before left,
-    "lyapunov", "lyapunov_rise", "truth" and "metric", and "gains", if any, (g,), the arm's own tunable numbers. Where V
-    is not known, the first two are empty and are returned as they are. Raises `KeyError` where a column is missing.
+    `sample` is the period's record, a `Sample`, `point` the reference in it, columns (r,) of positions, rad (m if
+    prismatic), velocities and accelerations, the same per s and s^2, of r joints; `runs` is a condition that is true
+    until the run diverges, from when on the rise stays. `columns` has by name what `first_rise` gave or the period
+    before left, "lyapunov", "lyapunov_rise", "truth" and "metric", and "gains", if any, (g,), the arm's own tunable
+    numbers. Where V is not known, the first two are empty and are returned as they are. Raises `KeyError` where a
+    column is missing.
     """
     before = LyapunovRise(*(columns[name] for name in LyapunovRise._fields))
     if not len(before.lyapunov):

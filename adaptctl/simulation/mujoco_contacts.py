@@ -23,10 +23,11 @@ Pair = tuple[str, str]
 
 
 def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
-    """Counts of the pairs of bodies in contact, by their names, over n positions (n, r), rad (m), of the r joints of a
-    MuJoCo `plant`'s arm: for each pair with a body of the arm in it (the one of lower index in the model first), the
-    number of positions at which the two penetrate each other. All else is in the model's initial state; a body without
-    a name is called "body" and its index. Raises `ValueError` for another number of joints."""
+    """Counts of the pairs of bodies in contact over n positions (n, r), rad (m if prismatic), of the r joints of a
+    MuJoCo `plant`'s arm: for each pair of names, at how many of the positions the two bodies penetrate each other. One
+    of a pair is a body of the arm, and the one of lower index in the model stands first. All else is in the model's
+    initial state; a body without a name is called "body" and its index. Raises `ValueError` for another number of
+    joints."""
     import mujoco
 
     model, arm = plant.model, plant.arm
@@ -42,10 +43,10 @@ def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
 
 
 def contacts_along(plant: MuJoCoPlant, reference: Reference) -> Counter[Pair]:
-    """Counts of the pairs of bodies in contact, by their names, along a `reference` of the r joints of a MuJoCo
-    `plant`'s arm: for each pair with a body of the arm in it (the one of lower index in the model first), at how many
-    of TIMES (201) times, evenly from 0 to HORIZON (20) s, the two penetrate each other. Raises `ValueError` for a
-    reference of another number of joints."""
+    """Counts of the pairs of bodies in contact along a `reference` of the r joints of a MuJoCo `plant`'s arm: for each
+    pair of names, at how many of TIMES (201) times, evenly from 0 to HORIZON (20) s, the two bodies penetrate each
+    other. One of a pair is a body of the arm, and the one of lower index in the model stands first. Raises `ValueError`
+    for a reference of another number of joints."""
     return contacts_at(plant, reference(np.linspace(0.0, HORIZON, TIMES)).p)
 
 
@@ -68,10 +69,10 @@ def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
 
 def clear_of_contacts(plant: MuJoCoPlant, drawn: Sinusoids) -> Sinusoids:
     """A reference, sums of sinusoids, on which the arm of a MuJoCo `plant` touches neither itself nor the scene at any
-    of 201 times over the first 20 s: `drawn` itself or, where the arm touches on it, a copy that stays nearer to the
-    arm's posture q_0 in the model's initial state. Trial k, from 1 to 19, has the centre q_0 + 0.8^k (c - q_0), c being
-    that of `drawn`, amplitudes 0.8^k times as large, and the same frequencies, phases and start time; the first one
-    clear of contacts is returned.
+    of 201 times over the first 20 s. It is `drawn` itself or, where the arm touches on that, a copy that stays nearer
+    to the arm's posture q_0 in the model's initial state. Trial k, from 1 to 19, has the centre q_0 + 0.8^k (c - q_0),
+    c being that of `drawn`, amplitudes 0.8^k times as large, and the same frequencies, phases and start time; the first
+    one clear of contacts is returned.
 
     Raises `InputError` where the arm touches something in the last trial too, `ValueError` for another number of
     joints.

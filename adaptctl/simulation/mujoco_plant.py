@@ -29,8 +29,8 @@ _SILENT = ("actuator_gainprm", "actuator_biasprm")
 
 @dataclass(frozen=True, eq=False)
 class MuJoCoPlant(Plant):
-    """A plant that is the arm of a MuJoCo model, moved by MuJoCo under torques, N m (N), that are held over each
-    control period of `control_period` (s).
+    """A plant that is the arm of a MuJoCo model, moved by MuJoCo under torques, N m (N if prismatic), that are held
+    over each control period of `control_period` (s).
 
     Besides `model`, which must be given, its arguments are those of `Plant`: `mechanism`, the arm's r joints as this
     package models them, `control_period`, and `torque_limits`, N m (N), one number or one a joint, None for the
@@ -40,8 +40,8 @@ class MuJoCoPlant(Plant):
     integrated by MuJoCo in equal steps that are no longer than the model's own time step. The model is copied, never
     changed. `PlantState.drives` holds the state of the whole scene, from which `step` goes on.
 
-    Actuators of the arm that are no torques, such as position servos, would hold it against the controller: they raise
-    `InputError` unless `servos_off` is True (False by default), which switches them off. Raises `InputError` also
+    Actuators of the arm that do not apply torques, such as position servos, would act against the controller: they
+    raise `InputError` unless `servos_off` is True (False by default), which switches them off. Raises `InputError` also
     without a model, for effects, for a mechanism of another number of joints, for a period or limits that are not
     positive, for ball and free joints and, with `body` None, where not exactly one root body moves; `NotFoundError` for
     an unknown `body`.
@@ -69,14 +69,15 @@ class MuJoCoPlant(Plant):
     def of(
         cls, robot: str | Path | Mechanism | mujoco.MjModel, control_period: float, body: str | None = None, **more: Any
     ) -> MuJoCoPlant:
-        """The plant of a `robot`'s MuJoCo model, with a `control_period` in s: a model (`mujoco.MjModel`), the path of
-        an MJCF scene (.xml, .mjcf), or another robot, a `Mechanism` or anything that `load` takes, of whose links a
-        model is made. `body` names the arm's root body, None for the one root body that moves; `more` are other
-        arguments of `MuJoCoPlant`, such as `torque_limits`, N m (N), and `servos_off`.
+        """The `MuJoCoPlant` of a `robot`'s MuJoCo model, with a `control_period` in s. The robot is a model
+        (`mujoco.MjModel`), the path of an MJCF scene (.xml, .mjcf), or another robot, a `Mechanism` or anything that
+        `load` takes, of whose links a model is made. `body` names the arm's root body, None for the one root body that
+        moves; `more` are other arguments of `MuJoCoPlant`, such as `torque_limits`, N m (N if prismatic), and
+        `servos_off`.
 
         Raises `MissingExtraError` without MuJoCo, `FileError` for a file that cannot be read, `NotFoundError` for an
-        unknown name or body, `InputError` for what cannot be a MuJoCo model, for ball and free joints and for what the
-        class itself refuses, such as servos.
+        unknown name or body, and `InputError` for a robot that MuJoCo cannot model, for ball and free joints and for
+        what the class itself refuses, such as servos.
         """
         model = as_mujoco(robot)
         own = robot if isinstance(robot, Mechanism) else None
@@ -85,13 +86,13 @@ class MuJoCoPlant(Plant):
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """The state at time zero of one arm at positions `p`, rad (m), and velocities `v`, rad/s (m/s), (r,) each; all
-        else in the scene is as the model has it at its start. `parameters` (P,), SI units, are the arm's P true
-        inertial ones, in the order of `Mechanism.parameter_names`, None for the mechanism's own; `noise` is not used,
-        for there are no sensors.
+        """The state at time zero, a `PlantState`, of one arm at positions `p`, rad (m if prismatic), and velocities
+        `v`, rad/s (m/s), (r,) each; all else in the scene is as the model has it at its start. `parameters` (P,), SI
+        units, are the arm's P true inertial and friction parameters, in the order of `Mechanism.parameter_names`, None
+        for the mechanism's own; `noise` is not used, for there are no sensors.
 
-        Raises `InputError` on a wrong shape, for parameters that no rigid bodies have and for parameters of friction
-        other than viscous and Coulomb, `NonFiniteError` on NaN or infinity.
+        Raises `InputError` on a wrong shape, for parameters that no rigid bodies can have and for friction other than
+        viscous and Coulomb, `NonFiniteError` on NaN or infinity.
         """
         p, v = (self._vector(x, what).astype(np.float64) for x, what in ((p, "p"), (v, "v")))
         scene = self._scene.having(parameters)
@@ -104,13 +105,13 @@ class MuJoCoPlant(Plant):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """The state of one arm a control period later, under a torque (r,) of r joints, N m (N), clipped to the limits
-        and held.
+        """The state, a `PlantState`, of one arm a control period after `state`, under a torque (r,) of r joints, N m (N
+        if prismatic), clipped to the limits and held.
 
-        `parameters` (P,), SI units, are the P true inertial ones in this period, in the order of
+        `parameters` (P,), SI units, are the P true inertial and friction parameters in this period, in the order of
         `Mechanism.parameter_names`, None for the mechanism's own; `noise` is not used. Raises `InputError` on a wrong
-        shape and for parameters of no rigid bodies or of friction other than viscous and Coulomb, `NonFiniteError` on
-        NaN or infinity in torque or parameters and where the motion runs away.
+        shape and for parameters that no rigid bodies can have or of friction other than viscous and Coulomb,
+        `NonFiniteError` on NaN or infinity in torque or parameters and where the motion becomes non-finite.
         """
         given = self._finite(torque)
         applied = self.limited(given)
@@ -124,7 +125,8 @@ class MuJoCoPlant(Plant):
         return self._state(state.time + self.control_period, p, v, drives, applied, clipped)
 
     def compile(self) -> None:
-        """Compile the energy to native code now, not at its first use: all else is computed by MuJoCo."""
+        """Compile the plant's energy to native code now, not at its first use: all else is computed by MuJoCo. Raises
+        what the compiler raises."""
         _ = self._energy
 
     def _state(self, time: float, p: Array, v: Array, drives: Array, applied: Array, clipped: bool) -> PlantState:
@@ -133,7 +135,7 @@ class MuJoCoPlant(Plant):
     @cached_property
     def arm(self) -> MujocoArm:
         """The part of the MuJoCo model that is the arm, a `MujocoArm`: its root body, and its bodies and joints by
-        their indices in the model. Raises nothing: the arm was checked when the plant was made."""
+        their indices in the model. Nothing is raised: the arm was checked when the plant was made."""
         from adaptctl.description.readers.mujoco_model import MujocoArm
 
         return MujocoArm.of(self.model, self.body)
@@ -214,11 +216,11 @@ class _Scene:
 
 
 def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
-    """A MuJoCo model: `robot` itself if it is one, that of an MJCF scene's file (.xml, .mjcf), or one made of the links
-    of a `Mechanism` or of another robot that `load` takes, by name or path.
+    """A MuJoCo model (`mujoco.MjModel`) of a `robot`: the model itself if it is one, that of an MJCF scene's file
+    (.xml, .mjcf), or one made of the links of a `Mechanism` or of another robot that `load` takes, by name or path.
 
     Raises `MissingExtraError` without MuJoCo, `FileError` for a file that cannot be read, `NotFoundError` for an
-    unknown name, and `InputError` for a robot that MuJoCo cannot have, such as one with loops.
+    unknown name, and `InputError` for a robot that MuJoCo cannot model, such as one with loops.
     """
     try:
         import mujoco

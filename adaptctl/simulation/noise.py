@@ -16,9 +16,8 @@ Seeds: TypeAlias = int | Sequence[int] | NDArray[np.object_] | None
 
 
 def checked_seeds(given: object) -> Seeds:
-    """The seeds `given` of many arms' noise: None, a whole number of at least 0, or an array of Python objects, any
-    shape, made of a list or array of such numbers. Raises `InputError` for all else, such as 2.0, texts and
-    booleans."""
+    """The seeds `given` of many arms' noise: None, a whole number of at least 0, or, made of a list or array of such
+    numbers, an array of them of the same shape. Raises `InputError` for all else, such as 2.0, texts and booleans."""
     if given is None:
         return None
     each = np.asarray(given, dtype=np.object_)
@@ -29,9 +28,9 @@ def checked_seeds(given: object) -> Seeds:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Source of sensor noise for M arms: standard normal numbers, `size` of them for each arm in a control period,
-    without a unit. `generators` has one random generator for all arms, or one for each; `members` is M. Nothing is
-    checked."""
+    """Source of sensor noise for M arms: independent standard normal numbers, without a unit, `size` of them for each
+    arm in a control period. `generators` has one random generator for all arms, or one for each; `members` is M.
+    Nothing is checked."""
 
     generators: Sequence[np.random.Generator]
     members: int
@@ -39,11 +38,11 @@ class Noise:
 
     @classmethod
     def of(cls, seed: Seeds, members: int, herd: int, size: int) -> list[Noise]:
-        """Sources of sensor noise, one for each group of at most `herd` arms, of all `members` arms in their order,
-        with `size` numbers for an arm in a control period. `seed` is one whole number for all arms, None for another
-        noise each time, or a sequence of one for each arm, whose noise then does not depend on the other arms. Raises
-        `ValueError` for a seed below 0 and, where `size` is not 0, for a sequence of another length, but for 1, which
-        gives every arm the same noise."""
+        """Sources of sensor noise for `members` arms, a list with one `Noise` for each group of at most `herd` arms, in
+        the arms' order; an arm takes `size` numbers in a control period. `seed` is one whole number for all arms, None
+        for another noise each time, or a sequence of one for each arm, whose noise then does not depend on the other
+        arms; the same seeds give the same noise. Raises `ValueError` for a seed below 0 and, where `size` is not 0, for
+        a sequence of another length, but for length 1, which gives every arm the same noise."""
         counts = [min(herd, members - first) for first in range(0, members, herd)]
         if seed is None or isinstance(seed, int | np.integer):
             root = np.random.SeedSequence(None if seed is None else int(seed))
@@ -54,7 +53,8 @@ class Noise:
 
     def drawn(self, steps: int) -> Array:
         """Standard normal numbers (steps, M, size), without a unit, of the next `steps` control periods of M arms,
-        `size` for each arm in a period. Each call draws new ones. Raises `ValueError` for `steps` below 0."""
+        `size` for each arm in a period. Each call draws new ones, the same sequence for the same seeds. Raises
+        `ValueError` for `steps` below 0."""
         if self.size == 0:
             return np.zeros((steps, self.members, 0))
         if len(self.generators) == 1:

@@ -19,12 +19,13 @@ class PeriodOutcome(NamedTuple):
     """The outcome of one control period of a plant, as Columns, vectors of scalars of any kind (floats, arrays, or
     symbols to be compiled); the first four are passed on to the next period. Nothing is checked.
 
-    `q` (n,), rad (m), are positions of all n joints of the spanning tree, and `v` (r,), rad/s (m/s), velocities of the
-    r primary (independent) joints, at the period's end. `drives` (d,) is the memory of the actuator effects, followed,
-    with elastic joints, by the motors' positions (r,) and velocities (r,); `sensors` (s,) is that of the sensor
-    effects. `measured_p` and `measured_v` (r,) are what the sensors measure at the end, in rad (m) and rad/s (m/s).
-    `applied` (r,), N m (N), reached the joints; `clipped` (1,) is 1 where the torque commanded was beyond the plant's
-    limits, else 0; `marks` (m,), named in `Plant.marks`, are 1 where that actuator effect changed a torque, else 0.
+    `q` (n,), rad (m if prismatic), are positions of all n joints of the spanning tree, and `v` (r,), rad/s (m/s),
+    velocities of the r primary (independent) joints, at the period's end. `drives` (d,) is the internal state of the
+    actuator effects, followed, with elastic joints, by the motors' positions (r,) and velocities (r,); `sensors` (s,)
+    is that of the sensor effects. `measured_p` and `measured_v` (r,) are what the sensors measure at the end, in rad
+    (m) and rad/s (m/s). `applied` (r,), N m (N), reached the joints; `clipped` (1,) is 1 where the torque commanded was
+    beyond the plant's limits, else 0; `marks` (m,), named in `Plant.marks`, are 1 where that actuator effect changed a
+    torque, else 0.
     """
 
     q: Column
@@ -44,23 +45,24 @@ class PeriodOutcome(NamedTuple):
     clipped: Column
     """(1,) 1 where the torque commanded was beyond the plant's limits, else 0"""
     marks: Column
-    """(m,) 1 for each of `Plant.marks` that held a torque back, else 0"""
+    """(m,) 1 for each of `Plant.marks` that changed a torque, else 0"""
 
 
 @dataclass(frozen=True, eq=False)
 class ControlPeriod:
-    """One control period of a plant, a function from named Columns, vectors of scalars of any kind (floats, arrays,
-    or symbols to be compiled), to a `PeriodOutcome`, the state after it and what was measured and applied: torques are
-    clipped to the limits, pass the actuator effects and move the mechanism, whose joints are then measured.
+    """One control period of a plant, a function from a mapping of named Columns, vectors of scalars of any kind
+    (floats, arrays, or symbols to be compiled), to a `PeriodOutcome`: the state after it and what was measured and
+    applied. Torques are clipped to the limits, pass the actuator effects and move the mechanism, whose joints are then
+    measured.
 
-    It is called with a mapping that has "q" (n,), rad (m), "v" (r,), rad/s (m/s), "torque" (r,), N m (N), "parameters"
-    (P,), the inertial ones in SI units, in the order of `Mechanism.parameter_names`, "noise" (2r,), standard normal
-    numbers, the positions' first, empty without sensors, and the memories "drives", of the actuator effects, followed
-    by positions (r,) and velocities (r,) of the motors if joints are elastic, and "sensors", of the sensor effects; it
-    raises `KeyError` where one is missing. `motion` moves the joints over the period under a held torque; `effects` are
-    those between controller and joints; `limits` (r,), N m (N), bound the torques' magnitudes; `primary` are the
-    indices, from 0, of the r primary (independent) joints among the spanning tree's n; `length` is the period's, s.
-    Nothing is checked at construction.
+    The mapping has "q" (n,), rad (m if prismatic), "v" (r,), rad/s (m/s), "torque" (r,), N m (N), "parameters" (P,),
+    the inertial ones in SI units, in the order of `Mechanism.parameter_names`, "noise" (2r,), standard normal numbers,
+    the positions' first, empty without sensors, and the internal states "drives", of the actuator effects, followed by
+    positions (r,) and velocities (r,) of the motors if joints are elastic, and "sensors", of the sensor effects; a
+    missing one raises `KeyError`. `motion` moves the joints over the period under a held torque; `effects` are those
+    between controller and joints; `limits` (r,), N m (N), bound the torques' magnitudes; `primary` are the indices,
+    from 0, of the r primary (independent) joints among the spanning tree's n; `length` is the period's, s. Nothing is
+    checked at construction.
     """
 
     motion: HeldMotion
@@ -98,7 +100,7 @@ class ControlPeriod:
         return Column(x.of[:n]), Column(u.of[:r]), joined(Column(x.of[n:]), Column(u.of[r:]))
 
     def limited(self, torque: Column) -> Column:
-        """The torque (r,) of r joints, N m (N), clipped to plus and minus `limits`, a `Column`, which is a vector of
-        scalars of any kind (floats, arrays, or symbols to be compiled). Raises `ValueError` for another number of
-        joints."""
+        """The torque (r,) of r joints, N m (N if prismatic), clipped to plus and minus the period's `limits`, a
+        `Column`, which is a vector of scalars of any kind (floats, arrays, or symbols to be compiled). Raises
+        `ValueError` for another number of joints."""
         return Column(clip(x, -bound, bound) for x, bound in zip(torque, self.limits, strict=True))

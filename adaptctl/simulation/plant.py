@@ -37,8 +37,8 @@ MOST_SUBSTEPS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class Plant(Tunable):
-    """A plant: r primary (independent) joints of a mechanism, driven by torques, N m (N), held over each control
-    period.
+    """Simulated arm: r primary (independent) joints of a `mechanism`, driven by torques, N m (N if prismatic), each
+    held over a control period.
 
     `control_period` (s) is integrated in `substeps` equal steps of the `integrator`; `torque_limits`, N m (N), one
     number or one a joint (r,), bound the torques' magnitudes, infinity meaning no bound, None the mechanism's effort
@@ -47,9 +47,9 @@ class Plant(Tunable):
 
     The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
     noise, and equal calls give equal bits. Up to LARGEST_COMPILED (100) links run as native code, more in Python.
-    Raises `InputError` for a period not positive and finite, limits not positive, `substeps` that are no whole number
-    from 1 to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, what is no integrator, links that neither have
-    nor carry mass, and effects that do not fit.
+    Raises `InputError` for a period not positive and finite, limits not positive, `substeps` not a whole number from 1
+    to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, an object without an integrator's members, links without
+    mass that move none with mass, and effects that do not fit.
     """
 
     mechanism: Mechanism
@@ -87,7 +87,7 @@ class Plant(Tunable):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names (m,), by rank, such as "torque_limited", of the m actuator effects that mark periods when they act."""
+        """Names (m,) of the flags, such as "torque_limited", that actuator effects set in periods in which they act."""
         return self._effects.marks
 
     @cached_property
@@ -99,8 +99,8 @@ class Plant(Tunable):
     @cached_property
     def sizes(self) -> dict[str, int]:
         """Lengths of the columns (vectors) passed from one control period to the next, by name: "q", the n joints of
-        the spanning tree; "v", the r primary (independent) ones; "drives", the memory of the actuator effects and, with
-        elastic joints, 2r numbers of the motors; "sensors", the memory of the sensor effects."""
+        the spanning tree; "v", the r primary (independent) ones; "drives", the actuator effects' internal states and,
+        with elastic joints, 2r numbers of the motors; "sensors", the sensor effects'."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
@@ -112,7 +112,7 @@ class Plant(Tunable):
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
-        """The time (s) to which true inertial parameters stay as at `time` (s), `time` at least; infinity for ever."""
+        """Time, s, until which true inertial parameters stay as at `time` (s), at least `time`; infinity for ever."""
         return min((load.until(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
@@ -122,13 +122,13 @@ class Plant(Tunable):
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """The state of one arm or many at time zero from positions p, rad (m), and velocities v, rad/s (m/s), (..., r).
-        The r joints have been held by the torque that gravity asks for on the P true inertial `parameters` (..., P),
-        SI, ordered as `Mechanism.parameter_names`, None for the mechanism's own with loads; it stretches elastic
-        joints' springs, whose motors move as the links do. `noise` (..., 2r) is the first measurement's, standard
-        normal, positions' first, None for zero. Raises `SingularityError` where loops cannot be followed to p,
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity; parameters are used only with actuator
-        effects or elastic joints, noise only with sensors."""
+        """The state of one arm or many at time zero from positions p, rad (m if prismatic), and velocities v, rad/s
+        (m/s), (..., r). The r joints have been held by the torque that gravity asks for on the P true inertial
+        `parameters` (..., P), SI, ordered as `Mechanism.parameter_names`, None for the mechanism's own with loads; it
+        stretches elastic joints' springs, whose motors move as the links do. `noise` (..., 2r) is the first
+        measurement's, standard normal, positions' first, None for zero. Raises `SingularityError` where loops cannot be
+        followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity; parameters are used only with
+        actuator effects or elastic joints, noise only with sensors."""
         arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
         given = zip(arrays, ("p", "v"), strict=True)
         p, v = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
@@ -154,11 +154,11 @@ class Plant(Tunable):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """State of one arm a control period later, the torque (r,) of r joints, N m (N), being clipped and held.
+        """State of one arm a control period after `state`; the `torque` (r,) of r joints, N m (N), is clipped and held.
         `parameters` (P,), SI, ordered as `Mechanism.parameter_names`, are the true inertial ones in this period, None
         for the mechanism's own with loads as at the state's time. `noise` (2r,) is the sensors', standard normal,
         positions' first, None for zero, not checked. Raises `InputError` on a wrong shape and `NonFiniteError` on NaN
-        or infinity in positions, velocities, torque or parameters, or when the motion itself runs away."""
+        or infinity in positions, velocities, torque or parameters, or when the motion itself becomes non-finite."""
         true = self._true(state.time) if parameters is None else parameters
         moving = state.q, state.v, self._finite(torque), true
         if self._chained:
@@ -174,8 +174,8 @@ class Plant(Tunable):
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,) of r joints, N m (N), clipped to plus and minus `torque_limits`. Raises `InputError` on a
-        wrong shape and `NonFiniteError` on NaN or infinity."""
+        """The torque (r,) of r joints, N m (N if prismatic), clipped to plus and minus `torque_limits`. Raises
+        `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity."""
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
@@ -198,8 +198,8 @@ class Plant(Tunable):
         return q if self._primary is None else q[..., self._primary]
 
     def may_work(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of configurations q (..., n), rad (m), of the tree's n joints: True where loops are away from
-        singularities and primary joints within the bounds in the robot's description; for a tree all. Not checked."""
+        """Mask (...) of configurations q (..., n), rad (m), of the tree's n joints: True where the loops' regularity is
+        at least 0.05 and primary joints are within the description's bounds; True for a tree. Nothing is checked."""
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -207,20 +207,20 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """The equation of a control period, a `ControlPeriod`: a function from Columns, vectors of scalars of any
-        kind (floats, arrays, symbols), SI units, to a `PeriodOutcome`: "q" (n,), the tree's n joints, "v" and "torque"
-        (r,), of the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), standard normal, empty
-        without sensors, and "drives" and "sensors", effects' memories. It raises `KeyError` where one is missing."""
+        """The equation of a control period, a `ControlPeriod`: a function from Columns, vectors of scalars of any kind
+        (floats, arrays, symbols), SI units, to a `PeriodOutcome`: "q" (n,), the tree's n joints, "v" and "torque" (r,),
+        of the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), standard normal, empty without
+        sensors, and "drives" and "sensors", effects' internal states. It raises `KeyError` where one is missing."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, J, with springs and motors, a scalar as in the Columns (vectors of floats,
-        arrays or symbols) q (n,), rad (m), of the spanning tree's n joints, v (r,), rad/s (m/s), of the r primary
-        (independent) ones, and true inertial `parameters` (P,), SI, ordered as `Mechanism.parameter_names`. `drives`,
-        used for elastic joints alone, ends in their motors' positions and velocities (2r,). Nothing is checked."""
+        """Kinetic plus potential energy, J, with springs and motors, a scalar. Columns, vectors of scalars of any kind,
+        are q (n,), rad (m), of the spanning tree's n joints, v (r,), rad/s (m/s), of the r primary (independent) ones,
+        true inertial `parameters` (P,), SI, ordered as `Mechanism.parameter_names`, and `drives`, used for elastic
+        joints alone, which ends in their motors' positions and velocities (2r,). Nothing is checked."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -384,8 +384,8 @@ def _energy_of(structure: Structure) -> Callable[..., tuple[Array]]:
 
 
 def require_ten_a_link(mechanism: Mechanism) -> None:
-    """Raise `InputError` for a mechanism whose inertial parameters are bound by linear relations, so that they are
-    fewer than ten for each link and those of its drives: the parameters with a payload would not keep to them."""
+    """Raise `InputError` for a mechanism with linear relations among its inertial parameters, which are then fewer than
+    ten for each link and those of its drives: the parameters with a payload would not satisfy them."""
     if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
         raise InputError(
             f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "

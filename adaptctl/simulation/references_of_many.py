@@ -19,86 +19,92 @@ from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 @dataclass(frozen=True)
 class SampledForm:
-    """Form in which a compiled step gets its reference points as samples from outside: positions, rad (m), velocities
-    and accelerations, the same per s and s^2, of `size` joints each, one point for all arms or, where `each` is True,
-    one for each arm. `held`, `shared` and `driven` name the step's columns (vectors); forms that are equal share native
-    code. Nothing is checked."""
+    """Form of the references of a compiled step whose points come from outside as samples: positions, rad (m if
+    prismatic), velocities and accelerations, the same per s and s^2, of `size` joints. There is one point for all arms
+    or, where `each` is True, one for each arm. The properties `held`, `shared` and `driven` name the step's columns
+    (vectors); forms that are equal share native code. Nothing is checked."""
 
     size: int
     each: bool
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that each arm keeps through a run: {}, for samples are not kept."""
+        """Lengths, by name, of the reference's columns (vectors) that are constant over a run for each arm, as a
+        compiled step takes them: an empty dict, for references that come as samples change in each control period."""
         return {}
 
     @property
     def shared(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that are new in each control period and the same for all arms:
-        "reference_p", "reference_v" and "reference_a", one number for each of `size` joints, where one reference is for
-        all arms; else {}."""
+        """Lengths, by name, of the reference's columns (vectors) that change in each control period and are the same
+        for all arms, as a compiled step takes them. Where one reference is for all arms, they are "reference_p",
+        "reference_v" and "reference_a", one number for each of the form's `size` joints; else the dict is empty."""
         return {} if self.each else dict.fromkeys(REFERENCE, self.size)
 
     @property
     def driven(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that are new in each control period for each arm: "reference_p",
-        "reference_v" and "reference_a", one number for each of `size` joints, where each arm has its own reference;
-        else {}."""
+        """Lengths, by name, of the reference's columns (vectors) that change in each control period and differ from arm
+        to arm, as a compiled step takes them. Where each arm has its own reference, they are "reference_p",
+        "reference_v" and "reference_a", one number for each of the form's `size` joints; else the dict is empty."""
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
         """The reference point of a control period, made of three entries of `columns`, vectors of scalars, unchanged:
-        "reference_p", positions, rad (m), "reference_v", velocities, and "reference_a", accelerations, the same per s
-        and s^2, (r,) each for r = `size` joints. Raises `KeyError` where one is missing."""
+        "reference_p", positions, rad (m if prismatic), "reference_v", velocities, and "reference_a", accelerations, the
+        same per s and s^2, (r,) each for r joints. Raises `KeyError` where one is missing."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
 @dataclass(frozen=True)
 class SinusoidForm:
-    """Form in which a compiled step computes its reference points itself, from the numbers of each arm's own
-    `Sinusoids`, sums of `terms` sinusoids for each of `size` joints. `held`, `shared` and `driven` name the step's
-    columns (vectors); forms that are equal share native code. Nothing is checked."""
+    """Form of the references of a compiled step that computes their points itself, from the numbers (amplitudes,
+    frequencies and so on) of each arm's own `Sinusoids`: sums of `terms` sinusoids for each of `size` joints. The
+    properties `held`, `shared` and `driven` name the step's columns (vectors); forms that are equal share native code.
+    Nothing is checked."""
 
     size: int
     terms: int
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that each arm keeps through a run, the numbers of its sinusoids for r =
-        `size` joints and h = `terms` terms: r for "center" (rad or m); h r for "amplitude" (rad or m), "frequency" (Hz)
-        and "phase" (rad), each with the r numbers of the first term first; 1 for "start_time" (s)."""
+        """Lengths, by name, of the reference's columns (vectors) that are constant over a run for each arm, as a
+        compiled step takes them: the numbers of the arm's sums of h sinusoids for each of r joints. They are r for
+        "center", rad (m if prismatic); h r for "amplitude", rad (m), "frequency", Hz, and "phase", rad, each with the r
+        numbers of the first term first; 1 for "start_time", s."""
         wave = self.size * self.terms
         return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict()
 
     @property
     def shared(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that are new in each control period and the same for all arms: 1 for "time"
-        (s)."""
+        """Lengths, by name, of the reference's columns (vectors) that change in each control period and are the same
+        for all arms, as a compiled step takes them: {"time": 1}, the time in s, of which the step computes each arm's
+        sinusoids."""
         return {"time": 1}
 
     @property
     def driven(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that are new in each control period for each arm: {}, for the time alone is
-        new."""
+        """Lengths, by name, of the reference's columns (vectors) that change in each control period and differ from arm
+        to arm, as a compiled step takes them: an empty dict, for only the time changes, which is the same for all
+        arms."""
         return {}
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
-        """The reference point of an arm's sums of sinusoids, at the time in `columns` plus `ahead` (s), 0 unless given:
-        columns (r,), vectors, for r = `size` joints of positions, rad (m), velocities, rad/s (m/s), and accelerations,
-        rad/s^2 (m/s^2), over scalars of any kind (floats, arrays, or symbols to be compiled).
+        """The reference point of an arm's sums of sinusoids for r joints, at the time in `columns` plus `ahead` (s), 0
+        unless given. It has columns (r,), vectors of scalars of any kind (floats, arrays, or symbols to be compiled):
+        positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2).
 
-        `columns` has by name "time" (1,), s, and the numbers of h = `terms` sinusoids a joint: "center" (r,) and
-        "amplitude" (h r,), rad (m), "frequency" (h r,), Hz, "phase" (h r,), rad, with the r numbers of the first
-        sinusoid first, and "start_time" (1,), s. Raises `KeyError` where one is missing.
+        `columns` has by name "time" (1,), s, and the numbers of h sinusoids a joint: "center" (r,) and "amplitude" (h
+        r,), rad (m), "frequency" (h r,), Hz, "phase" (h r,), rad, with the r numbers of the first sinusoid first, and
+        "start_time" (1,), s. Raises `KeyError` where one is missing.
         """
         numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
         return sinusoids_at(columns["time"][0] + ahead, numbers)
 
     def numbers(self, references: Sequence[Reference | None]) -> SinusoidNumbers:
-        """The numbers of the M `references`, all of them `Sinusoids`, for r = `size` joints and h = `terms` terms:
-        center (M, r) and amplitude (M, h r), rad or m, frequency, Hz, and phase, rad, (M, h r) each, with the r numbers
-        of the first term first, and start_time (M, 1), s. Sums of fewer than `terms` sinusoids are filled up with terms
-        of amplitude 0. Raises `KeyError` for what is no `Sinusoids`, `ValueError` for sums of more terms."""
+        """The numbers, a `SinusoidNumbers`, of M `references`, all of them `Sinusoids`, for r joints and h sinusoids a
+        joint, the form's `size` and `terms`. They are center (M, r) and amplitude (M, h r), rad (m if prismatic),
+        frequency, Hz, and phase, rad, (M, h r) each, with the r numbers of the first term first, and start_time (M, 1),
+        s. Sums of fewer sinusoids are filled up with terms of amplitude 0. Raises `KeyError` for a reference that is no
+        `Sinusoids`, `ValueError` for sums of more terms."""
         known: dict[int, SinusoidNumbers] = {}
         for one in references:
             if isinstance(one, Sinusoids) and id(one) not in known:
@@ -114,10 +120,11 @@ ReferenceForm: TypeAlias = SampledForm | SinusoidForm
 
 @dataclass(frozen=True, eq=False)
 class ReferencesOfMany:
-    """References of many arms, `references`, one for all or one for each, and the `form` in which a compiled step gets
-    their points: as samples from outside, or as sinusoids by their numbers. Each point has positions, rad (m),
-    velocities and accelerations, the same per s and s^2, of `size` joints. `arms` is the number of arms (M,), or ()
-    where one reference was given for any number. `ReferencesOfMany.of` checks them; the class itself checks nothing."""
+    """References of M arms, `references`, one for all or one for each, and the `form` in which a compiled step gets
+    their points: as samples from outside, or computed from the numbers of sinusoids. Each point has positions, rad (m
+    if prismatic), velocities and accelerations, the same per s and s^2, of `size` joints. `arms` is (M,), or () where
+    one reference was given for any number of arms. `ReferencesOfMany.of` checks them; the class itself checks
+    nothing."""
 
     references: Sequence[Reference]
     form: ReferenceForm
@@ -128,9 +135,9 @@ class ReferencesOfMany:
     @classmethod
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:
         """The references of many arms, from `given`, one for all or a sequence with one for each, whose points are of
-        `size` joints. One for all, or the same object for each, is sampled. Where all of several are `Sinusoids` with
-        equal numbers of terms, they are kept by their numbers; else all are sampled. Raises `InputError` for what is
-        not callable, and for an empty sequence."""
+        `size` joints. One for all, or the same object for each, is sampled. Where several are all `Sinusoids` with
+        equal numbers of terms, they are kept as the numbers of these; else all are sampled. Raises `InputError` for a
+        reference that is not callable, and for an empty sequence."""
         if callable(given):
             return cls([given], SampledForm(size, each=False), size, ())
         references = list(given) if isinstance(given, Sequence) else []
@@ -142,24 +149,24 @@ class ReferencesOfMany:
         return cls(references, _form(references, size), size, arms)
 
     def of_arms(self, arms: slice) -> ReferencesOfMany:
-        """The references, in the same form, of those arms that the slice `arms` (from start to stop) selects;
-        themselves where one is for all. Nothing is checked."""
+        """The references, in the same form, of those arms that the slice `arms`, with a start and a stop, selects; this
+        object itself where one reference is for all arms. Nothing is checked."""
         if self._is_shared:
             return self
         return replace(self, references=self.references[arms], arms=(arms.stop - arms.start,))
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """The columns, by name, that each of M arms keeps through a run: the numbers of its `Sinusoids`, of h terms for
-        each of r joints: "center" (M, r) and "amplitude" (M, h r), rad or m, "frequency", Hz, and "phase", rad, (M, h
-        r) each, with the r numbers of the first term first, and "start_time" (M, 1), s; empty where references are
-        sampled."""
+        """The values, by name, of the references' columns that are constant over a run for each of M arms, as a
+        compiled step takes them; empty where references are sampled. For `Sinusoids` of h terms for each of r joints
+        they are "center" (M, r) and "amplitude" (M, h r), rad (m if prismatic), "frequency", Hz, and "phase", rad, (M,
+        h r) each, with the r numbers of the first term first, and "start_time" (M, 1), s."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:
-        """Positions, rad (m), and velocities, rad/s (m/s), of the references at time zero: (M, n) each for M arms, n
-        numbers a point; (n,) where one is for all. Raises, where references are sampled, `InputError` for points of
-        another shape and `NonFiniteError` for NaN or infinity."""
+        """Positions, rad (m if prismatic), and velocities, rad/s (m/s), of the references at time zero: (M, n) each for
+        M arms, n numbers a point; (n,) where one is for all. Raises, where references are sampled, `InputError` for
+        points of another shape and `NonFiniteError` for NaN or infinity."""
         if self._numbers is not None:
             point = sinusoids_at(0.0, SinusoidNumbers(*map(column, self._numbers)))
             return stacked(point.p.of, self.arms), stacked(point.v.of, self.arms)
@@ -167,10 +174,12 @@ class ReferencesOfMany:
         return points.p[0], points.v[0]
 
     def signals(self, time: Array) -> Mapping[str, Array]:
-        """The columns, by name, that come from outside at the times `time` (T,), s, of T control periods: "time" (T, 1)
-        for sinusoids kept by their numbers; else "reference_p", rad (m), "reference_v" and "reference_a", the same per
-        s and s^2, (T, M, n) for M arms, n numbers a point, or (T, n) where one reference is for all. Raises, where
-        references are sampled, `InputError` for points of another shape and `NonFiniteError` for NaN or infinity."""
+        """The values, by name, of the references' columns that change in each control period, as a compiled step takes
+        them, in the T periods that begin at the times `time` (T,), s. Where the step computes the points from the
+        numbers of sinusoids, there is "time" (T, 1) alone. Where references are sampled, there are "reference_p",
+        positions, rad (m if prismatic), "reference_v", velocities, and "reference_a", accelerations, the same per s and
+        s^2: (T, M, n) for M arms, n numbers a point, or (T, n) where one reference is for all. Raises then `InputError`
+        for points of another shape and `NonFiniteError` for NaN or infinity."""
         if isinstance(self.form, SinusoidForm):
             return {"time": time[:, None]}
         return dict(zip(REFERENCE, self._points(time), strict=True))

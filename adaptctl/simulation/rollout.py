@@ -35,24 +35,24 @@ def rollout(
     every: int = 1,
     last: float | None = None,
 ) -> Rollout:
-    """The run of an environment driven by a controller, from reset to termination or truncation.
+    """The run, a `Rollout`, of a Gymnasium environment driven by a controller, from reset to termination or truncation.
 
     Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` (s) and `observation_slices`,
     a mapping from the names p, v, reference_p, reference_v and reference_a to slices of the observation: measured
-    positions and velocities and the reference's positions, velocities and accelerations, r joints each, in rad (m) and
-    per s and s^2. `seed` and `options` are passed to `env.reset`, None for its own defaults. `info` may have
-    `applied_torque` (r,), N m (N), `energy` (J), `clipped` (the number of control periods with a clipped torque so far)
-    and `time` (s); in their place the torque commanded, NaN, 0 and the periods counted from zero are taken. It may have
-    the true positions `p` and velocities `v`, and `marks`, a mapping from names of events to numbers; the controller's
-    state may have a NamedTuple `marks` of arrays (1,), as `Guarded` has. `progress`, if given, is called about a
-    hundred times with the share done, 0 to 1, where the run's length is known. The run has a sample of one in `every`
-    control periods, the first one included, and only those of its last `last` seconds, None for the whole run: memory
-    for no more is taken.
+    positions and velocities and the reference's positions, velocities and accelerations, r joints each, in rad (m if
+    prismatic) and per s and s^2. `seed` and `options` are passed to `env.reset`, None for its own defaults. `info` may
+    have `applied_torque` (r,), N m (N), `energy` (J), `clipped` (the number of control periods with a clipped torque so
+    far) and `time` (s); for a missing one the torque commanded, NaN, 0 and the periods counted from zero are taken. It
+    may have the true positions `p` and velocities `v`, and `marks`, a mapping from names of events to numbers; the
+    controller's state may have a NamedTuple `marks` of arrays (1,), as `Guarded` has. `progress`, if given, is called
+    about a hundred times with the fraction done, 0 to 1, where the run's length is known. The run has a sample of one
+    in `every` control periods, the first one included, and only those of its last `last` seconds, None for the whole
+    run; no memory is allocated for more.
 
-    Ctrl-C ends the run but keeps what was computed, marked `complete=False`. Raises `InputError` for an environment
-    that cannot be driven or has another number of joints than the controller, an `every` that is no whole number of at
-    least 1, and a `last` that is not positive and finite; what controller and environment raise, such as
-    `NonFiniteError`, passes.
+    Ctrl-C ends the run but keeps what was computed; the run's `complete` is then False. Raises `InputError` for an
+    environment that cannot be driven or has another number of joints than the controller, an `every` that is not a
+    whole number of at least 1, and a `last` that is not positive and finite; what controller and environment raise,
+    such as `NonFiniteError`, passes.
     """
     loop = _SteppedRun(env, controller, seed, options, every, last)
     interval = max(1, (loop.steps or 0) // 100)
@@ -174,8 +174,9 @@ class _Record:
 
 
 def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
-    """The slices of an environment's observation that a controller needs, five in the order p, v, reference_p,
-    reference_v, reference_a, and the environment's control period (s).
+    """The slices of an environment's observation that a controller needs, and the environment's control period (s), a
+    pair. The list has five slices, in the order p, v, reference_p, reference_v, reference_a (positions, velocities, and
+    the reference's positions, velocities and accelerations).
 
     They are read from `env.unwrapped.observation_slices`, a mapping from these names, and
     `env.unwrapped.control_period`. Raises `InputError` where either is missing or of another kind (the period must be a
@@ -209,7 +210,7 @@ def _require_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], p
 
 def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
     """The greatest number of control periods that an environment's episode takes: the least of `env.unwrapped.steps`
-    and `env.spec.max_episode_steps` that is a positive int, None where neither is. Nothing is raised."""
+    and `env.spec.max_episode_steps` that is a positive int, None where neither is one. Nothing is raised."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
 

@@ -67,12 +67,12 @@ class RolloutFile:
         return self
 
     def append(self, columns: Mapping[str, Array | None], marks: Mapping[str, Array]) -> None:
-        """Append T samples of r joints to the file: `columns` maps the names of a `Rollout`'s arrays to their values in
+        """Append T samples of r joints to the file. `columns` maps the names of a `Rollout`'s arrays to their values in
         SI units: "time", "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a",
         "torque", "applied", "measured_p" and "measured_v" (T, r), None for one that the file is to leave out;
         "estimate" (T, k), the controller's k parameter estimates, and "learning" (T, l), the l numbers that the
-        adaptation law records of its memory. `marks` maps names of events to arrays (T,). Both have the same names at
-        every call; later calls without samples write nothing.
+        adaptation law records of its internal state. `marks` maps names of events to arrays (T,). Both have the same
+        names at every call; later calls without samples write nothing.
 
         Raises `KeyError` where an array is missing, `ValueError` for other columns than at the first call, and
         `OSError` where writing fails.
@@ -100,8 +100,8 @@ class RolloutFile:
 
 
 def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
-    """Names (r,) of r = `dof` joints: those `given`, or joint1, joint2, ... for None. Raises `InputError` for another
-    number of names, equal ones, and what are no texts."""
+    """Names (r,) of r = `dof` joints: those `given`, or joint1, joint2, ... for None. Raises `InputError` unless there
+    are r different texts."""
     if given is None:
         return [f"joint{j + 1}" for j in range(dof)]
     names = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
@@ -121,15 +121,15 @@ def rollout_table(
     about: Mapping[str, object] = MappingProxyType({}),
 ) -> pyarrow.Table:
     """The samples of a run as an Arrow table: a row for each of T samples, columns of float64 such as `time`,
-    `p.joint1`, `estimate.0` and `mark.payload`, with their units as metadata, joints' as if all were revolute, and the
-    entries of `about`, which JSON must be able to hold, as the table's own, none unless given.
+    `p.joint1`, `estimate.0` and `mark.payload`. Units are the columns' metadata, joints' as if all were revolute; the
+    entries of `about`, which JSON must be able to hold, are the table's own metadata, none unless given.
 
     `columns` maps the names of a `Rollout`'s arrays to their values in SI units: "time", "clipped", "energy" and
     "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and
     "measured_v" (T, r), None for one that is left out; "estimate" (T, k), the controller's k parameter estimates, and
-    "learning" (T, l), the l numbers that the adaptation law records of its memory. `marks` maps names of events to
-    arrays (T,); `joints` (r,) names the r joints. Raises `KeyError` where an array is missing and `ModuleNotFoundError`
-    without pyarrow.
+    "learning" (T, l), the l numbers that the adaptation law records of its internal state. `marks` maps names of events
+    to arrays (T,); `joints` (r,) names the r joints. Raises `KeyError` where an array is missing and
+    `ModuleNotFoundError` without pyarrow.
     """
     import pyarrow as pa
 
@@ -140,16 +140,17 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """The contents of a run's Parquet file at `path`, three mappings by name. The first has the arrays of a `Rollout`
-    of T samples of r joints in SI units, read-only: "time", "clipped", "energy" and "reward" (T,); "p", "v",
-    "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and "measured_v" (T, r), in the
-    file's order of joints; and "estimate" (T, k), the controller's k parameter estimates, and "learning" (T, l), the l
-    numbers that the adaptation law records of its memory. The second has the marks of events, (T,) each. The third has,
-    of the whole run, "control_period" and "wall_time", s, "complete" and "terminated", bools, and "every", the number
-    of control periods from one sample to the next. Arrays of joints, marks and entries that the file lacks are missing;
-    "estimate" and "learning" are then (T, 0).
+    """The contents of a run's Parquet file at `path`, a tuple of three mappings by name: arrays, events, and entries on
+    the whole run. The first has the arrays of a `Rollout` of T samples of r joints in SI units, read-only: "time",
+    "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied",
+    "measured_p" and "measured_v" (T, r), in the file's order of joints; and "estimate" (T, k), the controller's k
+    parameter estimates, and "learning" (T, l), the l numbers that the adaptation law records of its internal state. The
+    second has arrays (T,) of events, 1 where there was one. The third has, of the whole run, "control_period" and
+    "wall_time", s, "complete" and "terminated", bools, and "every", the number of control periods from one sample to
+    the next. Arrays of joints, events and entries that the file lacks are missing; "estimate" and "learning" are then
+    (T, 0).
 
-    Raises `FileError` for a file that cannot be read, is no run of this package or is damaged, and
+    Raises `FileError` for a file that cannot be read, was not written as a run by this package or is damaged, and
     `ModuleNotFoundError` without pyarrow.
     """
     import pyarrow as pa

@@ -36,19 +36,20 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """A closed-loop run of r joints as T samples; every array is read-only. Nothing is checked at construction.
+    """Closed-loop run of an arm of r joints, simulated or real, as T samples; every array is read-only. Nothing is
+    checked at construction.
 
     Sample k is the state at `time[k]`, the beginning of a control period, and the torque commanded on it; there is one
-    sample in `every` control periods. Positions are in rad (m), velocities and accelerations those per s and s^2,
-    torques in N m (N).
+    sample in `every` control periods. Positions are in rad (m if prismatic), velocities and accelerations those per s
+    and s^2, torques in N m (N).
 
     (T,): `time`, s; `clipped`, 1 where a torque was clipped, else 0; `energy`, J, NaN where not known; `reward` of the
-    period after, no unit. `marks` maps names of events to arrays (T,): 1 where there was one, such as "torque_limited",
-    else 0; "payload" is the mass held, kg. (T, r): positions `p` and velocities `v`, the true ones where the
-    environment gives them; `reference_p`, `reference_v`, `reference_a`; `torque` commanded and `applied`, after the
-    limits; `measured_p` and `measured_v`, None where these are p and v. `estimate` (T, k) is the controller's k
-    parameter estimates in SI units, k = 0 where it has none; `learning` (T, l) the l numbers that the adaptation law
-    records of its memory, l = 0 where it records none.
+    control period that begins, no unit. `marks` maps names of events to arrays (T,): 1 where there was one, such as
+    "torque_limited", else 0; "payload" is the mass held, kg. (T, r): positions `p` and velocities `v`, the true ones
+    where the environment gives them; `reference_p`, `reference_v`, `reference_a`; `torque`, the one commanded, and
+    `applied`, the one after the limits; `measured_p` and `measured_v`, None where these are p and v. `estimate` (T, k)
+    is the controller's k parameter estimates in SI units, k = 0 where it has none; `learning` (T, l) the l numbers that
+    the adaptation law records of its internal state, l = 0 where it records none.
 
     `control_period`, s; `wall_time`, s, that the run took; `complete`, False if it was interrupted; `terminated`, True
     if the environment ended it early; `info`, the last dict of that name that it gave, empty unless given.
@@ -57,7 +58,7 @@ class Rollout:
     time: Array
     """(T,) s"""
     p: Array
-    """(T, r) positions, rad or m: the true ones, where the environment tells them besides what it measures"""
+    """(T, r) positions, rad or m: the true ones, where the environment gives them besides what it measures"""
     v: Array
     """(T, r) velocities, rad/s or m/s"""
     reference_p: Array
@@ -71,9 +72,9 @@ class Rollout:
     applied: Array
     """(T, r) after the limits, N m"""
     clipped: Array
-    """(T,) whether a torque was clipped, as 0 and 1"""
+    """(T,) 1 where a torque was clipped, else 0"""
     energy: Array
-    """(T,) J; NaN where the environment does not tell"""
+    """(T,) J; NaN where the environment does not give it"""
     reward: Array
     """(T,)"""
     estimate: Array
@@ -93,15 +94,15 @@ class Rollout:
     measured_v: Array | None = None
     """(T, r) velocities, rad/s or m/s"""
     marks: Mapping[str, Array] = field(default_factory=dict)
-    """(T,) each: what happened, by name, as the environment and the controller's guards tell"""
+    """(T,) each: flags of events, by name, of the environment and of the controller's guards"""
     every: int = 1
     """control periods from one sample to the next"""
     learning: Array = field(default_factory=partial(np.empty, (0, 0)))
-    """(T, l) what the adaptation law tells of its memory, such as a lift; l = 0 where it tells nothing"""
+    """(T, l) what the adaptation law records of its internal state, such as a lift; l = 0 where it records nothing"""
 
     @property
     def spacing(self) -> float:
-        """Time between successive samples, s: `every` control periods."""
+        """Time between successive samples of the run, s: its `every` times its `control_period`."""
         return self.every * self.control_period
 
     @property
@@ -123,11 +124,11 @@ class Rollout:
 
     @needed("Rollout.save")
     def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run to a Parquet file at `path`, whole or not at all: a row for each sample, columns of float64,
-        one for `time`, `clipped`, `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a
-        number for `estimate` and `learning`, such as `estimate.0`, and one an event, such as `mark.payload`, with their
-        units as metadata, joints' as if all were revolute. The file is one that `adaptctl identify` reads. `joints`
-        (r,) names the r joints, None for joint1, joint2, ...
+        """Write the run to a Parquet file at `path`, whole or not at all, which `adaptctl identify` reads too. There is
+        a row for each sample, and columns of float64: one for `time`, `clipped`, `energy` and `reward`, one a joint for
+        arrays (T, r), such as `p.joint1`, one a number for `estimate` and `learning`, such as `estimate.0`, and one an
+        event, such as `mark.payload`, with their units as metadata, joints' as if all were revolute. `joints` (r,)
+        names the r joints, None for joint1, joint2, ...
 
         The environment's last `info` is left out. Raises `InputError` for other than r different names, `FileError`
         where the file cannot be written, and `MissingExtraError` without pyarrow.
@@ -138,11 +139,11 @@ class Rollout:
 
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
-        """The run as an Arrow table: a row for each sample, columns of float64, one for `time`, `clipped`, `energy` and
-        `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and `learning`, such as
-        `estimate.0`, and one an event, such as `mark.payload`, with their units as metadata, joints' as if all were
-        revolute. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other than r
-        different names, `MissingExtraError` without pyarrow."""
+        """The run as an Arrow table: a row for each sample, and columns of float64. There is one for `time`, `clipped`,
+        `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and
+        `learning`, such as `estimate.0`, and one an event, such as `mark.payload`, with their units as metadata,
+        joints' as if all were revolute. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises
+        `InputError` for other than r different names, `MissingExtraError` without pyarrow."""
         return rollout_table(self._columns, self.marks, joint_names(self.p.shape[1], joints), self._about)
 
     @property
@@ -154,11 +155,11 @@ class Rollout:
         return {name: getattr(self, name) for name in KEPT}
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
-        """The run as a pandas data frame: a row for each sample, columns of float64, one for `time`, `clipped`,
-        `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and
-        `learning`, such as `estimate.0`, and one an event, such as `mark.payload`; in SI units: rad (m), s, N m (N), J.
-        `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other than r different
-        names, `MissingExtraError` without pandas or pyarrow."""
+        """The run as a pandas data frame: a row for each sample, and columns of float64 in SI units: rad (m if
+        prismatic), s, N m (N), J. There is one for `time`, `clipped`, `energy` and `reward`, one a joint for arrays (T,
+        r), such as `p.joint1`, one a number for `estimate` and `learning`, such as `estimate.0`, and one an event, such
+        as `mark.payload`. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other
+        than r different names, `MissingExtraError` without pandas or pyarrow."""
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 
@@ -195,16 +196,17 @@ class Rollout:
         time: ArrayLike | None = None,
         complete: bool = True,
     ) -> Rollout:
-        """A run that was not simulated here, from positions `p`, rad (m), torques commanded, N m (N), and the
-        reference's positions, rad (m): arrays (T, r) of T samples, at least 2, of r joints, one a `control_period` (s).
+        """A `Rollout` of a run that was logged elsewhere, from positions `p`, rad (m if prismatic), `torque`, the one
+        commanded, N m (N), and the reference's positions `reference_p`, rad (m): arrays (T, r) of T samples, at least
+        2, of r joints, one a `control_period` (s).
 
         Velocities `v` and the reference's velocities and accelerations `reference_v` and `reference_a`, (T, r) each, in
         rad (m) per s and s^2, are differences of the positions unless given, central, one-sided at both ends; `applied`
-        (T, r), N m (N), the torque at the joints, is that commanded unless given; `time` (T,), s, counts control
-        periods from zero unless given. `estimate` (T, k) is the controller's k parameter estimates, SI units, None for
-        none; `complete` is False for a run that was cut off. Energy and reward are not known: NaN, and zero; `clipped`
-        is 1 where `applied` is not `torque`. Raises `InputError` on shapes that do not fit, a period that is not
-        positive or times that do not increase, `NonFiniteError` on NaN and infinity.
+        (T, r), N m (N), the torque at the joints, is the one commanded unless given; `time` (T,), s, counts control
+        periods from zero unless given. `estimate` (T, k) is the controller's k parameter estimates, SI units, None
+        where it has none; `complete` is False for a run that was cut off. Energy and reward are not known: NaN, and
+        zero; `clipped` is 1 where `applied` is not `torque`. Raises `InputError` on shapes that do not fit, a period
+        that is not positive or times that do not increase, `NonFiniteError` on NaN and infinity.
         """
         from adaptctl.simulation.logged_run import logged_run
 
@@ -215,7 +217,7 @@ class Rollout:
     @needed("Rollout.load")
     def load(cls, path: str | Path) -> Rollout:
         """The run that `Rollout.save` wrote to the Parquet file `path`. Raises `FileError` for a file that cannot be
-        read, is no such run or is damaged, and `MissingExtraError` without pyarrow."""
+        read, was not written so or is damaged, and `MissingExtraError` without pyarrow."""
         columns, marks, about = read_rollout(path)
         try:
             return cls(**columns, marks=marks, **{name: about[name] for name in KEPT if name in about or name in WHOLE})

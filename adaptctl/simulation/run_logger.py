@@ -22,22 +22,22 @@ SHARE_OF_MEMORY = 0.5
 
 
 class RunLogger:
-    """A log of a control loop of `dof` joints (r), one sample a `control_period` (s), that becomes a `Rollout`.
+    """Log of a control loop of `dof` joints (r), one sample a `control_period` (s); its method `rollout` makes it a
+    `Rollout`.
 
-    The last `capacity` samples are kept, 300 000 unless given, which is 300 s at 1 kHz, in memory that is all taken at
-    the start; older ones are overwritten, and `lost` counts them. `append` neither allocates nor touches files, so a
-    loop at 1 kHz can call it. `count` is the number of samples appended, `faulty` of those left out for a wrong length,
-    NaN or infinity. `estimates` is the number k of the controller's parameter estimates, 0 unless given; `joints` (r,)
-    names the joints in the file, None for joint1, joint2, ...
+    The last `capacity` samples are kept, 300 000 unless given, which is 300 s at 1 kHz, in memory that is all allocated
+    at construction; older ones are overwritten, and the property `lost` counts them. `append` neither allocates nor
+    touches files, so a loop at 1 kHz can call it. The attribute `count` is the number of samples appended, `faulty` of
+    those left out for a wrong length, NaN or infinity. `estimates` is the number k of the controller's parameter
+    estimates, 0 unless given; `joints` (r,) names the joints in the file, None for joint1, joint2, ...
 
     As a context manager it warns (`LostSamplesWarning`) at the end if samples were overwritten or left out, and saves
     the run to a Parquet file at `path`, None for no file, if there are at least two samples. It also does so when an
-    exception ends the loop; the run is then marked incomplete.
+    exception ends the loop; the run's `complete` is then False.
 
-    Raises `InputError` for a period that is not positive, counts that are no whole numbers of at least 1 (`dof`), 0
-    (`estimates`) or 2 (`capacity`), `joints` that are not r different names, and a capacity that takes over half of
-    the computer's memory. With a `path`, raises `FileError` if it cannot be written, `MissingExtraError` without
-    pyarrow.
+    Raises `InputError` for a period that is not positive, counts that are not whole numbers of at least 1 (`dof`), 0
+    (`estimates`) or 2 (`capacity`), `joints` that are not r different names, and a capacity that takes over half of the
+    computer's memory. With a `path`, raises `FileError` if it cannot be written, `MissingExtraError` without pyarrow.
     """
 
     def __init__(
@@ -67,7 +67,8 @@ class RunLogger:
 
     @property
     def lost(self) -> int:
-        """Number of samples that have been overwritten by later ones, since more were appended than `capacity`."""
+        """Number of samples that have been overwritten by later ones, since more were appended than the log's
+        `capacity`."""
         return max(0, self.count - len(self._rows))
 
     def append(
@@ -80,14 +81,14 @@ class RunLogger:
         applied: ArrayLike | None = None,
         estimate: ArrayLike = (),
     ) -> None:
-        """Append a sample at `time` (s) to the log: the measured positions `p`, rad (m), and velocities `v`, rad/s
-        (m/s), the positions, velocities and accelerations of the `reference` in the same units and per s^2, and the
-        `torque` commanded, N m (N), (r,) each for r joints.
+        """Append a sample at `time` (s) to the log, of r joints: the measured positions `p`, rad (m if prismatic), and
+        velocities `v`, rad/s (m/s), the positions, velocities and accelerations of the `reference`, in the same units
+        and per s^2, and the `torque` commanded, N m (N), (r,) each.
 
         `applied` (r,) is the torque applied, N m (N), None where that is the one commanded; `estimate` (k,) is the
         controller's k parameter estimates, SI units, which may be left out only where k = 0. A sample with an array of
-        another length or with NaN or infinity never stops a loop: it is left out and counted in `faulty`. Nothing is
-        raised.
+        another length or with NaN or infinity never stops a loop: it is left out and counted in the log's `faulty`.
+        Nothing is raised.
         """
         row = self._sample
         try:
@@ -104,8 +105,8 @@ class RunLogger:
             self.faulty += 1
 
     def rollout(self, complete: bool = True) -> Rollout:
-        """The run so far, its oldest sample first, marked as `complete` (True, the default) or cut off. Raises
-        `InputError` where there are fewer than two samples or their times do not increase."""
+        """The run so far, a `Rollout`, its oldest sample first; `complete` is True, the default, or False for a run
+        that was cut off. Raises `InputError` where there are fewer than two samples or their times do not increase."""
         if self.count < 2:
             raise InputError(f"a run needs at least 2 samples, got {self.count} ({self.faulty} faulty)")
         first = self.count % len(self._rows) if self.lost else 0

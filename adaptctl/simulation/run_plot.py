@@ -26,8 +26,8 @@ LAST = 2.0
 class DrawnRun(LearningRun, SampledRun, Protocol):
     """Protocol of a closed-loop run that can be drawn, such as a `Rollout`: T samples of r joints, their reference and
     k parameter estimates, and how the run ended. An implementation has, besides the properties here, positions `p`,
-    velocities `v`, `reference_p`, `reference_v` and `reference_a`, (T, r) each, in rad (m) and per s and s^2,
-    `estimate` (T, k), SI units, and `control_period`, s."""
+    velocities `v`, `reference_p`, `reference_v` and `reference_a`, (T, r) each, in rad (m if prismatic) and per s and
+    s^2, `estimate` (T, k), SI units, and `control_period`, s."""
 
     @property
     def time(self) -> Array:
@@ -37,12 +37,12 @@ class DrawnRun(LearningRun, SampledRun, Protocol):
     @property
     def applied(self) -> Array:
         """Torques (T, r), N m (N for a prismatic joint), that drove the r joints in the T control periods sampled,
-        those that began at `time`."""
+        those that began at the times of the property `time`."""
         ...
 
     @property
     def error(self) -> Array:
-        """Tracking errors (T, r) of r joints at the T samples, rad (m): positions less the reference's."""
+        """Tracking errors (T, r) of r joints at the T samples, rad (m if prismatic): positions less the reference's."""
         ...
 
     @property
@@ -52,7 +52,7 @@ class DrawnRun(LearningRun, SampledRun, Protocol):
 
     @property
     def terminated(self) -> bool:
-        """True when an error of tracking that was too large ended the run early, else False."""
+        """True when a tracking error beyond the environment's bound ended the run early, else False."""
         ...
 
 
@@ -61,7 +61,7 @@ def run_figure(run: DrawnRun, joints: Sequence[str] | None = None) -> Figure:
     tracking errors (mrad or mm), applied torques (N m or N), and parameter estimates (SI units) if there are any. At
     most MOST_SAMPLES (4000) samples of a curve are drawn.
 
-    `joints` (r,) names the curves in the legend, None for joint1, joint2, ... Raises `InputError` for what are not r
+    `joints` (r,) names the curves in the legend, None for joint1, joint2, ... Raises `InputError` for other than r
     different names, `ModuleNotFoundError` without matplotlib.
     """
     from matplotlib.figure import Figure
@@ -92,10 +92,11 @@ def _curves(axes: Axes, time: Array, values: Array, label: str) -> None:
 
 
 def run_html(run: DrawnRun) -> str:
-    """HTML, as text for a notebook, of a closed-loop `run` such as a `Rollout`: a line with its number of samples,
-    control period, number of joints, end (to the end, stopped by an error or cut off) and RMS tracking error of all
-    joints together, mrad (mm), over the last LAST (2) s; and its figure, as `run_figure` draws it, as a PNG image, left
-    out where there are no samples. Raises `ModuleNotFoundError` without matplotlib, where there are samples."""
+    """HTML, as text for a notebook, of a closed-loop `run` such as a `Rollout`: a line of text and the figure of
+    `run_figure` as a PNG image, left out where there are no samples. The line has the number of samples, the control
+    period, the number of joints, how the run ended (to the end, stopped by an error or cut off) and the root mean
+    square of the tracking errors over all joints and the last LAST (2) s, mrad (mm if prismatic). Raises
+    `ModuleNotFoundError` without matplotlib, where there are samples."""
     last = run.error[run.time >= run.time[-1] - LAST] if len(run.time) else run.error
     rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
     end = (

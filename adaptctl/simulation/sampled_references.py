@@ -23,9 +23,10 @@ BLOCK = 128
 
 
 def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
-    """The points of a `reference` of `size` coordinates (joints) at `times` (T,), s: positions, velocities and
-    accelerations, (T, size) each, rad (m) and the same per s and s^2. They are views of one array (T, 3, size): `out`,
-    which is overwritten, or a new one where `out` is None. The shape of `out` is not checked.
+    """The points of a `reference` of `size` coordinates (joints) at `times` (T,), s, a `ReferencePoint`: positions,
+    velocities and accelerations, (T, size) each, rad (m if prismatic) and the same per s and s^2. They are views of one
+    array (T, 3, size): `out`, which is overwritten, or a new one where `out` is None. The shape of `out` is not
+    checked.
 
     Raises `InputError` where the reference returns no reference point or one of another shape, `NonFiniteError` for NaN
     or infinity in it; what the reference itself raises goes through.
@@ -44,9 +45,9 @@ def sampled(reference: Reference, times: Array, size: int, out: Array | None = N
 
 
 class Preview:
-    """Preview of a `reference` of r = `dof` joints, a row of numbers for each `control_period` (s): positions, rad (m),
-    velocities and accelerations, the same per s and s^2, now, then positions at each of the h times `look_ahead` (h,),
-    s, from now.
+    """Preview of a `reference` of r = `dof` joints: a row of numbers for each `control_period` (s). A row has
+    positions, rad (m if prismatic), velocities and accelerations, the same per s and s^2, of the period's beginning,
+    then positions at each of the h times `look_ahead` (h,), s, after it.
 
     Rows are computed for `block` periods at once, BLOCK (128) unless given, so that a control step costs no evaluation
     of its own; only the blocks asked for last are kept. Raises at construction and in its methods `InputError` where
@@ -62,10 +63,11 @@ class Preview:
         self._keep([0])
 
     def row(self, step: int) -> Array:
-        """The row (3r + h r,) of the control period of index `step`, from 0: positions, rad (m), velocities and
-        accelerations, the same per s and s^2, (r,) each for r joints, then their positions at each of the h times of
-        `look_ahead`. Raises `InputError` where the reference's points have another shape, `NonFiniteError` where they
-        have NaN or infinity."""
+        """The row (3r + h r,) of the control period of zero-based index `step`, of r joints. It has the reference's
+        positions, rad (m if prismatic), velocities and accelerations, the same per s and s^2, (r,) each, at the
+        period's beginning, then its positions at each of the h times after that for which the preview was made. Raises
+        `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN or
+        infinity."""
         block, place = divmod(step, self._size)
         if block not in self._blocks:
             self._keep([block])
@@ -73,10 +75,11 @@ class Preview:
         return row
 
     def rows(self, steps: NDArray[np.int64]) -> Array:
-        """The rows (k, 3r + h r) of the control periods of indices `steps` (k,), from 0: in each, positions, rad (m),
-        velocities and accelerations, the same per s and s^2, (r,) each for r joints, then their positions at each of
-        the h times of `look_ahead`. Raises `InputError` where the reference's points have another shape,
-        `NonFiniteError` where they have NaN or infinity."""
+        """The rows (k, 3r + h r) of the control periods of zero-based indices `steps` (k,), of r joints. Each has the
+        reference's positions, rad (m if prismatic), velocities and accelerations, the same per s and s^2, (r,) each, at
+        the period's beginning, then its positions at each of the h times after that for which the preview was made.
+        Raises `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN or
+        infinity."""
         needed, which = np.unique(steps // self._size, return_inverse=True)
         self._keep(needed.tolist())
         rows: Array = np.stack(list(self._blocks.values()))[which, steps % self._size]

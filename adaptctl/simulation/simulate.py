@@ -45,12 +45,12 @@ def simulate(
     last: float | None = None,
     stream: str | Path | None = None,
 ) -> Rollout:
-    """The run of an environment driven by a controller, from reset to termination or truncation, computed in native
-    code: to round-off what `rollout`, which goes step by step, returns for the same arguments.
+    """The run, a `Rollout`, of an environment driven by a controller, from reset to termination or truncation, computed
+    in native code: to round-off what `rollout`, which goes step by step, returns for the same arguments.
 
     Controller, effects and plant are compiled into one step, which is taken thousands of times in each call; in between
-    `progress`, if given, is called with the share done, 0 to 1, and Ctrl-C is heard, which keeps what was computed. The
-    environment is left where `rollout` leaves it. `seed` and `options` are passed to `env.reset`, None for its own
+    `progress`, if given, is called with the fraction done, 0 to 1, and Ctrl-C is heard, which keeps what was computed.
+    The environment is left where `rollout` leaves it. `seed` and `options` are passed to `env.reset`, None for its own
     defaults.
 
     The run has a sample of one in `every` control periods, the first one included, and only those of its last `last`
@@ -62,8 +62,8 @@ def simulate(
     `gymnasium.make`; a controller that has a `law` and no `step` of its own; and at most LARGEST_COMPILED (100) links.
     Anything else is driven by `rollout`, with a `NotCompiledWarning` that says why; `stream` then has only the samples
     of the run returned. Raises `InputError` for an environment that cannot be driven by this controller, an `every`
-    that is no whole number of at least 1, and a `last` that is not positive and finite; `NonFiniteError` where the
-    motion runs away; and for `stream` `FileError` where its place cannot be written, `MissingExtraError` without
+    that is not a whole number of at least 1, and a `last` that is not positive and finite; `NonFiniteError` where the
+    motion becomes non-finite; and for `stream` `FileError` where it cannot be written, `MissingExtraError` without
     pyarrow.
     """
     _, period = interface(env, controller)

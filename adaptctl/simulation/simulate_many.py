@@ -46,10 +46,10 @@ class Rollouts:
     Sample k has the states at `time[k]` and the torques commanded on them. The errors are of all control periods until
     a run diverged, whether or not they are sampled. Runs are independent: NaN in one does not touch the others.
 
-    `time` (T,), s. (T, M, r): positions `p` and `reference_p`, rad (m), velocities `v` and `reference_v`, rad/s (m/s),
-    `torque` commanded and `applied` at the joints, N m (N). `estimate` (T, M, k), the controllers' k parameter
-    estimates, k = 0 where they have none; `parameters` (M, P), the P true inertial parameters without what effects load
-    on them, both in SI units.
+    `time` (T,), s. (T, M, r): positions `p` and `reference_p`, rad (m if prismatic), velocities `v` and `reference_v`,
+    rad/s (m/s), `torque`, the one commanded, and `applied`, the one at the joints, N m (N). `estimate` (T, M, k), the
+    controllers' k parameter estimates, k = 0 where they have none; `parameters` (M, P), the P true inertial parameters
+    without the effects' loads, both in SI units.
 
     (M, r), rad (m): `rms_error`, root mean square, `largest_error`, largest magnitude, and `final_rms_error`, root mean
     square over the last SETTLED (2) s, NaN in shorter runs and those that diverged before; the first two are NaN in a
@@ -59,10 +59,10 @@ class Rollouts:
     index from 0 of the first joint whose error was, else -1.
 
     `lyapunov_rise` (M,), J, is the largest rise from one control period to the next of Slotine and Li's Lyapunov
-    function V = s'H s/2 + e' Gamma^-1 e/2, 0 where it never rose. s = v - v_d + Lambda (p - p_d) is the sliding
+    function V = s^T H s/2 + e^T Gamma^-1 e/2, 0 where it never rose. s = v - v_d + Lambda (p - p_d) is the sliding
     variable, p_d and v_d the reference, Lambda the bandwidth, H the mass matrix, e the estimate minus the true
-    parameters, Gamma the adaptation gain; an adaptation law may have a second term of its own. It is NaN where V is not
-    known: in single precision, for other controllers, and with loads or elastic joints.
+    parameters, Gamma the adaptation gain, T the transpose; an adaptation law may have a second term of its own. It is
+    NaN where V is not known: in single precision, for other controllers, and with loads or elastic joints.
 
     `control_period`, s; `wall_time`, s, that the runs took; `complete`, False if they were interrupted.
     """
@@ -84,7 +84,7 @@ class Rollouts:
     estimate: Array
     """(T, M, k) the controllers' parameter estimates, k = 0 where they have none"""
     parameters: Array
-    """(M, P) the true ones, without what effects load on them"""
+    """(M, P) the true ones, without the effects' loads"""
     rms_error: Array
     """(M, r) root mean square of p - reference p"""
     largest_error: Array
@@ -116,10 +116,10 @@ class Rollouts:
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of bools, True for each of M runs whose `largest_error` is finite: those that did not diverge and,
-        if any bound `beyond` (rad or m) given to `simulate_many` was finite, those that did too, as their
-        `largest_error` is of the time before. `diverged_at` (M,), s, tells these apart: it is NaN for a run that did
-        not diverge."""
+        """Mask (M,) of bools, True for each of M runs whose field `largest_error` is finite. They are the runs that did
+        not diverge and, if any bound `beyond` (rad or m) given to `simulate_many` was finite, those that did too, as
+        their largest error is of the time before. The field `diverged_at` (M,), s, distinguishes these: it is NaN for a
+        run that did not diverge."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -143,35 +143,35 @@ def simulate_many(
     progress: Callable[[float], object] | None = None,
     precision: Precision = "double",
 ) -> Rollouts:
-    """Closed-loop runs of a controller on a plant of r joints, M at once, of `duration` (s) each; they differ in the
-    arguments that are given with one row for each run.
+    """Closed-loop runs, a `Rollouts`, of a controller on a plant of r joints: M at once, of `duration` (s) each. They
+    differ in the arguments that are given with one row for each run.
 
     `controller` is one for all runs or a sequence of M, which may differ in their `numbers`, such as gains, alone;
-    `reference` is one for all or a sequence of M; those that are `Sinusoids` alike in their number of terms cost no
-    memory. `parameters` (P,) or (M, P), SI units, are the P true inertial ones, in the order of
-    `Mechanism.parameter_names`, the mechanism's own when not given; `p`, rad (m), and `v`, rad/s (m/s), (r,) or (M, r),
-    are where the arms start, on their references when not given; `memory` is the controllers' first memory, such as
-    estimates, in the form in which `controller.init` gives it for one arm or for M, and that itself when not given;
-    `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the controller by their names
-    in `controller.numbers`, as they are there or with a leading axis of M, the controller's own when not given. `seed`
-    is that of the sensors' noise, one for all or M: with one each, an arm's noise does not depend on who else runs;
-    None draws another noise each time.
+    `reference` is one for all or a sequence of M; `Sinusoids` with equal numbers of terms are not stored as samples.
+    `parameters` (P,) or (M, P), SI units, are the P true inertial ones, in the order of `Mechanism.parameter_names`,
+    the mechanism's own when not given; `p`, rad (m if prismatic), and `v`, rad/s (m/s), (r,) or (M, r), are where the
+    arms start, on their references when not given; `memory` is the controllers' initial internal state, such as
+    estimates, in the form in which `controller.init` gives it for one arm or for M, which is taken when it is not
+    given; `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the controller by their
+    names in `controller.numbers`, as they are there or with a leading axis of M, the controller's own when not given.
+    `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not depend on who else
+    runs; None draws another noise each time.
 
     Every `every`-th control period is recorded as a sample, the first one included; None records no samples. Summaries
     of the errors are of all control periods. `within` (rad or m, a number or (r,), infinite unless given) bounds the
     errors for `return_time`; a run counts as diverged once an error is not finite or larger than `beyond` (rad or m, a
-    number or (r,), infinite unless given). `threads` share the arms. `precision` is "double" or "single": in single
-    precision twice as many arms fit a register, but `lyapunov_rise` is NaN, since round-off would hide it. `progress`,
-    if given, is called in between with the share done, 0 to 1, and Ctrl-C keeps what was computed. Nothing ends a run
-    early.
+    number or (r,), infinite unless given). `threads` is the number of threads. `precision` is "double" or "single": in
+    single precision twice as many arms fit a register, but `lyapunov_rise` is NaN, since round-off would hide it.
+    `progress`, if given, is called in between with the fraction done, 0 to 1, and Ctrl-C keeps what was computed.
+    Nothing ends a run early.
 
     Raises `InputError` for a duration that is below a control period or infinite, an `every`, `threads` or `members`
-    that is no whole number of at least 1, a `seed` that is none of at least 0, shapes or numbers of rows that do not
-    fit together, controllers that differ in more than numbers or come with `gains`, a controller with a task-space
-    reference or a `step` of its own, what single precision cannot do, and for more than LARGEST_COMPILED (100) links;
-    `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v` and NaN in a bound, `NotFoundError` for an unknown
-    name in `gains` and what a new controller raises for theirs, and `SingularityError` where loops cannot be followed
-    to `p`.
+    that is not a whole number of at least 1, a `seed` that is not one of at least 0, shapes that do not fit and unlike
+    numbers of rows, controllers that differ in more than numbers or come with `gains`, a controller with a task-space
+    reference or a `step` of its own, in single precision a case that needs double (`require_single`), and for more than
+    LARGEST_COMPILED (100) links; `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v` and NaN in a bound,
+    `NotFoundError` for an unknown name in `gains` and what a new controller raises for theirs, and `SingularityError`
+    where loops cannot be followed to `p`.
     """
     law, own = alike(controller)
     run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)

@@ -16,9 +16,10 @@ LONGEST = 2**24
 
 def require_single(loop: ClosedLoop, steps: int) -> None:
     """Raise `InputError` unless a closed loop can be simulated in single precision (float32) for so many `steps`,
-    control periods: it cannot where that leaves the mechanism's kinematic loops open by more than 1e-5 m or rad, with
-    an adaptation law whose memory is a k x k matrix for k parameters, which loses small eigenvalues, and for more than
-    2^24 periods, which it cannot count. Raises `LoopError`, a subclass of it, where loops do not fit together."""
+    control periods. It cannot where that leaves the mechanism's kinematic loops open by more than 1e-5 m or rad; with
+    an adaptation law whose internal state is a k x k matrix for k parameters, as its small eigenvalues would be lost;
+    and for more than 2^24 periods, the most that it counts. Raises `LoopError`, a subclass of it, where loops cannot be
+    closed."""
     require_single_precision(loop.plant.mechanism, "precision")
     for part in _parts(loop.controller):
         if isinstance(part, AdaptationLaw) and part.needs_double:

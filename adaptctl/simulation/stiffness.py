@@ -33,9 +33,10 @@ MOST_FOR_SPRINGS = 2000
 
 
 def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> float:
-    """The fastest decay rate of a velocity by friction, 1/s: the largest eigenvalue magnitude of M^-1 B, M (r, r) the
-    mass matrix, B (r, r) the slope of the friction torque over velocity at rest, where it is steepest, N m s/rad (N
-    s/m), at the worst of 200 random configurations within the limits of the r joints. 0 without friction.
+    """The fastest decay rate of a velocity by friction, 1/s, 0 without friction: the largest magnitude of an eigenvalue
+    of M^-1 B at any of 200 random configurations within the limits of the r joints. M (r, r) is the mass matrix, B (r,
+    r) the slope of the friction torque over velocity at rest, where it is steepest, N m s/rad (N s/m if prismatic). The
+    configurations are the same at every call.
 
     Friction is that of the `mechanism`'s drives and of `effects` in the joints, none unless given. Raises `InputError`
     where the mass matrix is singular, for settings of effects that do not fit r joints, and where loops reach none of
@@ -77,13 +78,13 @@ def integration(
 
     `effects` are those in the joints, such as friction, besides the `mechanism`'s drives; `transmission` has the
     springs of elastic joints, None for rigid ones; `integrator` is the method asked for, which gets as many steps as it
-    needs, None for a choice: Runge and Kutta's method in the fewest steps that friction allows, 1 without it, or, where
-    that is more than MOST (8), the linearly implicit Euler method, whose steps friction does not bound. An implicit
-    method gets at least IMPLICIT (4).
+    needs. None, the default, chooses Runge and Kutta's method in the fewest steps that friction allows, 1 without it,
+    or, where that is more than MOST (8), the linearly implicit Euler method, whose steps friction does not bound. An
+    implicit method gets at least IMPLICIT (4).
 
     Raises `InputError` where friction or springs act on a singular mass matrix, for effects that do not fit the joints,
-    for what is no integrator, where springs would need more than MOST_FOR_SPRINGS (2000) steps, and where there is
-    friction or are springs and loops reach none of 200 random configurations.
+    for an `integrator` without an integrator's members, where springs would need more than MOST_FOR_SPRINGS (2000)
+    steps, and, with friction or springs, where loops reach none of 200 random configurations.
     """
     if integrator is not None:
         require_integrator(integrator)
@@ -100,9 +101,10 @@ def integration(
 
 
 def require_substeps(mechanism: Mechanism, transmission: Transmission, control_period: float, substeps: int) -> None:
-    """Raise `InputError` where so many explicit integration steps, `substeps`, of a control period of `control_period`
-    (s) are too few to be stable with the springs and dampers of a mechanism's elastic joints, `transmission`; where
-    more than MOST_FOR_SPRINGS (2000) are needed; and where the mass matrix without rotors is singular."""
+    """Raise `InputError` where `substeps` explicit integration steps of a control period of `control_period` (s) are
+    too few to be stable with the springs and dampers of a mechanism's elastic joints, `transmission`: step times the
+    fastest frequency (rad/s) or decay (1/s) must be at most 2.5. It is also raised where more than MOST_FOR_SPRINGS
+    (2000) steps are needed, and where the mass matrix without rotors is singular."""
     waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
     needed = _few(math.ceil(control_period * max(waves, decay) / STABLE), mechanism)
     if substeps < needed:

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 @needed("mechanism_system")
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
-    """A continuous-time python-control system of a mechanism, called `name`, its forward dynamics: 2r states, which are
-    the outputs, positions p, rad (m), and velocities v, rad/s (m/s), of the r primary (independent) joints, and r
-    inputs, torque, N m (N).
+    """A continuous-time python-control system of the forward dynamics of a mechanism, called `name`. It has 2r states,
+    which are the outputs, positions p, rad (m if prismatic), and velocities v, rad/s (m/s), of the r primary
+    (independent) joints, and r inputs, the torques, N m (N).
 
     Signals are ``torque[0]``, ..., ``p[0]``, ..., ``v[0]``, ..., in the order of the primary joints. With loops, p is
     followed from the reference configuration at every evaluation, which raises `SingularityError` where it cannot be,
@@ -55,14 +55,15 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 
 @needed("plant_system")
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
-    """A discrete-time python-control system of a plant, called `name`, one step a control period, as `rollout` drives
-    it: for r primary (independent) joints 2r states, which are the outputs, positions ``p[0]``, ..., rad (m), then
-    velocities ``v[0]``, ..., rad/s (m/s), and r inputs, ``torque[0]``, ..., N m (N), held over the period; torque
-    limits and friction are included.
+    """A discrete-time python-control system of a plant, called `name`, that takes one step in each control period. For
+    r primary (independent) joints it has 2r states, which are the outputs: positions ``p[0]``, ..., rad (m if
+    prismatic), then velocities ``v[0]``, ..., rad/s (m/s). Its r inputs are the torques ``torque[0]``, ..., N m (N),
+    held over the period. The plant's torque limits and friction are included.
 
     Raises `InputError` for a plant with effects other than in the joints, which friction is, as its state is more than
     p and v, and `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` for NaN or infinity
-    and where the motion runs away, and `SingularityError` where loops cannot be closed or nearly lock.
+    and where the motion becomes non-finite, and `SingularityError` where loops cannot be closed or are near a
+    singularity.
     """
     import control
 
@@ -92,12 +93,12 @@ def controller_system(
     """A discrete-time python-control system of a controller, called `name`, whose control law is evaluated every
     `period` (s).
 
-    Its inputs are positions p, rad (m), velocities v, rad/s (m/s), r each for r joints, and the reference's positions,
-    velocities and accelerations, in the same units and per s^2, r each (or as many as a task space has, in m):
-    ``p[0]``, ..., ``v[0]``, ..., ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ... Its outputs
-    are r torques, ``torque[0]``, ..., N m (N). Its state, ``memory[0]``, ..., is all that the law remembers between
-    evaluations, the estimate first where there is one: `controller_start` has it at the beginning. Raises `InputError`
-    for a period that is not positive and finite, or is not the controller's own where it has one, and
+    Its inputs are positions p, rad (m if prismatic), velocities v, rad/s (m/s), r each for r joints, and the
+    reference's positions, velocities and accelerations, in the same units and per s^2, r each (or as many as a task
+    space has, in m): ``p[0]``, ..., ``v[0]``, ..., ``reference_p[0]``, ..., ``reference_v[0]``, ...,
+    ``reference_a[0]``, ... Its outputs are r torques, ``torque[0]``, ..., N m (N). Its state, ``memory[0]``, ..., is
+    the law's internal state, the estimate first where there is one; `controller_start` returns the initial one. Raises
+    `InputError` for a period that is not positive and finite, or is not the controller's own where it has one, and
     `MissingExtraError` without python-control; an evaluation raises what `controller.step` raises.
     """
     import control
@@ -125,9 +126,10 @@ def controller_system(
 
 
 def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
-    """The first state (n,) of a controller's system, the n numbers that its law remembers, one after the other, at
-    positions p, rad (m), and velocities v, rad/s (m/s), (r,) each, of one arm. Raises `InputError` on a wrong shape,
-    `NonFiniteError` on NaN or infinity, and `SingularityError` where loops cannot be closed or nearly lock."""
+    """The initial state (n,) of a controller's python-control system, as `controller_system` makes it: the n numbers of
+    the controller's initial internal state in one array. The arm is at positions p, rad (m if prismatic), and
+    velocities v, rad/s (m/s), (r,) each. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, and
+    `SingularityError` where loops cannot be closed or are near a singularity."""
     for what, given in (("p", numbers(p, "p")), ("v", numbers(v, "v"))):
         if given.shape != (controller.dof,):
             raise InputError(f"{what}: expected shape ({controller.dof},), of one arm, got {given.shape}")
@@ -141,15 +143,15 @@ def closed_loop_system(
     """A discrete-time python-control system of a plant and a controller in closed loop, called `name`, sampled every
     control period of the plant.
 
-    Inputs are the reference's positions, velocities and accelerations, rad (m) and per s and s^2, ``reference_p[0]``,
-    ..., ``reference_v[0]``, ..., ``reference_a[0]``, ..., r each for r joints (or as many as a task space has, in m);
-    outputs are positions ``p[0]``, ..., rad (m), and velocities ``v[0]``, ..., rad/s (m/s), r each. The state is the
-    plant's, p and v (2r,), then all that the controller remembers, such as its estimate.
+    Inputs are the reference's positions, velocities and accelerations, rad (m if prismatic) and per s and s^2,
+    ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ..., r each for r joints (or as many as a task
+    space has, in m); outputs are positions ``p[0]``, ..., rad (m), and velocities ``v[0]``, ..., rad/s (m/s), r each.
+    The state is the plant's, p and v (2r,), then the controller's internal state, such as its estimate.
 
     Raises `InputError` where plant and controller differ in their number of joints or, if the controller has a period
     of its own, in their period, and for a plant with effects other than those in the joints, such as friction;
     `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` for NaN or infinity and where the
-    motion runs away, `SingularityError` where loops cannot be closed or nearly lock.
+    motion becomes non-finite, `SingularityError` where loops cannot be closed or are near a singularity.
     """
     import control
 

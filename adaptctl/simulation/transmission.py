@@ -16,9 +16,9 @@ from adaptctl.simulation.effects import ElasticJoints
 
 
 class Motors(NamedTuple):
-    """The motors of r elastic joints, before the springs, as they appear behind their gears; Columns (r,), vectors of
-    scalars of any kind (floats, arrays, or symbols to be compiled): positions `theta`, rad (m), velocities `w`, rad/s
-    (m/s), and inertias `inertia`, kg m^2 (kg). Nothing is checked."""
+    """Motors of r elastic joints, before the springs, as they appear behind their gears. They have positions `theta`,
+    rad (m if prismatic), velocities `w`, rad/s (m/s), and inertias `inertia`, kg m^2 (kg): Columns (r,), vectors of
+    scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is checked."""
 
     theta: Column
     w: Column
@@ -26,17 +26,18 @@ class Motors(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """The torque f (r,) of the springs and dampers of r elastic joints over an integration step of `dt` (s), linear in
-    the links' joint velocities at its end. Its parts are Columns (r,), vectors of scalars of any kind (floats,
-    arrays, or symbols to be compiled). Nothing is checked.
+    """Torque f (r,) of the springs and dampers on the links of r elastic joints over an integration step of `dt` (s),
+    linear in the links' joint velocities at the step's end. Its parts are Columns (r,), vectors of scalars of any kind
+    (floats, arrays, or symbols to be compiled). Nothing is checked.
 
     The motors have positions theta and velocities w, the links' joints p and v; the index 1 is for the end of the step.
     The springs' stretch at the end is taken to be (theta - p) + dt (u + u_1)/2, where u = w - v. The motors' equation,
     J (w_1 - w) = dt (tau - f), is solved for w_1, J being their inertias and tau their torque, which leaves f linear in
     v_1. With dt = 0, f is the springs' and dampers' torque at the beginning.
 
-    `held`, N m (N), is f for w_1 = v_1; `slope`, N m s/rad (N s/m), what f gains by each unit of w_1 - v_1; `v`, rad/s
-    (m/s), are the joint velocities at the beginning; `motors` has theta, w and J then; `given`, N m (N), is tau.
+    `held`, N m (N if prismatic), is f for w_1 = v_1; `slope`, N m s/rad (N s/m), what f gains by each unit of w_1 -
+    v_1; `v`, rad/s (m/s), are the joint velocities at the beginning; `motors` has theta, w and J then; `given`, N m
+    (N), is tau.
     """
 
     held: Column
@@ -51,23 +52,25 @@ class Springs(NamedTuple):
 
     @property
     def firm(self) -> Column:
-        """The damping (r,), a `Column` (vector of scalars), of the springs' torque on r joints over the integration
-        step of `dt` (s), N m s/rad (N s/m): its decrease for every rad/s (m/s) that the velocity of a link's joint
-        gains by the step's end."""
+        """The damping (r,), N m s/rad (N s/m if prismatic), by which the springs' torque on the links of r elastic
+        joints decreases for every rad/s (m/s) that a link's joint velocity gains by the end of the integration step. It
+        is positive, a `Column` (vector of scalars of any kind), and depends on the springs' stiffness and damping, the
+        motors' inertia and the step's length."""
         return self._share * self.motors.inertia
 
     @property
     def torque(self) -> Column:
-        """The springs' torque (r,), a `Column` (vector of scalars), on the links at r joints, N m (N), for links' joint
-        velocities that are the same, `v`, at the end of the integration step of `dt` (s) as at its beginning."""
+        """The torque (r,), N m (N if prismatic), of the springs on the links of r elastic joints over an integration
+        step, for links' joint velocities that are at the step's end what they were at its beginning; a `Column` (vector
+        of scalars of any kind). For other velocities it decreases by the property `firm` times their gain."""
         driven = self.motors.inertia * (self.motors.w - self.v) + self.dt * (self.given - self.held)
         return self.held + self._share * driven
 
     def spin(self, after: Column) -> Column:
-        """The motors' mean acceleration (r,), a `Column` (vector of scalars), over the integration step of `dt` (s),
-        rad/s^2 (m/s^2), behind their gears, as the joints': from the velocities `motors.w` at the step's beginning,
-        where the links' joints have the velocities `v` then and `after` (r,), rad/s (m/s), at its end. Raises
-        `ValueError` for another number of joints than r."""
+        """The mean acceleration (r,), rad/s^2 (m/s^2 if prismatic), of the motors of r elastic joints over the
+        integration step, seen behind their gears, a `Column` (vector of scalars of any kind). `after` (r,), rad/s
+        (m/s), are the links' joint velocities at the step's end. Raises `ValueError` for another number of joints than
+        r."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property
@@ -84,10 +87,11 @@ class Transmission:
     """The transmission of a mechanism's r elastic joints: the springs and dampers between its motors and its links.
     `Transmission.of` makes and checks it; the class itself checks nothing.
 
-    `stiffness`, N m/rad (N/m), and `damping`, N m s/rad (N s/m), are (r,), as is `inertia`, kg m^2 (kg): that of the
-    motors, behind their gears, besides the rotors modelled. `rotors` (r,) has for each joint the index of its rotor's
-    inertia among the mechanism's P inertial parameters (in the order of `Mechanism.parameter_names`), None where it has
-    none; `primary` (r,) the indices of the primary (independent) joints among the spanning tree's n.
+    `stiffness`, N m/rad (N/m if prismatic), and `damping`, N m s/rad (N s/m), are (r,) arrays; so is `inertia`, kg m^2
+    (kg), that of the motors, behind their gears, besides the rotors modelled. `rotors` (r,) has for each joint the
+    index of its rotor's inertia among the mechanism's P inertial parameters (in the order of
+    `Mechanism.parameter_names`), None where it has none; `primary` (r,) the indices of the primary (independent) joints
+    among the spanning tree's n.
     """
 
     stiffness: Array
@@ -99,8 +103,8 @@ class Transmission:
 
     @classmethod
     def of(cls, mechanism: Mechanism, joints: ElasticJoints) -> Transmission:
-        """The transmission of a mechanism whose r joints are elastic, with the springs, dampers and motor inertias of
-        `joints`. Raises `InputError` for settings of `joints` that are negative, not finite or do not fit r joints,
+        """The `Transmission` of a `mechanism` whose r joints are elastic, with the springs, dampers and motor inertias
+        of `joints`. Raises `InputError` for settings of `joints` that are negative, not finite or do not fit r joints,
         where a joint's motor has no inertia, a rotor turns with several joints, or linear relations bind the inertial
         parameters."""
         description, r = mechanism.description, mechanism.dof
@@ -120,9 +124,10 @@ class Transmission:
         return found
 
     def motors(self, parameters: Column) -> Column:
-        """Inertias (r,) of the motors of r joints behind their gears, kg m^2 (kg of a prismatic joint), from the
-        mechanism's P inertial `parameters` (P,), SI units, which have the rotors', over Columns, vectors of scalars
-        of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError` for too few of them."""
+        """Inertias (r,) of the motors of r elastic joints behind their gears, kg m^2 (kg of a prismatic joint), rotors
+        included. The mechanism's P inertial `parameters` (P,), SI units, have the rotors' inertias. Both are Columns,
+        vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError` where
+        `parameters` is too short."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
@@ -133,19 +138,20 @@ class Transmission:
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
-        """The torques, a `Springs`, of the r joints' springs over an integration step of `dt` (s), at positions q (n,),
-        rad (m), of the spanning tree's n joints, velocities v (r,), rad/s (m/s), and the `motors`' positions and
-        velocities, these driven by a `torque` (r,), N m (N); over Columns, vectors of scalars of any kind (floats,
-        arrays, or symbols to be compiled). Raises `ValueError` or `IndexError` for columns that are too short."""
+        """The torques of the springs of r elastic joints over an integration step of `dt` (s), a `Springs`. The links'
+        joints are at positions q (n,), rad (m if prismatic), of all n of the spanning tree, and velocities v (r,),
+        rad/s (m/s); the `motors` have positions and velocities of their own, and are driven by a `torque` (r,), N m
+        (N). All are Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises
+        `ValueError` or `IndexError` for columns that are too short."""
         half = (0.5 * dt) * column(self.stiffness)
         held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
-        """Kinetic energy of the motors plus elastic energy of the springs, J, a scalar of any kind (float, array, or
-        symbol to be compiled), as in the Columns (vectors) given, at positions q (n,), rad (m), of the spanning
-        tree's n joints and the `motors`' positions, velocities and inertias (r,). Raises `ValueError` or `IndexError`
-        for columns that are too short."""
+        """Kinetic energy of the motors plus elastic energy of the springs of r elastic joints, J, a scalar of the kind
+        given. The joints are at positions q (n,), rad (m if prismatic), of all n of the spanning tree; the `motors`
+        have positions, velocities and inertias (r,). All are Columns, vectors of scalars of any kind (floats, arrays,
+        or symbols to be compiled). Raises `ValueError` or `IndexError` for columns that are too short."""
         stretch = self._stretch(q, motors)
         total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
         return total
@@ -155,8 +161,8 @@ class Transmission:
 
     def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
         """The fastest oscillation of the springs, rad/s, and the fastest decay by the dampers, 1/s, two floats, at any
-        of k positions p (k, r), rad (m), of the `mechanism`'s r primary (independent) joints. Raises `InputError` where
-        the mass matrix without rotors is singular."""
+        of k positions p (k, r), rad (m if prismatic), of the `mechanism`'s r primary (independent) joints. Raises
+        `InputError` where the mass matrix without rotors is singular."""
         own = column(mechanism.inertial_parameters)
         links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
         mass = links.mass_matrix(p)

@@ -24,9 +24,9 @@ RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
 
 
 class BatchedRun(NamedTuple):
-    """A run of an experiment before it begins, to be computed together with others: `contenders`, the controllers
-    compared, a `Contender` each (name and controller), and `begun`, the `BegunEpisode` that each of them drives.
-    Nothing is checked."""
+    """Named tuple of what one run of an experiment needs to be simulated in a batch with others: `contenders`, the
+    controllers to compare, a `Contender` each (name, label and controller), and `begun`, a `BegunEpisode`, the tracking
+    episode in its initial state that each of them drives. Nothing is checked."""
 
     contenders: list[Contender]
     begun: BegunEpisode
@@ -35,19 +35,20 @@ class BatchedRun(NamedTuple):
 def batched(
     experiments: Sequence[Experiment], controllers: Sequence[str], precision: Precision = "double"
 ) -> RunOutcomes:
-    """Outcomes of those `experiments` that can be computed together in native code, a mapping from their indices in
-    `experiments`: for each a list of pairs, a controller's name and its `RunOutcome`. An experiment is left out where
-    its plant has kinematic loops or effects (delays and limits of torques, friction and springs in joints, sensors,
-    loads), its reference is no sinusoids of the joints, or its controllers take a reference of another size. The
-    mapping is empty unless all `experiments` are instances of `Learning`, the class of experiments that compare
-    controllers.
+    """Outcomes of those `experiments` that can be simulated together in native code: a mapping from an experiment's
+    index, from 0, in `experiments` to a list of pairs, a controller's name and its `RunOutcome`. An experiment is left
+    out where its plant has kinematic loops or effects (delays and limits of torques, friction and springs in joints,
+    sensors, loads), where its reference is not `Sinusoids` of the joints, or where a controller takes a reference of
+    another size. The mapping is empty unless all `experiments` are instances of `Learning`, the class of experiments
+    that compare controllers.
 
-    `controllers` has the names of those that run, all where it is empty; `precision`, "double" unless given, or
-    "single", is that of the numbers. In double the outcomes are those of each experiment by itself, to round-off. An
-    experiment that raises an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` before it runs, such as
-    `NotFoundError` for a name in `controllers` that none of its own has, has one outcome, "failed" with the error's
-    message, under the empty name "". Runs whose simulation together raises one of these are, in double, left out,
-    to be computed each by itself, and "failed" under their controllers' names in single. Other errors go through.
+    `controllers` has the names of the controllers that run, all where it is empty; `precision` is that of the
+    floating-point numbers, "double" by default, or "single". In double the outcomes are those of each experiment by
+    itself, to round-off. An experiment that raises an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError`
+    before it runs, such as `NotFoundError` for a name in `controllers` that none of its own has, has one outcome,
+    "failed" with the error's message, under the empty name "". Where the simulation of a batch raises one of these, its
+    experiments are left out in double precision, so that each can be run by itself, and have "failed" outcomes under
+    their controllers' names in single. Other errors are not caught.
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
@@ -89,13 +90,13 @@ def _trial(experiment: Learning, controllers: Sequence[str], episodes: Episodes)
 
 
 class NamedRun(Protocol):
-    """Protocol of what `named` chooses from by name, such as a contender or a recorded run: an object with a `name`.
+    """Protocol of objects with a `name`, such as contenders or recorded runs, among which the function `named` selects.
     Nothing is checked."""
 
     @property
     def name(self) -> str:
-        """The name of the controller, which an implementation must return: different from those of others to choose
-        from."""
+        """Name of the controller that the object stands for, a text that an implementation must return: unique among
+        the objects to select from."""
         ...
 
 
@@ -103,8 +104,8 @@ Some = TypeVar("Some", bound=NamedRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
-    """The `candidates` that have one of the `names`, in the candidates' order; all where there are no names. Raises
-    `NotFoundError`, with the names that exist, for a name that no candidate has."""
+    """List of those `candidates` whose name is among `names`, in the candidates' order; all where `names` is empty.
+    Repeated names count once. Raises `NotFoundError`, with the names that exist, for a name that no candidate has."""
     known = [one.name for one in candidates]
     for name in names:
         if name not in known:
@@ -114,8 +115,9 @@ def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
 
 @lru_cache(maxsize=8)
 def offline(mechanism: Mechanism) -> FundamentalBasis:
-    """The fundamental (base) parameters of a `mechanism`, a `FundamentalBasis`, found from energies at random states;
-    those of the last 8 mechanisms are remembered. Raises `RankError` where their number cannot be certified."""
+    """Fundamental (base) parameters of a `mechanism`, a `FundamentalBasis`, found from energies at random states.
+    Results for the last 8 mechanisms are cached. Raises `RankError` where the number of identifiable parameters cannot
+    be certified."""
     return fundamental_basis(essential_space(mechanism))
 
 
@@ -128,8 +130,8 @@ def _loaded(experiment: Learning) -> Mechanism:
 
 @lru_cache(maxsize=64)
 def robot(source: str) -> Mechanism:
-    """The `Mechanism` of a built-in robot's name or a file (.urdf, .xml, .toml), `source`: the 64 last asked for are
-    remembered, so that a file is not read again where it has changed. Raises `NotFoundError` for an unknown name,
+    """The `Mechanism` loaded from `source`, a built-in robot's name or a file (.urdf, .xml, .toml). The last 64 are
+    cached by `source`, so that a file that has changed is not read again. Raises `NotFoundError` for an unknown name,
     `FileError` for a file that cannot be used."""
     return interned(load(source))
 
@@ -138,9 +140,9 @@ _MECHANISMS: dict[tuple[str, str], Mechanism] = {}
 
 
 def interned(mechanism: Mechanism) -> Mechanism:
-    """The first mechanism given here whose description, and linear constraints on parameters, equal those of
-    `mechanism`; `mechanism` itself where there was none. Runs on equal mechanisms then share native code. At most 65
-    are remembered; at the next call all are forgotten."""
+    """The first `Mechanism` passed to this function whose description, and linear constraints on parameters, equal
+    those of `mechanism`; `mechanism` itself where there was none. Runs on equal mechanisms then share compiled code. At
+    most 65 are kept; the call after that clears them. Nothing is raised."""
     if len(_MECHANISMS) > 64:
         _MECHANISMS.clear()
     return _MECHANISMS.setdefault((mechanism.description.sha256, mechanism.geometry_sha256), mechanism)

@@ -25,13 +25,14 @@ UNWATCHED = {
 
 @dataclass(frozen=True)
 class Cluster:
-    """A Dask cluster for a sweep: `jobs` worker processes on this machine, from 1 to 4096, or a scheduler that runs
-    already, by its address, `scheduler`, such as "tcp://host:8786", or by the file that it wrote, `scheduler_file`.
-    Where all three are None, as by default, there is a worker for each processor of this machine.
+    """Settings of a Dask cluster that computes the runs of a sweep: `jobs` worker processes on this computer, from 1 to
+    4096, or a scheduler that runs already, given by its address `scheduler`, such as "tcp://host:8786", or by the file
+    that it wrote, `scheduler_file`. Where all three are None, the default, there is a worker for each processor of this
+    computer.
 
-    `tls` has the files of the certificate authority, the certificate and the key for a scheduler whose address begins
-    with "tls://", None for no encryption. Raises `InputError` at construction for more than one of the three, jobs out
-    of range, and files that do not exist.
+    `tls` has the paths of the certificate authority's file, the certificate and the key for a scheduler whose address
+    begins with "tls://", None for no encryption. Raises `InputError` at construction for more than one of the three,
+    `jobs` out of range, and files that do not exist.
     """
 
     jobs: int | None = None
@@ -51,9 +52,10 @@ class Cluster:
 
     @contextmanager
     def client(self) -> Iterator[Any]:
-        """Context manager of a connected Dask client; its own workers end with the block, those of another scheduler go
-        on. Raises `InputError` where the scheduler is not reached within 15 s, has no worker after 15 s, or a worker
-        lacks adaptctl or has another version of it; `MissingExtraError` where Dask is not installed."""
+        """Context manager that gives a connected Dask client. Workers that it starts on this computer end with the
+        block, those of a scheduler that ran before go on. Raises `InputError` where the scheduler is not reached within
+        15 s, has no worker after 15 s, or a worker lacks adaptctl or has another version of it; `MissingExtraError`
+        where Dask is not installed."""
         dask, distributed = _dask()
         patient = {"distributed.comm.timeouts.connect": PATIENCE, "logging.distributed": "error"}
         with dask.config.set(UNWATCHED | patient):
@@ -93,8 +95,8 @@ class Cluster:
 
 
 def versions() -> str:
-    """Version of adaptctl, as text, where the function is called: on a worker of a cluster, to compare it with this
-    one's. Nothing is raised."""
+    """Version of adaptctl, as text, that is installed where the function runs: run on a cluster's worker, it tells
+    whether the worker has the same version. Nothing is raised."""
     return __version__
 
 

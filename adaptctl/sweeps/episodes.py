@@ -15,33 +15,33 @@ WHAT_IS_HELD = frozenset({"payload"})
 
 
 class BegunEpisode(NamedTuple):
-    """An episode of a tracking environment that has begun: `episode`, its plant, state, parameters and reference, and
-    `env`, the environment without Gymnasium's wrappers. Nothing is checked."""
+    """An episode of a tracking environment in its initial state: `episode`, an `Episode`, its plant, state, true
+    inertial parameters and reference, and `env`, the environment without Gymnasium's wrappers. Nothing is checked."""
 
     episode: Episode
     env: Any
 
     @property
     def error_bound(self) -> Array:
-        """The position errors (r,), rad (m if prismatic), of the r primary (independent) joints beyond which the
-        environment ends the episode."""
+        """Bounds (r,) of the magnitudes of position errors of r primary (independent) joints, rad (m if prismatic),
+        beyond which the environment ends the episode."""
         bound: Array = self.env.error_bound
         return bound
 
 
 class Episodes:
-    """Store of the episodes of many experiments at their beginning, empty at first. Those of equal tasks on one
-    mechanism share an environment, which is made and reset once, and differ in the arm's true parameters alone, such as
-    by a payload."""
+    """Cache of the initial episodes of many experiments, empty at first. Episodes of equal tasks on one mechanism share
+    an environment, which is made and reset once; they differ only in the arm's true inertial parameters, such as by a
+    payload."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Mechanism, SinusoidTask], BegunEpisode] = {}
 
     def of(self, experiment: Learning, mechanism: Mechanism) -> BegunEpisode:
-        """The episode of an `experiment` on a `mechanism`, a `BegunEpisode`, as the experiment's environment begins it
-        by its seed and options. Experiments with the same task and mechanism share an environment; one with another
-        kind of environment, or with options other than a payload, gets its own. Raises what the environment raises,
-        such as `InputError` for another number of joints."""
+        """The initial episode of an `experiment` on a `mechanism`, a `BegunEpisode`, as the experiment's environment
+        begins it with the experiment's seed and options. Experiments with the same task and mechanism share an
+        environment; one with another kind of environment, or with options other than a payload, gets its own. Raises
+        what the environment raises, such as `InputError` for another number of joints."""
         if type(experiment).environment is not StatedTask.environment or experiment.options.keys() - WHAT_IS_HELD:
             return _begun(experiment, mechanism)
         key = mechanism, experiment.task(mechanism)  # type: ignore[attr-defined]  # as its environment tells

@@ -22,10 +22,11 @@ SCHEMA, TABLE, STUDY = "adaptctl/sweep/1", "sweep.parquet", "study.json"
 
 
 class Saved(msgspec.Struct, forbid_unknown_fields=True):
-    """Content of the file study.json in a sweep's folder: the `version` of adaptctl that began it; `sha256`, a hash of
-    all that decides the runs; the `experiment`'s name and the `question` of the study; the `command` line's words; the
-    names of the settings with several values, `swept`; the number of `runs` in all; and `shard`, the number of runs in
-    one file of rows. `schema` is the format's name. Types are checked where a file is read, not at construction."""
+    """Content of the file study.json in a sweep's folder: `version`, that of adaptctl when the sweep began; `sha256`, a
+    hash of all that decides the runs; `experiment`, the experiment's name; `question`, what the runs are to answer;
+    `command`, the command line's words; `swept`, the names of the settings with several values; `runs`, the number of
+    all runs; and `shard`, the number of runs in one file of rows. `schema` is the file format's name. Types are checked
+    where a file is read, not at construction."""
 
     schema: Literal["adaptctl/sweep/1"]
     version: str
@@ -40,9 +41,9 @@ class Saved(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Shard:
-    """A shard of a sweep: runs that are computed together and kept in one file. `runs` has the settings of each by
-    name; `key`, 32 hexadecimal digits, is a hash of all that decides their results, and names the file. Nothing is
-    checked."""
+    """A shard of a sweep: a group of runs that are computed together and whose rows are one file. `runs` has the
+    settings of each by name; `key`, 32 hexadecimal digits, is a hash of all that decides their results, and names the
+    file. Nothing is checked."""
 
     key: str
     runs: tuple[Mapping[str, Any], ...]
@@ -50,8 +51,8 @@ class Shard:
 
 @dataclass(frozen=True)
 class Folder:
-    """The folder of a sweep at `path`: of the runs of a `study`, kept in files, shards, of `shard` runs each. Made by
-    `Folder.opened`; construction neither checks nor writes."""
+    """The folder of a sweep's results: `path`; `study`, the `SweepStudy` whose runs are computed; and `shard`, the
+    number of runs in each file of rows (a shard). Made by `Folder.opened`; construction neither checks nor writes."""
 
     path: Path
     study: SweepStudy
@@ -59,9 +60,9 @@ class Folder:
 
     @classmethod
     def opened(cls, path: Path, study: SweepStudy, shard: int, command: Sequence[str]) -> Folder:
-        """The `Folder` of the sweep of a `study` at `path`: one that was begun earlier, with the number of runs in a
-        shard (a file) that it has, or a new one, with `shard` runs in each, which is made with its study.json.
-        `command` has the command line's words, to be kept there. Raises `InputError` for a folder with the sweep of
+        """The `Folder` of the sweep of a `study` at `path`. A folder that was begun earlier keeps its number of runs in
+        a shard (a file of rows); a new one is made, with `shard` runs in each, and its study.json written. `command`
+        has the command line's words, which study.json records. Raises `InputError` for a folder with the sweep of
         another study or of another version of adaptctl, or with other files; `FileError` where study.json cannot be
         read or written or the folder cannot be made."""
         place = path / STUDY
@@ -90,9 +91,9 @@ class Folder:
         return cls(path, study, shard)
 
     def shards(self) -> Iterator[Shard]:
-        """Iterator over the study's shards, its runs in groups of equal number (the last may have fewer) that are kept
-        in a file each, in the order of the runs. Raises, unless the study's `sampling` is "grid", `NotFoundError` for
-        an unknown experiment and `KeyError` for a setting that it does not have."""
+        """Iterator over the shards of the folder's study: its runs, in order, in groups of equal number (the last may
+        have fewer), one file each. Raises, unless the study's `sampling` is "grid", `NotFoundError` for an unknown
+        experiment and `KeyError` for a setting that the experiment does not have."""
         runs: list[Mapping[str, Any]] = []
         for settings in self.study.runs():
             runs.append(settings)
@@ -108,7 +109,8 @@ class Folder:
         return Shard(hashed(decides)[:32], tuple(runs))
 
     def place(self, shard: Shard) -> Path:
-        """Path of the Parquet file of a `shard`, a group of the sweep's runs; it need not exist. Nothing is raised."""
+        """Path of the Parquet file with the rows of a `shard`, a group of the sweep's runs; the file need not exist.
+        Nothing is raised."""
         return self.path / "shards" / f"{shard.key}.parquet"
 
     def has(self, shard: Shard) -> bool:
@@ -121,15 +123,16 @@ class Folder:
         return bool(about.get(b"runs") == str(len(shard.runs)).encode())
 
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write the file of a `shard`, a group of the sweep's runs, with their `rows`, mappings by column, in the order
-        of the runs: whole or not at all. Raises `FileError` where the file cannot be written or its folder cannot be
-        made, `KeyError` for a row without one of the columns."""
+        """Write the Parquet file of a `shard`, a group of the sweep's runs, with their `rows`, mappings by column, in
+        the order of the runs; nothing is returned. The file is written whole or not at all. Raises `FileError` where
+        the file cannot be written or its folder cannot be made, `KeyError` for a row without one of the columns."""
         made_folder(self.path / "shards")
         _write(self.place(shard), table(self.study, rows, len(shard.runs)))
 
     def finished(self) -> pa.Table:
-        """Table (pyarrow) of the rows of all runs, in their order, which is written to sweep.parquet in the folder too.
-        Raises `FileError` where the file of a shard, a group of runs, is missing or the table cannot be written."""
+        """Table (pyarrow) of the rows of all runs, in their order, which is also written to sweep.parquet in the
+        folder. Raises `FileError` where the file of a shard, a group of runs, is missing or the table cannot be
+        written."""
         parts = []
         for shard in self.shards():
             if not self.has(shard):
@@ -142,8 +145,8 @@ class Folder:
 
 def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa.Table:
     """Table (pyarrow) of `rows`, mappings by column, of `runs` runs of a `study`. Each column's metadata has its
-    meaning, with the unit; the table's has experiment, version, precision and number of runs. Raises `KeyError` for a
-    row without one of the columns."""
+    meaning, with the unit; the table's metadata has experiment, version, precision and number of runs. Raises
+    `KeyError` for a row without one of the columns."""
     kinds = {"int64": pa.int64(), "double": pa.float64(), "string": pa.string()}
     columns = columns_of(study.kind)
     fields = [pa.field(name, kinds[kind], metadata={"meaning": meaning}) for name, (kind, meaning) in columns.items()]
@@ -154,8 +157,9 @@ def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa
 
 
 def read_table(path: Path) -> pa.Table:
-    """Table (pyarrow) of the rows of the sweep in the folder `path`: all, in order, where it is finished, else those so
-    far, in the order of their files' names. Raises `FileError` where there are none or a file cannot be read."""
+    """Table (pyarrow) of the rows of the sweep in the folder `path`: all, in the runs' order, where the sweep is
+    finished, else those computed so far, in the order of their files' names. Raises `FileError` where there are no rows
+    or a file cannot be read."""
     if (path / TABLE).is_file():
         return _read(path / TABLE)
     parts = [_read(place) for place in sorted((path / "shards").glob("[!.]*.parquet"))]
@@ -165,8 +169,8 @@ def read_table(path: Path) -> pa.Table:
 
 
 def saved_study(path: Path) -> Saved:
-    """Content, a `Saved`, of the file study.json in the folder `path`: what its sweep varies. Raises `FileError` where
-    there is none, or it cannot be read or has other content."""
+    """Content, a `Saved`, of the file study.json in the folder `path`: what the sweep in it varies. Raises `FileError`
+    where there is no such file, or it cannot be read or has other content."""
     if not (path / STUDY).is_file():
         raise FileError(f"{path}: is no sweep's folder: {STUDY} is missing")
     return read_json(path / STUDY, Saved)

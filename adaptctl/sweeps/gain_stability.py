@@ -29,13 +29,14 @@ SMALL = 0.5
 @dataclass(frozen=True)
 class GainStability(SweepMeasurement):
     """Measurement of the gain at which a sampled control loop loses stability. Slotine and Li's law with the true
-    parameters holds an arm at a random posture, drawn by `seed`, for `periods` control periods, from joint velocities
-    of 1e-3 rad/s (m/s): the run is done where errors stay below 1e-3 rad (m), and diverged where one grows beyond.
+    parameters stabilises an arm about a random posture, drawn by `seed`, under a held (zero-order hold) torque for
+    `periods` control periods, from joint velocities of 1e-3 rad/s (m/s), signs drawn too. The run is "done" where all
+    position errors stay within 1e-3 rad (m), and "diverged" where one passes that.
 
-    `robot` is a built-in robot's name or a file; `gain`, no unit, is T_c lambda_max(M^-1 K): T_c is the control period
-    `control_period`, s, lambda_max the largest eigenvalue, M the mass matrix at the posture and K the law's velocity
-    gains, which are in proportion to the joints' typical inertias. Raises `InputError` for settings of another type or
-    out of their bounds, `NonFiniteError` for NaN or infinity.
+    `robot` is a built-in robot's name or a file; `gain`, unitless, is T_c lambda_max(M^-1 K): T_c is `control_period`,
+    s, lambda_max the largest eigenvalue, M the mass matrix at the posture and K the law's damping (velocity) gains, N m
+    s/rad (N s/m if prismatic), proportional to the joints' typical inertias. Raises `InputError` at construction for
+    settings of another type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "gain-stability"
@@ -47,10 +48,10 @@ class GainStability(SweepMeasurement):
 
     @classmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The `RunOutcome` of each of the measurements `chosen`, in their order: "done", "diverged", or "failed" with
-        the reason where the robot or its loop cannot be made. Those of equal robot, control period and number of
-        periods are computed together; where one of these fails, all do. No `AdaptctlError`, `ArithmeticError` or
-        NumPy's `LinAlgError` is raised."""
+        """List of the `RunOutcome` of each of the measurements `chosen`, in their order: "done", "diverged", or
+        "failed" with the reason where the robot or its control loop cannot be made. Measurements of equal robot,
+        control period and number of periods are simulated together; where one of these fails, all do. An
+        `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` is never raised."""
         groups: dict[tuple[str, float, int], list[int]] = {}
         for k, one in enumerate(chosen):
             groups.setdefault((one.robot, one.control_period, one.periods), []).append(k)

@@ -12,9 +12,9 @@ from adaptctl.recording.page import Figure
 
 class SettingsMap(NamedTuple):
     """Map of the outcomes of a sweep's runs over two of its settings, named `x` and `y`. `across` (c,) and `down` (d,)
-    have c values of x and d of y, rising, or the lower ends of bins of them; `error` (d, c) has the root mean square
-    errors of joint positions, rad or m, over the last two seconds (over all of a shorter run), as their mean over the
-    runs that were done, and `stable` (d, c) the share of runs that were done, 0 to 1; NaN where there are none. Nothing
+    have c values of x and d of y, rising, or the lower ends of bins of them. `error` (d, c) has root mean square errors
+    of joint positions, rad or m, over the last two seconds (over all of a shorter run), as their mean over the runs of
+    status "done"; `stable` (d, c) has the fraction of runs of status "done", 0 to 1; NaN where there are none. Nothing
     is checked."""
 
     x: str
@@ -25,13 +25,13 @@ class SettingsMap(NamedTuple):
     error: Array
     """at the end of the runs"""
     stable: Array
-    """share of runs that were done"""
+    """fraction of runs that were done"""
 
 
 def map_figure(controller: str, shown: SettingsMap) -> Figure:
-    """A `Figure`, caption and PNG, of the two maps that `shown` has, side by side: of the position errors and of the
-    share of stable runs, those that were done; `controller`, the name of the controller they are of, begins the
-    caption. Nothing is checked."""
+    """Figure for a report, a `Figure` of caption and PNG: the two maps in `shown` side by side, that of root mean
+    square position errors, rad or m, and that of the fraction of stable runs, those of status "done". `controller` is
+    the name of the controller whose runs these are, with which the caption begins. Nothing is checked."""
     from matplotlib.figure import Figure as Canvas
 
     canvas = Canvas(figsize=(10.0, 3.8), layout="constrained")

@@ -21,15 +21,15 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class SweepMeasurement(CheckedSettings, ABC):
-    """Abstract base class of measurements, which only a sweep runs: settings, and a function from many of them to their
-    outcomes.
+    """Abstract base class of measurements, which only a sweep runs and which make no recording: settings, and a class
+    method from many of them to their outcomes.
 
     A subclass is a frozen dataclass. It gives `name`, a class variable, the name on the command line; its settings,
     fields made by `setting(default, meaning, low=..., high=...)` of `adaptctl.experiments.experiment`, besides `seed`
-    (0 by default), which it has from here; and the class method `outcomes(chosen)`, which returns a list of one
-    `RunOutcome` for each of the instances `chosen`, in their order: `RunOutcome("done", reason, rms_error, ...)`,
-    "diverged" likewise, or `RunOutcome.failed(error)` in place of an error. A sweep finds it by its entry in
-    `MEASUREMENTS`, a mapping from names to the names of module and class.
+    (0 by default), which it inherits; and the class method `outcomes(chosen)`, which returns a list of one `RunOutcome`
+    for each of the instances in `chosen`, in their order: `RunOutcome("done", reason, rms_error, ...)`, "diverged"
+    likewise, or `RunOutcome.failed(error)` in place of an error. A sweep finds it by its entry in `MEASUREMENTS`, a
+    mapping from names to the names of module and class.
 
     Raises `InputError` at construction for a setting of another type than its default or out of its bounds,
     `NonFiniteError` for NaN or infinity.
@@ -38,13 +38,13 @@ class SweepMeasurement(CheckedSettings, ABC):
     @classmethod
     @abstractmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The `RunOutcome` of each of the measurements `chosen`, in their order, which an implementation must return.
-        It should raise nothing for what is wrong with one of them, whose outcome is "failed" then, with the reason."""
+        """List of the `RunOutcome` of each of the measurements `chosen`, in their order, which an implementation must
+        return. It should raise nothing for a measurement that fails, whose outcome is "failed", with the reason."""
 
 
 def kind_of(name: str) -> type[CheckedSettings]:
-    """Class of the settings of the measurement or experiment of a `name`, such as "gain-stability" or
-    "puma560-adaptive"; its module is imported here. Raises `NotFoundError`, with the experiments' names, for another
+    """Class of the measurement or experiment called `name`, a dataclass of its settings, such as "gain-stability" or
+    "puma560-adaptive"; its module is imported here. Raises `NotFoundError`, with the experiments' names, for an unknown
     name."""
     if name not in MEASUREMENTS:
         return find(name)

@@ -15,13 +15,14 @@ FAILURES = (AdaptctlError, ArithmeticError, np.linalg.LinAlgError)
 
 
 class RunOutcome(NamedTuple):
-    """Outcome of one run of a sweep. `status` is "done", "diverged" or "failed", and `reason` says why it is not done.
-    Errors are of joint positions, rad (m if prismatic): `rms_error` is their root mean square over all joints and the
-    time until the run ended or diverged, `rms_error_last` that over the last two seconds (None for a run that diverged
-    or is shorter), `largest_error` the largest of any joint. `diverged_at` is the time, s, and `diverged_joint` the
-    joint, from 1, of an error out of bounds; `lyapunov_rise`, J, the largest rise of the law's Lyapunov function from
-    one sample to the next. All but the status are None or empty unless given: None where a number is not known. Nothing
-    is checked."""
+    """Outcome of one run of a sweep. `status` is "done", "diverged" or "failed", and `reason` says why it is not
+    "done". Errors are of joint positions, actual less reference, rad (m if prismatic), joints of both kinds counting
+    alike: `rms_error` is their root mean square over all joints and control periods until the run ended or diverged,
+    `rms_error_last` that over the last two seconds (None for a run that diverged or is shorter), `largest_error` the
+    largest magnitude of any joint. `diverged_at` is the time, s, and `diverged_joint` the joint, from 1, of the first
+    error out of bounds; `lyapunov_rise`, J, is the largest rise of the control law's Lyapunov function from one sample
+    to the next. All but the status are None or empty by default: None stands for a number that is not known. Nothing is
+    checked."""
 
     status: str
     reason: str = ""
@@ -34,15 +35,15 @@ class RunOutcome(NamedTuple):
 
     @classmethod
     def failed(cls, reason: str | Exception) -> RunOutcome:
-        """The outcome "failed" of a run that could not be made or computed, for the `reason` given, a text or an error,
-        in one line, with no numbers. Nothing is raised."""
+        """Outcome "failed", a `RunOutcome`, of a run that could not be made or computed, for the `reason` given, a text
+        or an error, as one line; its numbers are None. Nothing is raised."""
         return cls("failed", " ".join(str(reason).split()))
 
     @classmethod
     def each_of(cls, runs: Rollouts) -> list[RunOutcome]:
-        """The outcome of each of many simulated `runs`, `Rollouts`, in their order: "diverged" where a joint left its
-        bound of error, "done" otherwise. Root mean squares and rises of the Lyapunov function that are not finite
-        become None. Nothing is raised."""
+        """List of the `RunOutcome` of each of many simulated `runs`, a `Rollouts`, in their order: "diverged" where a
+        joint's position error left its bound, "done" otherwise. Root mean squares and rises of the Lyapunov function
+        that are not finite become None. Nothing is raised."""
         means = (np.sqrt(np.mean(errors**2, axis=-1)) for errors in (runs.rms_error, runs.final_rms_error))
         largest, rises = runs.largest_error.max(axis=-1), runs.lyapunov_rise
         columns = (x.tolist() for x in (*means, largest, rises, runs.diverged_at, runs.diverged_joint))

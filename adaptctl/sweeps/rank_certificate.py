@@ -22,14 +22,15 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 @dataclass(frozen=True)
 class RankCertificate(SweepMeasurement):
-    """Measurement of the rank, the number of identifiable parameters, of a random chain of `links` links: the one that
-    the singular values of its energies certify, against the one that follows from its joints one by one. The run is
-    done where they agree, and failed where they do not, or where nothing is certified.
+    """Measurement of the rank, the number of identifiable parameters, of a random serial chain of `links` links: the
+    rank that the singular values of its energies certify, against the rank that follows from its joints one by one. The
+    run is "done" where they are equal, and "failed" where they are not, or where no rank can be certified.
 
-    `prismatic` is the probability that a joint slides; `aligned` the probabilities that its axis is one of the axes of
-    its frame, that the frame is turned against the one before by a multiple of a right angle about such an axis, and,
-    of each coordinate, that the offset between the frames is zero. The chain is drawn by `seed`. Raises `InputError`
-    for settings of another type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    `prismatic` is the probability that a joint is prismatic; `aligned` is each of three probabilities: that a joint's
+    axis is one of the axes of its frame, that the frame is turned against the one before by a multiple of a right angle
+    about such an axis, and that a coordinate of the offset between the frames is zero. The chain is drawn by `seed`.
+    Raises `InputError` at construction for settings of another type or out of their bounds, `NonFiniteError` for NaN or
+    infinity.
     """
 
     name: ClassVar[str] = "rank-certificate"
@@ -42,15 +43,15 @@ class RankCertificate(SweepMeasurement):
 
     @classmethod
     def outcomes(cls, chosen: Sequence[Self]) -> list[RunOutcome]:
-        """The `RunOutcome` of each of the measurements `chosen`, in their order: "done" where the chain's rank, the
-        number of its identifiable parameters, is the same from energies as from its joints one by one, else "failed";
-        both ranks, or the error, are its reason. No `AdaptctlError`, `ArithmeticError` or NumPy's `LinAlgError` is
-        raised."""
+        """List of the `RunOutcome` of each of the measurements `chosen`, in their order: "done" where the chain's rank,
+        the number of its identifiable parameters, is the same from energies as from its joints one by one, else
+        "failed". Its reason has both ranks, or the error. An `AdaptctlError`, an `ArithmeticError` or NumPy's
+        `LinAlgError` is never raised."""
         return [one._judged() for one in chosen]
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` whose rank is certified: a chain of `links` links of random frames, joints and inertias, the
-        same for the same settings and seed. No error is to be expected."""
+        """The `Mechanism` whose rank is certified: a serial chain of `links` links with random frames, joints and
+        inertias, the same for the same settings and seed. Nothing is raised."""
         rng = np.random.default_rng([self.seed, self.links])
         return Mechanism(Description("chain", tuple(self._link(rng, i) for i in range(self.links)), GRAVITY))
 

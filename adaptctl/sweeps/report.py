@@ -30,16 +30,17 @@ BINS = 8
 
 @dataclass(frozen=True, eq=False)
 class SweepReport:
-    """Report of a sweep, finished or not: `study`, the content of its study.json, and `table` (pyarrow), the rows of
-    its runs so far, one for each run and controller. Made by `SweepReport.of`; nothing is checked at construction."""
+    """Report of a sweep, finished or not: `study`, the content of its study.json, a `Saved`, and `table` (pyarrow), the
+    rows of the runs computed so far, one for each run and controller. Made by `SweepReport.of`; nothing is checked at
+    construction."""
 
     study: Saved
     table: pa.Table
 
     @classmethod
     def of(cls, path: Path) -> SweepReport:
-        """Report of the sweep in the folder `path`, finished or not. Raises `FileError` for a folder without a sweep or
-        without a finished row, and for files that cannot be read."""
+        """The `SweepReport` of the sweep in the folder `path`, finished or not. Raises `FileError` for a folder without
+        a sweep or without a finished row, and for files that cannot be read."""
         return cls(saved_study(path), read_table(path))
 
     @cached_property
@@ -49,20 +50,20 @@ class SweepReport:
 
     @cached_property
     def controllers(self) -> list[str]:
-        """Names of the controllers that the sweep compares, in the order in which rows have them; one empty name where
-        rows have none, as those of a measurement."""
+        """Names of the controllers that the sweep compares, in the order in which they first occur in the rows; one
+        empty name where no row has any, as in the sweep of a measurement."""
         return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"])) or [""]
 
     def of_controller(self, name: str) -> list[dict[str, Any]]:
-        """Rows of the controller of a `name`, as a list of mappings by column; empty for a name that no row has.
-        Nothing is raised."""
+        """Rows of the sweep of the controller called `name`, as a list of mappings by column; empty for a name that no
+        row has. Nothing is raised."""
         return [row for row in self.rows if row["controller"] == name]
 
     def without_effect(self) -> dict[str, list[str]]:
-        """Mapping from the names of swept settings to those of the controllers whose results the setting does not
-        change; settings that change the results of all are left out. It is found from runs that differ in that setting
-        alone, as a grid has: their status is equal, and their columns `rms_error` and `largest_error`, of joint
-        positions, are within 1e-9 of their size. Nothing is raised."""
+        """Mapping from the names of swept settings to lists of the names of the controllers whose results the setting
+        does not change; settings that change the results of all are left out. It is found from runs that differ in that
+        setting alone, as a grid has: their status is equal, and their columns `rms_error` and `largest_error`, of joint
+        positions, differ by at most 1e-9 of their size. Nothing is raised."""
         found: dict[str, list[str]] = {}
         for setting in self.study.swept:
             idle = [name for name in self.controllers if _is_idle(self.of_controller(name), setting, self.study.swept)]
@@ -71,11 +72,12 @@ class SweepReport:
         return found
 
     def counts(self, rows: Sequence[dict[str, Any]]) -> dict[str, int]:
-        """Number of the `rows` of each status, by "done", "diverged" and "failed". Nothing is raised."""
+        """Numbers of `rows` by status: a mapping from "done", "diverged" and "failed" to how many rows have it. Nothing
+        is raised."""
         return {status: sum(row["status"] == status for row in rows) for status in ("done", "diverged", "failed")}
 
     def worst(self, name: str) -> list[dict[str, Any]]:
-        """The rows, at most 5, of the controller of a `name` to look at first, mappings by column: those that diverged,
+        """Rows, at most 5, of the worst runs of the controller called `name`, mappings by column: those that diverged,
         the soonest first, then those with the largest root mean square position errors over the last two seconds (over
         all of a shorter run). Failed runs are left out. Nothing is raised."""
 
@@ -86,7 +88,7 @@ class SweepReport:
         return sorted((row for row in self.of_controller(name) if row["status"] != "failed"), key=badness)[:WORST]
 
     def replay(self, row: dict[str, Any]) -> str:
-        """The command, a line for a shell, that runs the settings of a `row` again: an experiment with a recording of
+        """Command line, as text for a shell, that runs the settings of a `row` again: an experiment with a recording of
         it in a folder below results/, a measurement as a sweep of one run. Raises `NotFoundError` where the experiment
         is not built in."""
         again = ["sweep"] if self.study.experiment in MEASUREMENTS else ["experiment", "run"]
@@ -99,9 +101,9 @@ class SweepReport:
         return shlex.join([*words, "--out", f"results/{self.study.experiment}-replay"])
 
     def maps(self, name: str) -> Iterator[SettingsMap]:
-        """Iterator over the maps of the outcomes of the controller of a `name`, a `SettingsMap` for each two swept
+        """Iterator over maps of the outcomes of the controller called `name`, one `SettingsMap` for each pair of swept
         settings that are numbers, the one that the study names first across (x). Settings of more than 16 values are
-        put together in 8 bins; failed runs are left out. Nothing is raised."""
+        put together in 8 bins of equal width; failed runs are left out. Nothing is raised."""
         rows = [row for row in self.of_controller(name) if row["status"] != "failed"]
         numeric = [s for s in self.study.swept if rows and not isinstance(rows[0][s], str)]
         for x, y in combinations(numeric, 2):
@@ -116,8 +118,9 @@ class SweepReport:
             yield SettingsMap(x, y, across, down, error, stable)
 
     def facts(self) -> list[Fact]:
-        """The facts at the head of the report's page, questions with answers in words: the numbers of runs and rows,
-        the share of rows that are done in %, and the numbers of those that diverged or failed. Nothing is raised."""
+        """List of the facts at the head of the report's page, a `Fact` each, a question with its answer in words: the
+        numbers of runs and rows, the percentage of rows of status "done", and the numbers of those that diverged or
+        failed. Nothing is raised."""
         counts = self.counts(self.rows)
         share = counts["done"] / max(1, len(self.rows))
         return [
@@ -130,9 +133,9 @@ class SweepReport:
 
     def text(self) -> str:
         """The report as text of several lines for a terminal: for each controller the number of rows of each status,
-        and median and largest of the root mean square position errors, rad or m, over the last two seconds of runs that
-        are done (over all of a shorter one); up to 5 reasons of failed runs; and settings that change no result.
-        Nothing is raised."""
+        and the median and the largest of the root mean square position errors, rad or m, over the last two seconds of
+        runs that are done (over all of a shorter one); up to 5 reasons of failed runs; and settings that change no
+        result. Nothing is raised."""
         lines = [f"{self.study.experiment}: {len(self.rows)} rows of {self.study.runs} runs"]
         for name in self.controllers:
             rows = self.of_controller(name)
@@ -158,9 +161,9 @@ def _error(row: dict[str, Any]) -> float | None:
 
 
 def write_report(path: Path) -> Path:
-    """Write the report of the sweep in the folder `path` as a page, report.html in it, whose path is returned. Raises
-    `FileError` for a folder without a sweep or without a finished row, for files that cannot be read, and where the
-    page cannot be written."""
+    """Write the report of the sweep in the folder `path` as an HTML page, report.html in that folder, and return the
+    page's path. Raises `FileError` for a folder without a sweep or without a finished row, for files that cannot be
+    read, and where the page cannot be written."""
     report, place = SweepReport.of(path), path / "report.html"
     figures = {name: [map_figure(name, shown) for shown in report.maps(name)] for name in report.controllers}
     content = {"report": report, "figures": figures, "facts": report.facts()}

@@ -37,15 +37,15 @@ def rows_of(
     controllers: Sequence[str] = (),
     precision: Precision = "double",
 ) -> list[Row]:
-    """The rows of `runs` of an `experiment` or measurement, by its name, in the runs' order: one for each run and
-    controller, a mapping by column. Columns are the settings by name, `controller`, the fields of `RunOutcome` (status,
-    reason, position errors, divergence, rise of the Lyapunov function), `version` of adaptctl, `wall_time`, s a run,
-    and `host`, the computer. Each of `runs` maps names of settings to values; others have their defaults.
+    """Rows of the `runs` of an `experiment` or measurement, given by its name, in the runs' order: one mapping by
+    column for each run and controller. Columns are the settings by name, `controller`, the fields of `RunOutcome`
+    (status, reason, position errors, divergence, rise of the Lyapunov function), `version` of adaptctl, `wall_time`, s
+    a run, and `host`, the computer's name. Each of `runs` maps names of settings to values; others have their defaults.
 
-    `controllers` names those that run, all where empty; `precision`, "double" unless given, or "single", is that of
-    runs that are computed together in native code. A run that raises an `AdaptctlError`, an `ArithmeticError` or
-    NumPy's `LinAlgError` is a row of status "failed" with its reason. Raises `NotFoundError` for an unknown experiment,
-    `TypeError` for a setting that it does not have.
+    `controllers` has the names of the controllers that run, all where empty; `precision`, "double" by default or
+    "single", is that of runs that are simulated together in native code. A run that raises an `AdaptctlError`, an
+    `ArithmeticError` or NumPy's `LinAlgError` is a row of status "failed" with its reason. Raises `NotFoundError` for
+    an unknown experiment, `TypeError` for a setting that it does not have.
     """
     with warnings.catch_warnings():
         for category in (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning):
@@ -85,10 +85,10 @@ def _outcomes(
 
 
 def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
-    """Type and meaning, with the unit, of the columns of a sweep's table, by name, in order: the settings of the
-    experiment or measurement of class `kind`, `controller`, the fields of `RunOutcome` (status, reason, position
-    errors, divergence, rise of the Lyapunov function), `version`, `wall_time` and `host`. Types are "int64", "double"
-    and "string". Nothing is raised."""
+    """Columns of a sweep's table, in order: a mapping from a column's name to its type, "int64", "double" or "string",
+    and its meaning in words, with the unit. They are the settings of the experiment or measurement of class `kind`,
+    `controller`, the fields of `RunOutcome` (status, reason, position errors, divergence, rise of the Lyapunov
+    function), `version`, `wall_time` and `host`. Nothing is raised."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     about = {
         "version": ("string", "of adaptctl"),
@@ -107,7 +107,7 @@ def _checked(kind: type[CheckedSettings], settings: Mapping[str, Any]) -> Checke
 
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[Named]:
     """Outcomes of an `experiment` that runs by itself, not with others: pairs of a controller's name and its
-    `RunOutcome`, for those whose names `controllers` has, all where it is empty. Where the experiment compares no
+    `RunOutcome`, for the controllers named in `controllers`, all where it is empty. Where the experiment compares no
     controllers, or an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` is raised, such as `NotFoundError`
     for a name that none of its controllers has, there is one outcome "failed" with the reason and the empty name ""."""
     try:

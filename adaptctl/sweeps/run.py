@@ -19,14 +19,14 @@ ATTEMPTS = 3
 
 
 def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] = lambda share: None) -> pa.Table:
-    """The table (pyarrow) of the rows of all runs of the study of a `folder`, computed by the workers of a `cluster`,
-    which is written to the folder too. Runs come in shards, groups that this process keeps in a file each as they are
-    computed; those that are there already are not computed again.
+    """Table (pyarrow) of the rows of all runs of the study of a `folder`, computed by the workers of a `cluster`, which
+    is also written to the folder. Runs come in shards, groups whose rows this process writes to one file each as they
+    are computed; shards whose file exists are not computed again.
 
-    `progress(share)` is called with the share that is done, 0 to 1; it does nothing unless given. Raises `InputError`
-    where the cluster cannot be reached or its workers do not fit, `MissingExtraError` where Dask is not installed,
-    `FileError` where the folder cannot be written, what a worker raises for a shard in spite of three retries, and
-    Dask's `KilledWorker` where too many workers die over one.
+    `progress(share)` is called with the fraction of shards that is done, 0 to 1; by default it does nothing. Raises
+    `InputError` where the cluster cannot be reached or its workers have another version of adaptctl,
+    `MissingExtraError` where Dask is not installed, `FileError` where the folder cannot be written, what a worker
+    raises for a shard in spite of three retries, and Dask's `KilledWorker` where too many workers die over one.
     """
     total = -(-folder.study.count // folder.shard)
     missing = [shard for shard in folder.shards() if not folder.has(shard)]

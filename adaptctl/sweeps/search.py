@@ -23,9 +23,9 @@ SMALLEST = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double"
 
 @dataclass(frozen=True, eq=False)
 class BestSettings:
-    """The best settings that a search found: `settings`, their values by name; `controller`, the name of the one that
-    ran; `value`, the least value found of the number that is minimised, in its own unit; and `trials`, the number of
-    runs in all. Nothing is checked."""
+    """The best settings that a search found: `settings`, their values by name; `controller`, the name of the controller
+    that ran with them; `value`, the least value found of the number that is minimised, in the unit of that number; and
+    `trials`, the number of runs tried in all. Nothing is checked."""
 
     settings: Mapping[str, Any]
     controller: str
@@ -44,11 +44,10 @@ def search(
     `minimise`, such as "rms_error", found in `trials` runs by tree-structured Parzen estimators (Bergstra, Bardenet,
     Bengio and Kegl 2011). Runs that fail or diverge count as infinitely bad.
 
-    The controller is the first that the study names, or else the experiment's first, as the first run that can be made
-    names it. `progress(share)` is called with the share that is done, 0 to 1; it does nothing unless given. `seed`, 0
-    unless given, is that of the choice of settings. Raises `InputError` for a column that is no number of an outcome,
-    and where no run is done with that number; `MissingExtraError` where Optuna is not installed; `NotFoundError` for an
-    unknown experiment.
+    The controller is the first that the study names, or else the first of the experiment. `progress(share)` is called
+    with the fraction of trials that is done, 0 to 1; by default it does nothing. `seed`, 0 by default, is that of the
+    choice of settings. Raises `InputError` for a column that is no number of an outcome, and where no run is done with
+    that number; `MissingExtraError` where Optuna is not installed; `NotFoundError` for an unknown experiment.
     """
     optuna = _optuna()
     if minimise not in SMALLEST:
@@ -77,8 +76,9 @@ def search(
 
 
 def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
-    """Write the settings and the controller that a search `found` as the file (TOML) at `path` of a study of one run,
-    of the experiment of `study` and in its precision. Raises `FileError` where it cannot be written."""
+    """Write the settings and the controller that a search `found` to a study's file (TOML) at `path`, a study of one
+    run of the experiment of `study`, in its precision; nothing is returned. Raises `FileError` where the file cannot be
+    written."""
     lines = [
         'schema = "adaptctl/study/1"',
         f"experiment = {toml_string(study.experiment)}",

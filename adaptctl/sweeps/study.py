@@ -27,12 +27,13 @@ Sampling = Literal["grid", "latin-hypercube", "sobol"]
 
 
 class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
-    """Content of a study's file (TOML): the name of an `experiment` or measurement; the `question` that its runs
-    answer; the values of its `settings` by name, each a number, text such as "0..5:11" or "4,8", or a list, whose
-    texts keep their commas; `controllers`, the names of those that run, all where empty; `sampling`, "grid", the
-    default, for all combinations of values, or a draw of `samples` of them by "latin-hypercube" or "sobol", with its
-    `sampling_seed`; and the `precision`, "double" unless given, of runs that are computed together. `schema` is the
-    format's name. Types are checked where a file is read, not at construction."""
+    """Content of a study's file (TOML), which says which runs of an experiment a sweep makes. `experiment` is the name
+    of an experiment or measurement; `question`, what its runs answer; `settings`, the values of its settings by name,
+    each a number, a text such as "0..5:11" or "4,8", or a list, whose texts may have commas; `controllers`, the names
+    of the controllers that run, all where empty. `sampling` is "grid", the default, for all combinations of values, or
+    "latin-hypercube" or "sobol" for `samples` draws by `sampling_seed`; `precision`, "double" by default, is that of
+    runs that are simulated together. `schema` is the file format's name. Types are checked where a file is read, not at
+    construction."""
 
     schema: Literal["adaptctl/study/1"]
     experiment: str
@@ -47,14 +48,15 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class SweepStudy:
-    """A study, the runs of a sweep: the name of an `experiment` or measurement, and the values of its `settings` by
-    name, a tuple of them or a `Span`, a range to draw from; the others keep their defaults. `controllers` names those
-    that run, all where it is empty, and `question` is what the runs answer.
+    """A study, which says which runs of an experiment a sweep makes: `experiment`, the name of an experiment or
+    measurement, and `settings`, the values of its settings by name, each a tuple of values or a `Span`, a range to draw
+    from; other settings keep their defaults. `controllers` has the names of the controllers that run, all where it is
+    empty, and `question` is what the runs answer.
 
     `sampling` is "grid", the default, for all combinations of values, or "latin-hypercube" or "sobol" for `samples`
-    draws of them, by `sampling_seed`; `precision`, "double" or "single", is that of runs that are computed together in
-    native code. Raises `InputError` at construction for another precision, a `Span` in a grid, and where it is no grid
-    for samples out of 1 to 10 000 000.
+    draws of them, by `sampling_seed`; `precision`, "double" by default or "single", is that of runs that are simulated
+    together in native code. Raises `InputError` at construction for another precision, a `Span` in a grid, and, unless
+    it is a grid, for `samples` out of 1 to 10 000 000.
     """
 
     experiment: str
@@ -79,14 +81,14 @@ class SweepStudy:
 
     @classmethod
     def named(cls, target: str, given: Mapping[str, str], **options: Any) -> SweepStudy:
-        """The study that `target` names: an experiment, all of whose settings have their defaults, a study that comes
-        with the package, or a study's file (.toml). `given` has values of settings as they are typed, such as "4,8,12"
-        or "0..5:11", in place of the study's, by name; `options` are other fields of the study to replace, where they
-        are not empty.
+        """The `SweepStudy` that `target` names: an experiment, all of whose settings have their defaults, a study that
+        comes with the package, or a study's file (.toml). `given` maps names of settings to values as they are typed,
+        such as "4,8,12" or "0..5:11", which replace the study's; `options` are other fields of the study to replace,
+        where they are not empty.
 
         Raises `NotFoundError` for an unknown target and an experiment's unknown setting; `FileError` for a file that
-        cannot be read, has other content or leads to an unknown experiment or setting; `InputError` for values that are
-        none of the setting's, and for options that do not fit.
+        cannot be read, has other content or names an unknown experiment or setting; `InputError` for values that a
+        setting cannot have, and for options that do not fit.
         """
         if target in (entry.name for entry in EXPERIMENTS):
             return cls._made(StudyFile("adaptctl/study/1", target), given, options)
@@ -123,27 +125,28 @@ class SweepStudy:
 
     @property
     def kind(self) -> type[CheckedSettings]:
-        """Class of the experiment or measurement, a dataclass of its settings. Raises `NotFoundError` for an unknown
-        name."""
+        """Class of the study's experiment or measurement, a dataclass of its settings. Raises `NotFoundError` for an
+        unknown name."""
         return kind_of(self.experiment)
 
     @property
     def count(self) -> int:
-        """Number of runs: of all combinations of the settings' values in a grid, else `samples`."""
+        """Number of runs of the study: that of all combinations of the settings' values in a grid, else the field
+        `samples`."""
         if self.sampling != "grid":
             return self.samples
         return prod(len(values) for values in self.settings.values() if isinstance(values, tuple))
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """Names of the settings that have more than one value, or a range to draw from, in their order."""
+        """Names of the settings of the study that have more than one value, or a range to draw from, in their order."""
         return tuple(name for name, x in self.settings.items() if isinstance(x, Span) or len(x) > 1)
 
     def runs(self) -> Iterator[dict[str, Any]]:
-        """Iterator over the runs, in a fixed order: for each the values, by name, of the settings that the study has;
-        the others keep the experiment's defaults. Draws are the same for the same `sampling_seed`. Raises, unless
-        `sampling` is "grid", `NotFoundError` for an unknown experiment and `KeyError` for a setting that it does not
-        have."""
+        """Iterator over the runs of the study, in a fixed order: for each a mapping from the names of the settings that
+        the study has to their values; other settings keep the experiment's defaults. Draws are the same for the same
+        `sampling_seed`. Raises, unless `sampling` is "grid", `NotFoundError` for an unknown experiment and `KeyError`
+        for a setting that it does not have."""
         if self.sampling == "grid":
             for values in product(*(x for x in self.settings.values() if isinstance(x, tuple))):
                 yield dict(zip(self.settings, values, strict=True))
@@ -174,16 +177,16 @@ class SweepStudy:
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of all that decides the runs and their results: experiment, values, controllers
-        (in any order), sampling and precision, but not the question."""
+        """SHA-256 hash (hexadecimal) of all in the study that decides its runs and their results: experiment, values,
+        controllers (in any order), sampling and precision, but not the question."""
         values = {k: [x.low, x.high] if isinstance(x, Span) else list(x) for k, x in self.settings.items()}
         sampling = [self.sampling, self.samples, self.sampling_seed] if self.sampling != "grid" else []
         return hashed([self.experiment, values, sorted(self.controllers), sampling, *self.unusual])
 
     @property
     def unusual(self) -> list[str]:
-        """Choices besides settings and controllers that change results, where they are not the default, for the study's
-        hash: ["single"] for runs in single precision, an empty list for double."""
+        """Choices of the study, besides settings and controllers, that change results and are not the default, as texts
+        for its hash: ["single"] for runs in single precision, an empty list for double."""
         return [self.precision] if self.precision != "double" else []
 
 

@@ -19,31 +19,31 @@ _RANGE = re.compile(r"^\s*(?P<low>[^:]+?)\.\.(?P<high>[^:]+?)(?::(?P<count>[^:]*
 
 @dataclass(frozen=True)
 class Span:
-    """A range of values of a setting to draw from, in the setting's unit: from `low` to `high`, both in it, and `whole`
-    where its values are whole numbers. Nothing is checked."""
+    """A range of values of a setting to draw from, in the setting's unit: from `low` to `high`, both included, and
+    `whole`, True where its values are whole numbers. Nothing is checked."""
 
     low: float
     high: float
     whole: bool
 
     def at(self, share: float) -> float | int:
-        """The value at a `share`, from 0 to 1, of the way from `low` to `high`; where values are whole, one of them,
-        each for an equal part of the way. The share is not checked."""
+        """The value at the fraction `share`, from 0 to 1, of the way from `low` to `high`; where values are whole, one
+        of the whole numbers, each for an equal part of the way. The fraction is not checked."""
         if self.whole:
             return int(min(self.low + math.floor(share * (self.high - self.low + 1)), self.high))
         return self.low + share * (self.high - self.low)
 
 
 def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | Span:
-    """The values of a setting, as `typed`: a tuple for a list, ``4,8,12``, for a range of whole numbers, ``0..99``, and
-    for evenly spaced numbers, ``0..5:11`` being 11 from 0 to 5; a `Span` to draw from for ``0..5`` of numbers that need
-    not be whole. Where a value is itself a tuple, its parts are separated by blanks, ``90 150 70``; values that are
-    tuples or texts have no ranges. A sequence of texts, such as a study's file has, stands for its texts joined by
-    commas, but for a setting whose values are texts: there each text is a value, commas included. `entry` is the
-    setting's dataclass field, whose default tells the kind of value.
+    """Values of a setting, parsed from `typed`: a tuple, or a `Span` to draw from. A list, ``4,8,12``, a range of whole
+    numbers, ``0..99``, and evenly spaced numbers, ``0..5:11``, 11 from 0 to 5, both included, give a tuple; ``0..5`` of
+    numbers that need not be whole gives a `Span`. Where a value is itself a tuple, its parts are separated by blanks,
+    ``90 150 70``; values that are tuples or texts have no ranges. A sequence of texts, such as a study's file has, is
+    read as its texts joined by commas, except for a setting whose values are texts: there each text is a value, commas
+    included. `entry` is the setting's dataclass field, whose default tells the kind of value.
 
-    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to a
-    million values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
+    Raises `InputError` for a text in none of these forms, no values, equal values, a range that does not rise, other
+    than 2 to a million values in a range, and numbers that are not finite or, of a setting of whole numbers, not whole.
     """
     if isinstance(entry.default, str) and not isinstance(typed, str):
         values: tuple[Any, ...] = tuple(typed)
@@ -76,8 +76,8 @@ def _range(entry: Field[Any], match: re.Match[str]) -> tuple[Any, ...] | Span:
 
 def as_span(entry: Field[Any], values: tuple[Any, ...] | Span) -> Span | None:
     """The `Span` that a setting is drawn from: `values` where it is one, or the range of `values` that are two or more
-    successive whole numbers, in rising order, of a setting of whole numbers. None for all others, of which one is
-    picked. `entry` is the setting's dataclass field, whose default tells its kind. Nothing is raised."""
+    successive whole numbers, in rising order, of a setting of whole numbers. None for all others, of which a draw picks
+    one. `entry` is the setting's dataclass field, whose default tells its kind. Nothing is raised."""
     if isinstance(values, Span):
         return values
     if len(values) > 1 and isinstance(entry.default, int) and list(values) == list(range(values[0], values[-1] + 1)):

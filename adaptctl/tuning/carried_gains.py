@@ -25,37 +25,39 @@ WIDTH = 0.2
 
 
 class CarriedGains(NamedTuple):
-    """Record of the tracking gains of r joints that a control period and the torque limits carry, and of what limits
-    each. Nothing is checked.
+    """Record of the tracking gains of r joints that a control period T (s) and the torque limits allow, and of which of
+    the two limits each gain. Nothing is checked.
 
     `gains` are Slotine and Li's bandwidth Lambda (r,), 1/s, and damping K (r,), N m s/rad (N s/m if prismatic).
     `by_hold` (r,) is True where the control period limits K, not the torque limit; `by_torque` (r,) is True where the
-    torque limit limits Lambda. `free_inertia` (r,), kg m^2 (kg), is the least inertia that each joint's torque feels
-    along the reference while all other joints are free.
+    torque limit makes Lambda smaller than the bandwidth that was asked for. `free_inertia` (r,), kg m^2 (kg), is the
+    least inertia that a joint's torque moves, over S positions near the reference, while all other joints are free: 1
+    over the greatest, at these positions, of the joint's diagonal entry of (M + T B)^-1, with the mass matrix M and the
+    viscous friction B.
     """
 
     gains: Gains
     by_hold: NDArray[np.bool_]
-    """(r,) whether the control period limits K"""
+    """(r,) True where the control period limits K"""
     free_inertia: Array
-    """(r,) least inertia against a joint's torque alone along the reference, kg m^2 or kg"""
+    """(r,) 1/max of the joint's diagonal entry of (M + T B)^-1, kg m^2 or kg"""
     by_torque: NDArray[np.bool_]
-    """(r,) whether the torque limit limits Lambda"""
+    """(r,) True where the torque limit limits Lambda"""
 
 
 def carried_gains(
     mechanism: Mechanism, limits: Array, p: Array, off: Array, period: float, bandwidth: float, hold: float
 ) -> CarriedGains:
-    """The largest gains of Slotine and Li's law that torque limits and control period carry at S positions `p` (S, r)
-    of the r joints of a `mechanism`, rad (m if prismatic), as a `CarriedGains`: bandwidth Lambda (r,), 1/s, and damping
-    K (r,), N m s/rad (N s/m).
+    """The largest gains of Slotine and Li's law that torque limits and a control `period` T (s) allow at S positions
+    `p` (S, r) of the r joints of a `mechanism`, rad (m if prismatic), as a `CarriedGains`. They are bandwidth Lambda
+    (r,), 1/s, and damping K (r,), N m s/rad (N s/m).
 
-    `limits` (r,) are the torque limits, N m (N), `off` (r,) the initial tracking errors, rad (m), above 0, `period` the
-    control period T, s. Lambda is the lesser of `bandwidth` (1/s) and sqrt(0.3 limit/(inertia off)) of each joint, the
-    inertia being its largest entry of the mass matrix's diagonal. K has T lambda_max((M + T B)^-1 K) of at most `hold`
-    (no unit; a held torque is stable below 2) and is at most 0.5 limit/(Lambda off); M is the mass matrix, B the
-    viscous friction, lambda_max the largest eigenvalue. Raises `InputError` for joints that move nothing that has
-    inertia, and where M is not positive definite.
+    `limits` (r,) are the torque limits, N m (N), `off` (r,) the sizes of the initial tracking error, rad (m), above 0.
+    Lambda is the lesser of `bandwidth` (1/s) and sqrt(0.3 limit/(inertia off)) of each joint, the inertia being its
+    largest entry, over the positions, of the mass matrix's diagonal. K has T lambda_max((M + T B)^-1 K) of at most
+    `hold` (no unit; a held torque is stable below 2) at these positions and is at most 0.5 limit/(Lambda off); M is the
+    mass matrix, B the viscous friction, lambda_max the largest eigenvalue. Raises `InputError` for joints that move
+    nothing that has inertia, and where M is not positive definite.
     """
     M = mechanism.mass_matrix(p)
     _require_inertia(mechanism, M)

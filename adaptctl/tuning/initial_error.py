@@ -23,14 +23,15 @@ LESS, ROUNDS = 0.8, 20
 
 
 def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
-    """Initial tracking errors (r,) of r joints, rad (m if prismatic), with which a `mechanism` of torque limits
-    `limits` (r,), N m (N), can start on a `reference`: each joint's position less the reference's at time 0.
+    """Initial tracking errors (r,), at most 0.1 rad (m if prismatic), from which the r joints of a `mechanism` can
+    return to a `reference` within its torque limits: each joint's position less the reference's at time 0. `limits`
+    (r,) are the torque limits, N m (N).
 
-    Each is the least of three: a tenth of the joint's range of positions (2 rad or m without two limits), 0.1 rad (m),
-    and 0.3 torque limit/inertia times 1 s^2, the inertia being the joint's entry of the mass matrix's diagonal at time
-    0. All errors are then made smaller together, down to 0, where the arm with them would ask, by gravity, for more
-    than 0.4 of a torque limit and for more than on the reference, or where kinematic loops could not close. Nothing is
-    checked.
+    Each error is the least of three: a tenth of the joint's range of positions (of 2 rad or m without two limits), 0.1
+    rad (m), and 0.3 torque limit/inertia times 1 s^2, the inertia being the joint's entry of the mass matrix's diagonal
+    at time 0. All errors are then made smaller together, down to 0, where at the start the arm's gravity torque would
+    be more than 0.4 of a torque limit and more than without the error, or where kinematic loops could not be closed.
+    Nothing is checked.
     """
     start, common = reference(np.zeros(1)).p, common_error(mechanism)
     inertia = np.diagonal(mechanism.mass_matrix(start)[0])
@@ -43,8 +44,8 @@ def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference)
 
 
 def common_error(mechanism: Mechanism) -> Array:
-    """Initial tracking errors (r,) of the mechanism's r joints, rad (m if prismatic), before torques are looked at: a
-    tenth of each joint's range of positions (2 rad or m without two limits), at most 0.1 rad (m). Nothing is
-    checked."""
+    """Initial tracking errors (r,) of the `mechanism`'s r joints, rad (m if prismatic), before torque limits are
+    considered: a tenth of each joint's range of positions (of 2 rad or m without two limits), at most 0.1 rad (m).
+    Nothing is checked."""
     lower, upper = motion_ranges(mechanism)
     return np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower))

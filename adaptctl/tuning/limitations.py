@@ -10,9 +10,9 @@ MORE = 4.0
 
 
 def limitations(mechanism: Mechanism, carried: CarriedGains) -> tuple[str, ...]:
-    """Sentences, one for each of the mechanism's r joints, on what limits its gains, Slotine and Li's bandwidth and
-    damping: the control period, with the rotor inertia that would allow four times the damping, or the torque limit.
-    `carried` has the gains and what limits each. Nothing is checked."""
+    """Sentences (a tuple of r texts), one for each of the `mechanism`'s r joints, on what limits its gains, Slotine and
+    Li's bandwidth and damping. It is the control period, named with the rotor inertia that would allow four times the
+    damping, or the torque limit. `carried` has the gains and what limits each. Nothing is checked."""
     return tuple(_limitation(mechanism, carried, j) for j in range(mechanism.dof))
 
 

@@ -14,9 +14,9 @@ AMPLITUDE = 0.5
 
 
 def motion_range(joint: Joint) -> tuple[float, float]:
-    """The least and the greatest position between which a joint is moved, rad (m if prismatic): its position limits. A
-    joint without any is moved from -1 to 1 rad (m), one with a single limit within 2 rad (m) of it. Where the two
-    limits are more than two turns (4 pi rad, or m) apart, each that is at least so far from zero counts as none.
+    """The least and the greatest position between which a `joint` is moved, rad (m if prismatic): its position limits.
+    A joint without limits is moved from -1 to 1 rad (m), one with a single limit within 2 rad (m) of it. Where the two
+    limits are more than two turns (4 pi rad, or m) apart, each whose magnitude is at least 4 pi counts as missing.
     Nothing is checked."""
     lower, upper, width = joint.limits.lower, joint.limits.upper, 2.0 * AMPLITUDE
     if upper - lower > TURNS:
@@ -27,9 +27,9 @@ def motion_range(joint: Joint) -> tuple[float, float]:
 
 
 def motion_ranges(mechanism: Mechanism) -> tuple[Array, Array]:
-    """The least and the greatest positions between which the mechanism's r primary (independent) joints are moved, two
-    arrays (r,), rad (m if prismatic): their limits, 1 rad (m) to each side of zero where a joint has none, and as far
-    as 2 rad (m) from its limit where it has only one. Where the two limits are more than two turns (4 pi rad, or m)
-    apart, each that is at least so far from zero counts as none. Nothing is checked."""
+    """The least and the greatest positions between which the `mechanism`'s r primary (independent) joints are moved,
+    two arrays (r,), rad (m if prismatic): their position limits. A joint without limits is moved from -1 to 1 rad (m),
+    one with a single limit within 2 rad (m) of it. Where the two limits are more than two turns (4 pi rad, or m) apart,
+    each whose magnitude is at least 4 pi counts as missing. Nothing is checked."""
     lower, upper = np.array([motion_range(joint) for joint in mechanism.primary_joints]).T
     return lower, upper

@@ -42,16 +42,16 @@ SLOWEST = 2.0
 
 
 def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
-    """The control law of the name `law` with a tuning's gains, control period and torque limits, on a reduced `model`
-    of the tuning's mechanism.
+    """The control law of the name `law`, a `Controller`, with the gains, control period and torque limits of a
+    `tuning`, on a reduced `model` of the tuning's mechanism.
 
     Names are "slotine-li", "slotine-li-fixed" (true parameters, no adaptation), "slotine-li-composite" (learning from
     predicted torques too), "passivity-integral", "task-space" (its reference given in joints),
     "adaptive-computed-torque", "computed-torque" and "pd-gravity". The tuning's bandwidth is computed torque's natural
-    frequency, PD's stiffness is bandwidth times damping, and in task space the least bandwidth counts for every axis.
-    Those that adapt start from zero parameters, but adaptive computed torque from the true ones, which the last two use
-    as well. Raises `NotFoundError` for another name, and what the law itself raises, such as `GainError` where the
-    period cannot carry the gains.
+    frequency, PD's stiffness is bandwidth times damping, and in task space the least bandwidth is that of every axis.
+    Laws that adapt start from zero parameters, except adaptive computed torque, which starts from the true ones;
+    "computed-torque" and "pd-gravity" use the true ones. Raises `NotFoundError` for another name, and what the law's
+    class raises, such as `GainError` where the gains are too large for the period.
     """
     if law not in LAWS:
         raise NotFoundError(f"law: unknown law {law!r}; laws: {', '.join(LAWS)}")
@@ -82,11 +82,11 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
 
 
 def guarded(law: Controller[Any], tuning: Tuning) -> Guarded:
-    """The control law `law` behind guards, a `Guarded`: its torques are limited to the tuning's torque limits, and it
-    brakes the arm, with the tuning's damping, where a joint is outside the mechanism's position limits or too fast. Too
-    fast is faster than the joint's velocity limit or, where that is infinite or 0, than 1.5 times its reference's
-    greatest speed in the first 20 s and than 2 rad/s (m/s). Raises `InputError` for what `Guarded` refuses, such as a
-    joint whose two position limits are equal."""
+    """The control law `law` behind guards, a `Guarded`: its torques are limited to the torque limits of a `tuning`, and
+    it brakes the arm, with the tuning's damping, where a joint is outside the mechanism's position limits or too fast.
+    Too fast is faster than the joint's velocity limit or, where that is infinite or 0, than the greater of 2 rad/s (m/s
+    if prismatic) and 1.5 times its reference's greatest speed in the first 20 s. Raises `InputError` for settings that
+    `Guarded` refuses, such as two equal position limits of a joint."""
     joints = [joint.limits for joint in tuning.mechanism.primary_joints]
     speed = np.array([limits.velocity for limits in joints])
     asked = np.abs(tuning.reference(np.linspace(0.0, 20.0, 400)).v).max(axis=0)

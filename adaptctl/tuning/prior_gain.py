@@ -25,14 +25,15 @@ ranges); mixed is half of the latter and half of each link."""
 
 
 def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
-    """Prior ranges (P,), SI units, of all P inertial and friction parameters of a mechanism: their greatest plausible
-    errors, as far as its inertias and lengths tell; in the order of its `parameter_names`.
+    """Prior ranges (P,), SI units, of all P inertial and friction parameters of a `mechanism`: their greatest plausible
+    errors, in the order of its `parameter_names`.
 
-    A link's are made from the typical inertia I of the joint that moves it: a body at a third of the arm's reach beyond
-    that joint (the lever, of a reach of at least 0.05 m) has the mass m = I/lever^2, at most `heaviest` (kg; 5 unless
-    given), which is the range of the mass; sqrt(m I) is that of first moments and I that of inertias. Friction has the
-    ranges of `PriorRanges`, 5 N m s/rad (N s/m if prismatic) for viscous and 10 N m (N) for Coulomb friction. Raises
-    `InputError` where a typical inertia is not positive.
+    Those of a link come from the typical inertia I of the joint that moves it, the median of its mass matrix entry over
+    200 random positions. A point mass m = I/lever^2, at most `heaviest` (kg; 5 by default), would have that inertia at
+    a lever of a third of the arm's length beyond the joint, which is taken as at least 0.05 m. m is then the range of
+    the link's mass, sqrt(m I) that of its first moments and I that of its inertias. Friction has the ranges of
+    `PriorRanges`, 5 N m s/rad (N s/m if prismatic) for viscous and 10 N m (N) for Coulomb friction. Raises `InputError`
+    where a typical inertia is not positive.
     """
     inertia = _behind(mechanism)
     levers = np.maximum(reach_behind(mechanism.links), SHORTEST_LEVER) / 3.0
@@ -50,8 +51,8 @@ def adaptation_number(regressor: Array, damping: Array, gain: Array, period: flo
     adaptation is stable below 2.
 
     Y is the torque `regressor` (S, r, P) of r joints and P parameters and Y' its transpose, K the `damping` (r,), N m
-    s/rad (N s/m if prismatic), Gamma the adaptation `gain`, its diagonal (P,), in the parameters' units squared per J,
-    T the control `period`, s, and lambda_max the largest eigenvalue. Nothing is checked.
+    s/rad (N s/m if prismatic), Gamma the adaptation gain, whose diagonal (P,) is `gain`, in the parameters' units
+    squared per J, T the control `period`, s, and lambda_max the largest eigenvalue. Nothing is checked.
     """
     scaled = regressor * np.sqrt(gain) / np.sqrt(damping)[:, None]
     return period * float(np.linalg.eigvalsh(scaled @ np.swapaxes(scaled, -1, -2))[:, -1].max())
@@ -60,16 +61,16 @@ def adaptation_number(regressor: Array, damping: Array, gain: Array, period: flo
 def carried_gain(
     mechanism: Mechanism, regressor: Array, damping: Array, ranges: Array, period: float, number: float, shares: Shares
 ) -> Array:
-    """The diagonal (P,) of an adaptation gain Gamma on all P parameters of a mechanism, in the order of its
-    `parameter_names` and in their units squared per J, scaled so that the adaptation number T lambda_max(K^-1 Y Gamma
-    Y'), no unit, over S samples is `number`.
+    """The diagonal (P,) of an adaptation gain Gamma on all P parameters of a `mechanism`, scaled so that the adaptation
+    number is `number`. It is in the order of the mechanism's `parameter_names` and in their units squared per J.
 
-    Y is the torque `regressor` (S, r, P) of r joints and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if
-    prismatic), T the control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in
-    proportion to: "ranges", the squares of the parameters' prior `ranges` (P,), SI units; "links", these, but scaled so
-    that each link with its drive's rotor, and each drive's friction, has the same number by itself; "parameters", the
-    inverse of each parameter's greatest effect on the torques; "mixed", half "ranges" and half "links". Nothing is
-    checked.
+    The adaptation number is the greatest T lambda_max(K^-1 Y Gamma Y'), no unit, over S samples: Y is the torque
+    `regressor` (S, r, P) of r joints and Y' its transpose, K the `damping` (r,), N m s/rad (N s/m if prismatic), T the
+    control `period`, s, and lambda_max the largest eigenvalue. `shares` says what the gain is in proportion to:
+    "ranges", the squares of the parameters' prior `ranges` (P,), SI units; "links", these, but scaled so that each link
+    with its drive's rotor, and each drive's friction, has the same adaptation number by itself; "parameters", the
+    inverse of the greatest, over the samples, of the parameter's entry of the diagonal of Y'K^-1 Y; "mixed", half
+    "ranges" and half "links". Nothing is checked.
     """
     gain = ranges**2
     if shares == "links":

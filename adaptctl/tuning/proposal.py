@@ -25,13 +25,15 @@ SMALLEST_ERROR = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Proposal of gains for Slotine and Li's law, with the two numbers that they were asked for. Nothing is checked.
+    """Proposal of gains for Slotine and Li's law, with the two numbers, without units, that it was made for. Nothing is
+    checked.
 
     `carried` has the tracking gains, bandwidth and damping, and what limits them; `gain` (P,) is the diagonal of the
-    adaptation gain on all P parameters, in their units squared per J. `hold` is the greatest hold number T
-    lambda_max((M + T B)^-1 K) allowed and `adaptation` the number T lambda_max(K^-1 Y Gamma Y'), both without a unit
-    and stable below 2: T is the control period, M the mass matrix, B viscous friction, K the damping, Y the torque
-    regressor and Y' its transpose, Gamma the adaptation gain, lambda_max the largest eigenvalue.
+    adaptation gain on all P parameters, in their units squared per J. `hold` is the upper bound of the hold number T
+    lambda_max((M + T B)^-1 K), which the gains are below where torques limit them, and `adaptation` the adaptation
+    number T lambda_max(K^-1 Y Gamma Y'); both are stable below 2. T is the control period, M the mass matrix, B viscous
+    friction, K the damping, Y the torque regressor and Y' its transpose, Gamma the adaptation gain, lambda_max the
+    largest eigenvalue.
     """
 
     carried: CarriedGains
@@ -43,28 +45,29 @@ class Proposal:
 
 @dataclass(frozen=True, eq=False)
 class Proposals:
-    """Maker of proposals of gains for a `mechanism` of r joints on a reference, from S positions and motions along it;
-    the class method `along` makes one. Nothing is checked.
+    """Maker of proposals of gains for a `mechanism` of r joints, from S samples of a reference; the class method
+    `along` makes one. Nothing is checked.
 
     `limits` (r,) are the torque limits, N m (N if prismatic), `off` (r,) the sizes of the initial tracking error, rad
     (m), above 0, and `period` the control period, s. `points` is the reference at S times, (S, r) each. `postures` (S,
-    r), rad (m), are random positions near it that kinematic loops can reach. `errors` (S, r), rad (m), are tracking
-    errors of random sign at the same times, at least as large as the initial one, 0 where loops could not close.
+    r), rad (m), are random positions near it at which kinematic loops can be closed. `errors` (S, r), rad (m), are
+    tracking errors of random sign at the same times, at least as large as the initial one, 0 where loops could not be
+    closed.
     """
 
     mechanism: Mechanism
     limits: Array
     """(r,) of torques"""
     off: Array
-    """(r,) the initial error"""
+    """(r,) sizes of the initial error"""
     period: float
     points: ReferencePoint
     """of the reference, (S, r) each"""
     postures: Array
-    """(S, r) near them, where loops can be there"""
+    """(S, r) near them, where loops can be closed"""
     errors: Array
-    """(S, r) of the size of the initial error and at least of the common one, of either sign; zero where loops cannot
-    be off by it"""
+    """(S, r) of the size of the initial error and at least of the common one, of either sign; zero where loops could
+    not be closed with it"""
 
     @classmethod
     def along(
@@ -77,11 +80,17 @@ class Proposals:
         samples: int,
         seed: int,
     ) -> Proposals:
-        """Maker of proposals of gains from `samples` samples, evenly spaced in time, of the first 20 s of a `reference`
-        of the mechanism's r joints. `limits` (r,) are the torque limits, N m (N if prismatic), `off` (r,) the initial
-        tracking errors, rad (m), of which those below 0.01 count as 0.01, `period` the control period, s. Equal values
-        of `seed`, a whole number of at least 0, draw equal positions and errors near the reference. Nothing is
-        checked."""
+        """Maker of proposals of gains, a `Proposals`, for a `mechanism` of r joints on a `reference`: from S =
+        `samples` samples of its first 20 s, at evenly spaced times, both ends included.
+
+        `limits` (r,) are the torque limits, N m (N if prismatic), `off` (r,) the initial tracking errors, rad (m),
+        whose sizes below 0.01 count as 0.01, and `period` the control period, s. For each sample two things are drawn
+        by `seed`, a whole number of at least 0, the same for equal seeds: a position, uniform within 0.2 rad (m), or
+        half the joint's range if that is less, of the reference's; and a tracking error of each joint, of either sign
+        with equal probability and of the size of its initial error, or, if greater, a tenth of its range, at most 0.1
+        rad (m). Where kinematic loops could not be closed, the position is the reference's and the error 0. Nothing is
+        checked.
+        """
         rng, points = np.random.default_rng(seed), reference(np.linspace(0.0, HORIZON, samples))
         lower, upper = motion_ranges(mechanism)
         width = np.minimum(WIDTH, 0.5 * (upper - lower))
@@ -95,23 +104,25 @@ class Proposals:
     @cached_property
     def ranges(self) -> Array:
         """Prior ranges (P,) of all P inertial and friction parameters of the mechanism, their greatest plausible
-        errors, in SI units. Raises `InputError` where a joint's typical inertia is not positive."""
+        errors, in SI units. Raises `InputError` where a joint's typical inertia, the median of its mass matrix entry
+        over 200 random positions, is not positive."""
         return prior_ranges(self.mechanism)
 
     @lru_cache(maxsize=8)  # noqa: B019  # a search asks for the same few again and again, and they take longest
     def carried(self, bandwidth: float, hold: float) -> CarriedGains:
         """The largest tracking gains, a `CarriedGains`, with a bandwidth of at most `bandwidth` (1/s) and a hold number
-        T lambda_max((M + T B)^-1 K) of at most `hold`, no unit, stable below 2: T is the control period, M the mass
-        matrix, B viscous friction, K the damping and lambda_max the largest eigenvalue. The last 8 results are kept.
-        Raises `InputError` for joints that move nothing that has inertia, and where M is not positive definite."""
+        of at most `hold`, no unit, at random positions near the reference and within the torque limits. The hold number
+        is T lambda_max((M + T B)^-1 K), stable below 2: T is the control period, M the mass matrix, B viscous friction,
+        K the damping and lambda_max the largest eigenvalue. The last 8 results are kept. Raises `InputError` for joints
+        that move nothing that has inertia, and where M is not positive definite."""
         return carried_gains(self.mechanism, self.limits, self.postures, self.off, self.period, bandwidth, hold)
 
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
-        """Proposal of gains with a bandwidth of at most `bandwidth` (1/s), a hold number T lambda_max((M + T B)^-1 K)
-        of at most `hold` and an adaptation number T lambda_max(K^-1 Y Gamma Y') of `adaptation`, both without a unit
-        and stable below 2.
+        """Proposal of gains, a `Proposal`, with a bandwidth of at most `bandwidth` (1/s), a hold number of at most
+        `hold` and an adaptation number of `adaptation`, both without a unit and stable below 2.
 
-        T is the control period, M the mass matrix, B viscous friction, K the damping, Y the torque regressor and Y' its
+        The hold number is T lambda_max((M + T B)^-1 K), the adaptation number T lambda_max(K^-1 Y Gamma Y'): T is the
+        control period, M the mass matrix, B viscous friction, K the damping, Y the torque regressor and Y' its
         transpose, lambda_max the largest eigenvalue. `shares` says what the adaptation gain Gamma is in proportion to:
         "ranges", the squares of the parameters' prior ranges (greatest plausible errors), "links", these but scaled so
         that each link by itself has the same adaptation number, "parameters", the inverse of each parameter's effect on

@@ -21,15 +21,15 @@ SHARES: tuple[Shares, ...] = ("mixed", "links", "parameters")
 
 
 def searched(trials: Trials, proposals: Proposals, first: Proposal, count: int, seed: int) -> Proposal:
-    """The best of the `first` proposal of gains and `count` others, drawn by `seed` from a grid of 48, none twice, less
-    those with which no gains hold the arm; judged by two simulated runs of 8 s each: the one whose tracking error (RMS
-    over all joints and the last 2 s, of its worse run) is least.
+    """The best of the `first` proposal of gains and `count` others, a `Proposal`: the one whose tracking error (RMS
+    over all joints and the last 2 s, of the worse of two simulated runs of 8 s) is least. The others are drawn by
+    `seed` from a grid of 48, none twice, less those for which there are no gains.
 
     In both runs the ten inertial parameters of each link are 30 % up or down, in another way each; in the second run
     torques come a control period late besides, for gains judged without a delay may be unstable with one. Runs in which
-    a joint's error reached 1 rad (m), or in which a torque was at its limit for over 5 % of the second half, count as
-    failed; where all fail, the first proposal is returned. `trials` runs them, `proposals` makes the gains. Raises
-    `InputError` where the mechanism has more than 100 links, too many to compile.
+    a joint's error reached 1 rad (m if prismatic), or in which a torque was at its limit for over 5 % of the second
+    half, count as failed; where all fail, the first proposal is returned. `trials` runs them, `proposals` makes the
+    gains. Raises `InputError` where the mechanism has more than 100 links, for which no native code is made.
     """
     tried = [first, *_drawn(proposals, count, seed)]
     arms = [scaled_links(trials.plant.mechanism, LINKS_OFF, seed + k) for k in (1, 2)]

@@ -26,7 +26,7 @@ EVERY = 50
 class Delayed(Controller[AdaptiveState]):
     """Slotine and Li's law, `of`, whose torques come one control period late where `late` is 1, and in time where it is
     0, the default. `late` is a tunable number, an argument of the native code, so that arms with and without the delay
-    share one code. Nothing is checked."""
+    share one code. Nothing is checked here."""
 
     tunable = ("late",)
 
@@ -40,24 +40,25 @@ class Delayed(Controller[AdaptiveState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the r joints, rad (m if prismatic), at which the mechanism's kinematic loops are known to
-        close; zeros without loops."""
+        """Positions (r,) of the r joints, rad (m if prismatic), at the mechanism's home configuration, where its
+        kinematic loops are known to close; zeros without loops."""
         return self.of.home
 
     def start(self, p: Array, v: Array) -> AdaptiveState:
-        """The memory before the first control period, the wrapped law's own, of arms at positions p in rad (m if
-        prismatic) and velocities v in rad/s (m/s), (..., r) for r joints; its torque is zero. Raises `InputError` on a
-        wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a configuration that locks
+        """The internal state before the first control period, the wrapped law's own, of arms at positions p in rad (m
+        if prismatic) and velocities v in rad/s (m/s), (..., r) for r joints; its torque is zero. Raises `InputError` on
+        a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a singularity of the
         kinematic loops."""
         return self.of.start(p, v)
 
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) of r joints, N m (N if prismatic), for one control period, that of the last period where it
-        comes late, else the new one, and the wrapped law's memory after it. Measured positions p are in rad (m) and
-        velocities v in rad/s (m/s), (r,); `reference` has positions, velocities and accelerations (r,), in rad (m) and
-        s; `memory` is that of the last control period. Nothing is checked here: `step` checks shapes."""
+        """The torque (r,) of r joints, N m (N if prismatic), for one control period, and the wrapped law's internal
+        state after it. The torque is the wrapped law's for the last period where torques come late, else its new one.
+        Measured positions p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has the desired
+        positions, velocities and accelerations (r,), in rad (m) and s; `memory` is the internal state of the last
+        control period. Nothing is checked here: the method `step` checks shapes."""
         _, after = self.of.law(p, v, reference, memory)
         late = self.late > 0.5
         return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after
@@ -69,8 +70,8 @@ class TrialSetting(NamedTuple):
 
     `bandwidth` (r,) is in 1/s and `damping` (r,) in N m s/rad (N s/m if prismatic); `gain` (P,) is the diagonal of the
     adaptation gain on all P inertial and friction parameters, in their units squared per J, zero for adaptation off.
-    `parameters` (P,) are the arm's true ones, SI units. With `late` True torques come a control period late, by default
-    not.
+    `parameters` (P,) are the arm's true ones, SI units. With `late` True, False by default, torques come a control
+    period late.
     """
 
     bandwidth: Array
@@ -85,11 +86,11 @@ class TrialSetting(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Trials:
     """Trial runs on one `plant` and `reference`: simulated closed loops of Slotine and Li's law, which adapts all P
-    inertial and friction parameters from a first estimate of zero. Arms start at rest, `off` (r,) from the reference's
-    first positions, rad (m if prismatic), for r joints.
+    inertial and friction parameters from an initial estimate of zero. Arms of r joints start at rest; `off` (r,), rad
+    (m if prismatic), are their initial positions less the reference's.
 
     Nothing is learned from a period whose torque was limited. To round-off the law is the same as on a reduced model
-    with the adaptation gain mapped to its parameters. Nothing is checked.
+    with the adaptation gain mapped to that model's parameters. Nothing is checked.
     """
 
     plant: Plant
@@ -98,12 +99,13 @@ class Trials:
 
     @property
     def possible(self) -> bool:
-        """True if the mechanism has at most 100 links, few enough to compile: only then can the trials be run."""
+        """True if the mechanism has at most 100 links, so that native code is made for it: only then can the trials be
+        run."""
         return len(self.plant.mechanism.links) <= LARGEST_COMPILED
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
-        """Simulated runs (`Rollouts`) of `duration` seconds, one for each of the M `settings`, computed side by side in
-        native code; every 50th control period, the first included, is a sample of positions, velocities, torques and
+        """Simulated runs, a `Rollouts`, of `duration` seconds, one for each of the M `settings`, computed together in
+        native code. Every 50th control period, the first included, is a sample of positions, velocities, torques and
         estimates. Raises `InputError` for a mechanism of more than 100 links and a duration below a control period,
         `SingularityError` where kinematic loops cannot be followed to the start."""
         p = self.reference(np.zeros(1)).p[0]

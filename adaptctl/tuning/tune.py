@@ -42,33 +42,35 @@ def tune(
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
-    """A tuning: reference, gains and integration with which Slotine and Li's law learns a mechanism of r joints from
-    zero.
+    """A `Tuning` of a `mechanism` of r joints: a reference, gains and integration with which Slotine and Li's law
+    learns its parameters from zero.
 
     The law is torque = Y estimate - K s, s = v - v_d + Lambda (p - p_d), d estimate/dt = -Gamma Y' s. p and v (r,) are
     positions and velocities, p_d and v_d the reference's, Y (r, P) is the regressor of the P inertial and friction
-    parameters and Y' its transpose; Lambda (1/s) and K (N m s/rad, N s/m) are gains of each joint, Gamma (P, P) is the
-    adaptation gain in the parameters' units squared per J.
+    parameters and Y' its transpose; Lambda (1/s) and K (N m s/rad, N s/m if prismatic) are gains of each joint, Gamma
+    (P, P) is the adaptation gain in the parameters' units squared per J.
 
-    `period` is the control period T (s). The `reference`, unless given, is drawn by `seed` within 60 % of the torque
-    limits; the `initial_error` (rad or m, one number or (r,)), unless given, is 0.1 rad or m, and less where a range or
-    a torque limit is small. Lambda is `bandwidth` (1/s), or less for a joint whose initial error 0.3 of its torque
-    limit brings back no faster. K is the largest, joint by joint, with T lambda_max((M + T B)^-1 K) of at most `hold`
-    (no unit) along the reference: lambda_max is the largest eigenvalue, M the mass matrix and B the viscous friction.
-    Gamma, a diagonal, is half in proportion to the squares of the parameters' prior ranges (greatest plausible errors)
-    and half the same, but scaled link by link to an equal effect on torques, with T lambda_max(K^-1 Y Gamma Y') of
-    `adaptation` (no unit).
+    `period` is the control period T (s), 1 ms by default. The `reference`, unless given, is drawn by `seed` within 60 %
+    of the torque limits; the `initial_error` (rad or m, one number or (r,)), position less the reference's at time 0,
+    unless given, is 0.1 rad or m, and less where a range or a torque limit is small. Lambda is `bandwidth` (1/s), or
+    less for a joint whose initial error 0.3 of its torque limit brings back no faster. K is the largest, joint by
+    joint, with T lambda_max((M + T B)^-1 K) of at most `hold` (no unit) at random positions near the reference, within
+    torque limits: lambda_max is the largest eigenvalue, M the mass matrix and B the viscous friction. Gamma, a
+    diagonal, is half in proportion to the squares of the parameters' prior ranges (greatest plausible errors) and half
+    the same, but scaled link by link to an equal effect on torques, with T lambda_max(K^-1 Y Gamma Y') of `adaptation`
+    (no unit).
 
     `search` is the number of other settings of bandwidth, `hold`, `adaptation` and proportions of Gamma that are tried,
-    of a grid of 48, zero for none. Each is run on links whose ten inertial parameters are 30 % up or down, with torques
-    in time and a period late; the setting is taken whose tracking error (RMS over all joints and the last 2 s, of the
-    worse run) is least. The gains found are verified in closed loop. Mechanisms of more than 100 links, too long to
-    compile, are neither searched nor verified.
+    of a grid of 48, zero, the default, for none. Each is run on links whose ten inertial parameters are 30 % up or
+    down, with torques in time and a period late; the setting is taken whose tracking error (RMS over all joints and the
+    last 2 s, of the worse run) is least. The gains found are verified in closed loop. Mechanisms of more than 100
+    links, for which no native code is made, are neither searched nor verified.
 
     Raises `InputError` for settings that are out of range (above 0 and at most: `period` 0.1, `bandwidth` 1000, `hold`
-    1.5, `adaptation` 1; `search` and `seed` whole numbers of at least 0; `initial_error` finite and of r joints), and
-    for joints that no gains can hold; for a given `reference`, `NonFiniteError` where its points are not finite and
-    `SingularityError` where kinematic loops cannot reach its first one.
+    1.5, `adaptation` 1; `search` and `seed` whole numbers of at least 0; `initial_error` finite and of r joints), for
+    joints that move nothing that has inertia, and where M is not positive definite; for a given `reference`,
+    `NonFiniteError` where its points are not finite and `SingularityError` where kinematic loops cannot be closed at
+    its first one.
     """
     period, bandwidth = _positive("period", period, 0.1), _positive("bandwidth", bandwidth, 1e3)
     hold, adaptation = _positive("hold", hold, 1.5), _positive("adaptation", adaptation, 1.0)

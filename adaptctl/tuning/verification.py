@@ -26,14 +26,14 @@ LINKS_OFF = 0.3
 
 @dataclass(frozen=True)
 class Verification:
-    """Tracking errors of a verifying run of 20 s with the gains found, and of the same run with adaptation off; rad or
-    m, RMS over all joints and a stretch of time. Nothing is checked.
+    """Tracking errors of a simulated run of 20 s with a tuning's gains, and of the same run with adaptation off, in rad
+    (m if prismatic), RMS over all joints and an interval of time. Nothing is checked.
 
     `name` is the run: "as described", "torque late" (by a control period), "links off" (each link's ten inertial
     parameters 30 % up or down) or "both". `first` is the error over the first second, `last` that over the last two,
-    and `off` that over the last two with adaptation off, infinite where the arm then strayed by 1 rad or m. `largest`
-    is the largest magnitude of any joint's error at any time, not RMS. `limited` is the share, 0 to 1, of the second
-    half of the run in which a torque was at its limit. Errors are infinite in a run that was not finite.
+    and `off` that over the last two with adaptation off, infinite where an error then reached 1 rad (m). `largest` is
+    the largest magnitude of any joint's error at any time, not RMS. `limited` is the fraction, 0 to 1, of the samples
+    in the second half of the run in which a torque was at its limit. Errors are infinite in a run that was not finite.
     """
 
     name: str
@@ -42,23 +42,24 @@ class Verification:
     last: float
     """over the last two"""
     off: float
-    """the last, with adaptation off; infinite where that fell"""
+    """the last, with adaptation off; infinite where an error then reached 1 rad or m"""
     largest: float
     """error of any joint at any time"""
     limited: float
-    """share of the second half of the run in which a torque was at its limit"""
+    """fraction of the second half of the run in which a torque was at its limit"""
 
     @property
     def stayed(self) -> bool:
-        """True if no joint's tracking error reached 1 rad or m, and in at most 5 % of the second half of the run a
-        torque was at its limit."""
+        """True if no joint's tracking error reached 1 rad (m if prismatic) in the run, and a torque was at its limit in
+        at most 5 % of its second half."""
         return self.largest < ASTRAY and self.limited <= CLIPPED
 
     @property
     def learns(self) -> bool:
-        """True if the run stayed near the reference (no joint's error reached 1 rad or m, and in at most 5 % of its
-        second half a torque was at its limit), and the RMS tracking error of its last 2 s is at most a third of that of
-        its first second and of that of the last 2 s with adaptation off."""
+        """True if the run stayed near the reference and its error became small. It stayed near if no joint's tracking
+        error reached 1 rad (m if prismatic) and a torque was at its limit in at most 5 % of the second half. The RMS
+        tracking error over all joints and the last 2 s must be at most a third of that of the first second and of that
+        of the last 2 s with adaptation off."""
         return self.stayed and self.last <= LEARNED * min(self.first, self.off)
 
     def __str__(self) -> str:
@@ -71,8 +72,8 @@ class Verification:
 
 
 def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple[Verification, ...]:
-    """Verifications (a tuple of four) of tracking gains `gains` and an adaptation gain, `gain` (P,), its diagonal on
-    all P inertial and friction parameters in their units squared per J.
+    """Verifications, a tuple of four `Verification`, of tracking `gains` and of an adaptation gain with the diagonal
+    `gain` (P,) on all P inertial and friction parameters, in their units squared per J.
 
     They are runs of 20 s, in this order: of the arm as described; with torques a control period late; with the ten
     inertial parameters of each link 30 % up or down, drawn by `seed`, a whole number of at least 0; and with both. Each
@@ -99,10 +100,10 @@ def _verified(runs: Rollouts, names: list[str], trials: Trials) -> Iterator[Veri
 
 
 def measures(runs: Rollouts, limits: Array) -> tuple[Array, Array, Array, Array]:
-    """Four arrays (M,) that judge M simulated runs: the tracking error (RMS over all joints) of the first second, that
-    of the last 2 s, and the largest error of any joint at any time, all in rad (m if prismatic) and infinite where a
-    run was not finite; and the share, 0 to 1, of samples in the second half in which a torque was at its limit.
-    `limits` (r,) are the torque limits of the r joints, N m (N). Nothing is checked."""
+    """Four arrays (M,) that judge M simulated `runs`. They are the tracking error (RMS over all joints) of the first
+    second, that of the last 2 s, and the largest error of any joint at any time, all in rad (m if prismatic) and
+    infinite where a run was not finite; and the fraction, 0 to 1, of samples in the second half in which a torque was
+    at its limit. `limits` (r,) are the torque limits of the r joints, N m (N). Nothing is checked."""
     finite = runs.finite
     squares = np.where(finite, np.mean(np.where(finite[:, None], runs.error, 0.0) ** 2, axis=-1), np.inf)
     time = runs.time

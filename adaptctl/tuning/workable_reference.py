@@ -39,34 +39,34 @@ HIGHEST = 0.95
 
 
 class WorkableReference(NamedTuple):
-    """Record of a reference for r joints, `reference`, and of the shares of the torque limits that it asks for, (r,)
-    each without a unit. Nothing is checked.
+    """Record of a reference for r joints, `reference`, and of the fractions of the torque limits that it asks for. All
+    are (r,), without a unit. Nothing is checked.
 
-    `static` is the share that gravity and Coulomb friction ask at its centre (the position at time 0 of one that was
-    given), at rest; `asked` is the peak share, at 201 times of the first 20 s of following it, infinite where kinematic
-    loops cannot; `reduced` is the reference's amplitude over that which positions and speeds would allow, 1 where
-    torques did not make it smaller and for a reference that was given.
+    `static` is the fraction that gravity and Coulomb friction ask for at rest, at the reference's centre (its position
+    at time 0 if it was given); `asked` is the peak, at 201 times of the first 20 s of following it, infinite where
+    kinematic loops cannot be closed on it; `reduced` is the reference's amplitude over that which positions and speeds
+    would allow, 1 where torques did not make it smaller and for a reference that was given.
     """
 
     reference: Reference
     static: Array
-    """(r,) share of the torque limits that gravity and Coulomb friction ask at its centre"""
+    """(r,) fraction of the torque limits that gravity and Coulomb friction ask at its centre"""
     asked: Array
-    """(r,) largest share of the torque limits that following it asks"""
+    """(r,) largest fraction of the torque limits that following it asks"""
     reduced: Array
     """(r,) amplitude over the one that positions and speeds would allow"""
 
 
 def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> WorkableReference:
-    """A reference of sinusoids for the mechanism's r joints that asks for at most 0.6 of the torque limits `limits`
-    (r,), N m (N if prismatic), more where rest asks much, about a centre where gravity asks little, with the shares
-    that it asks: a `WorkableReference`.
+    """A `WorkableReference` for the `mechanism`'s r joints: sinusoids that ask for at most 0.6 of the torque limits, or
+    more where rest asks for much, about a centre where gravity asks for little. `limits` (r,) are the torque limits, N
+    m (N if prismatic).
 
     Frequencies, from 0.1 to 0.25 Hz, and amplitudes, up to 0.5 rad (m), are drawn by `seed`, a whole number of at least
-    0; the smooth start takes 2 s. Joints are moved less until each asks for at most the share (1 + x)/2 of its limit,
-    at its peak in the first 20 s, taken as 0.6 if less and as 0.95 if more: x is its share at rest, of gravity and
-    Coulomb friction. A joint of which gravity alone asks more is held still. Fitting ends after 40 rounds. Nothing is
-    checked.
+    0, the same for equal seeds; the smooth start takes 2 s. Amplitudes are made smaller until each joint asks for at
+    most the fraction (1 + x)/2 of its limit, at its peak in the first 20 s, taken as 0.6 if less and as 0.95 if more: x
+    is the fraction that gravity and Coulomb friction ask for at rest. A joint of which gravity alone asks more does not
+    move. Fitting ends after 40 rounds. Nothing is checked.
     """
     rng = np.random.default_rng(seed)
     lower, upper = motion_ranges(mechanism)
@@ -82,12 +82,13 @@ def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> Workab
 
 
 def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) -> WorkableReference:
-    """A `WorkableReference` of the `reference` given, for the mechanism's r joints: with the shares (r,), no unit, that
-    it asks of the torque limits `limits` (r,), N m (N if prismatic). `asked` is the peak, at 201 times of its first 20
-    s, of the size of each joint's torque over its limit, infinite where kinematic loops cannot follow; `static` is the
-    same for gravity and Coulomb friction at rest at the position at time 0; `reduced` is ones (r,), no amplitude being
-    made smaller. Raises `InputError` where the reference's points do not fit the joints, `NonFiniteError` where they
-    are not finite, `SingularityError` where kinematic loops cannot reach the first."""
+    """A `WorkableReference` of the `reference` given, for the `mechanism`'s r joints: with the fractions (r,), no unit,
+    that it asks for of the torque limits `limits` (r,), N m (N if prismatic). `asked` is the peak, at 201 times of its
+    first 20 s, of the magnitude of each joint's torque over its limit, infinite where kinematic loops cannot be closed
+    on it; `static` is the same for gravity and Coulomb friction at rest at the position at time 0; `reduced` is ones
+    (r,), no amplitude being made smaller. Raises `InputError` where the reference's points do not fit the joints,
+    `NonFiniteError` where they are not finite, `SingularityError` where kinematic loops cannot be closed at the
+    first."""
     center = reference(np.zeros(1)).p[0]
     asked = _asked(mechanism, limits, reference)
     return WorkableReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))

@@ -21,11 +21,12 @@ Steps = NDArray[np.int64]
 
 
 class ArmReferences:
-    """References of N arms of r joints, one each, sampled at every control period (s) and at L look-ahead times (s):
-    those that are sums of sinusoids (`Sinusoids`) by their numbers, for native code, others by rows of samples.
+    """References of N arms of r joints, one each, evaluated at every control period (s) and at L look-ahead times (s):
+    those that are sums of sinusoids (`Sinusoids`) in native code from their amplitudes, frequencies and phases, others
+    from rows of samples.
 
     `arms` is N and `dof` r; `control_period` is in s; `look_ahead` (L,) are the times ahead, s. The attribute `of`
-    lists the arms' references, None until `put` gives them. Nothing is checked at construction.
+    lists the arms' references, None until `put` sets them. Nothing is checked at construction.
     """
 
     def __init__(self, arms: int, dof: int, control_period: float, look_ahead: Array) -> None:
@@ -35,10 +36,11 @@ class ArmReferences:
         self._groups: list[tuple[Steps, Preview]] = []
 
     def put(self, arms: Steps, references: Sequence[Reference]) -> None:
-        """Give the arms of indices `arms` (k,) the k `references`, callables from times (s) to a `ReferencePoint`.
-        Raises `InputError` for `Sinusoids` of another number of joints, naming the arm, and `ValueError` where there
-        are not k of them. Where not all arms then have `Sinusoids`, all references are sampled at once, which raises
-        `InputError` for results of a wrong shape and `NonFiniteError` for NaN and infinity."""
+        """Set the references of the arms of indices `arms` (k,), zero-based, to the k `references`, callables from
+        times (s) to a `ReferencePoint`; nothing is returned. Raises `InputError`, naming the arm, for `Sinusoids` of
+        another number of joints, and `ValueError` where there are not k references. Where then some arm has another
+        kind of reference than `Sinusoids`, all references are sampled at once, which raises `InputError` for results of
+        a wrong shape and `NonFiniteError` for NaN and infinity."""
         for arm, reference in zip(arms.tolist(), references, strict=True):
             if isinstance(reference, Sinusoids) and len(reference.center) != self._dof:
                 raise InputError(f"reference: expected {self._dof} joints, got {len(reference.center)} for arm {arm}")
@@ -48,26 +50,27 @@ class ArmReferences:
 
     @property
     def terms(self) -> int:
-        """The largest number of sinusoids that a reference sums in each joint; 0 where not all arms have `Sinusoids` as
-        their reference, so that `rows` of samples are needed."""
+        """Largest number of sinusoids that an arm's reference sums in each joint; 0 where not all arms have `Sinusoids`
+        as their reference, so that rows of samples are needed."""
         return int(self._terms.max()) if self._terms.all() else 0
 
     def numbers(self, arms: Steps, terms: int) -> SinusoidNumbers:
-        """The `SinusoidNumbers` of the arms of indices `arms` (k,), r joints each: center (k, r), rad (m), amplitude,
-        rad (m), frequency, Hz, and phase, rad, each (k, r `terms`) with the r numbers of the first sinusoid first, and
-        start_time (k, 1), s. Each reference has as many sinusoids a joint as `terms` says, the missing ones with
-        amplitude 0. All k arms must have `Sinusoids`, else `KeyError` is raised; `ValueError` for fewer `terms` than
-        one of them has."""
+        """Parameters of the sinusoids of the arms of indices `arms` (k,), zero-based, r joints each, a
+        `SinusoidNumbers`: center (k, r), rad (m), amplitude, rad (m), frequency, Hz, and phase, rad, each (k, r
+        `terms`) with the r numbers of the first sinusoid first, and start_time (k, 1), s. Each reference has `terms`
+        sinusoids a joint, the missing ones with amplitude 0. Raises `KeyError` unless all k arms have `Sinusoids`,
+        `ValueError` for fewer `terms` than one of them has."""
         return SinusoidForm(self._dof, terms).numbers([self.of[arm] for arm in arms.tolist()])
 
     def rows(self, arms: Steps, steps: Steps) -> Array:
-        """Rows (k, 3r + r L) of the references of the arms of indices `arms` (k,) at control periods number `steps`
-        (k,), counted from the episode's start: positions, velocities and accelerations then, r each, and the positions
-        at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic).
+        """Values (k, 3r + r L) of the references of the arms of indices `arms` (k,), zero-based, a row an arm, at the
+        control periods of numbers `steps` (k,), counted from 0 at the episode's start: positions, velocities and
+        accelerations at that time, r each, then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2
+        (m if prismatic).
 
-        Raises `NotFoundError`, naming the arm, for arms without samples: those whose reference has not been `put`, and
-        all where the property `terms` is not 0; and what sampling the references raises: `InputError` for a wrong
-        shape, `NonFiniteError` for NaN and infinity.
+        Raises `NotFoundError`, naming the arm, for arms without samples: those whose reference has not been set by
+        `put`, and all where the property `terms` is not 0; and what sampling the references raises: `InputError` for a
+        wrong shape, `NonFiniteError` for NaN and infinity.
         """
         rows = np.empty((len(self.of), (3 + len(self._look_ahead)) * self._dof))
         chosen = np.zeros(len(self.of), dtype=np.bool_)

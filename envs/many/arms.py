@@ -31,15 +31,15 @@ Flags = NDArray[np.bool_]
 
 @dataclass(slots=True)
 class StepResult:
-    """The results of a control period, or of the beginning of an episode, of k arms of r joints, as arrays with a row
-    for each arm.
+    """Results of a control period, or of the beginning of an episode, of k arms of r joints, as arrays with a row for
+    each arm.
 
-    `observation` (k, n), n numbers an arm, in the environment's units; `reward` (k,), no unit; `terminated` and
+    `observation` (k, n), n numbers an arm, in the environment's units; `reward` (k,), unitless; `terminated` and
     `truncated` (k,), bools, the two ways in which an episode ends; `time` (k,), s since the reset; `energy` (k,),
-    kinetic plus potential, J; `clipped` (k,), how many steps since the reset had a torque clipped; `p` and `v` (k, r),
-    the true positions, rad (m), and velocities, rad/s (m/s), not those measured; `torque` (k, r), N m (N), that reached
-    the joints; `marks` (k, m), 1 for each of the m actuator effects named in `Plant.marks` that changed a torque, else
-    0. Nothing is checked.
+    kinetic plus potential, J; `clipped` (k,), the number of control periods since the reset in which a torque was
+    clipped; `p` and `v` (k, r), the true positions, rad (m if prismatic), and velocities, rad/s (m/s), not those
+    measured; `torque` (k, r), N m (N), as applied at the joints; `marks` (k, m), flags of the m actuator effects named
+    in `Plant.marks`, 1 where the effect changed a torque, else 0. Nothing is checked.
     """
 
     observation: Array
@@ -58,25 +58,25 @@ class StepResult:
     """(k, m) of `Plant.marks`"""
 
     def copy(self) -> StepResult:
-        """The same results as a new `StepResult`, whose arrays are copies."""
+        """Copy of this object, a new `StepResult` whose arrays are copies."""
         return StepResult(*(getattr(self, field.name).copy() for field in fields(self)))
 
     def put(self, arms: Numbers, others: StepResult) -> None:
-        """Replace the rows of the arms of indices `arms` (k,) by the k rows of `others`, in place. Nothing is returned;
-        NumPy raises `IndexError` or `ValueError` for indices and rows that do not fit."""
+        """Replace the rows of the arms of indices `arms` (k,), zero-based, by the k rows of `others`, in place; nothing
+        is returned. NumPy raises `IndexError` or `ValueError` for indices and rows that do not fit."""
         for field in fields(self):
             getattr(self, field.name)[arms] = getattr(others, field.name)
 
 
 class Arms:
-    """The state of N arms, each as in an environment like `single`, a `TrackingEnv`: they take their control periods
-    together in native code (`advance`), and an arm's episode begins by call (`begin`).
+    """State of N arms, each as in a `TrackingEnv` with the settings of `single`: the method `advance` takes a control
+    period of all arms together in native code, the method `begin` starts new episodes of some.
 
-    `count` is N; `precision`, "double" or "single", is that of the native code. Attributes: `steps` and `clipped` (N,),
-    control periods since the reset and those with a clipped torque; `parameters` (N, P), the P true inertial parameters
-    now, payloads included, SI units, in the order of `Mechanism.parameter_names`, read-only; `payload` (N,), the mass
-    in kg that load effects add. Raises `InputError` for another precision, and where single precision cannot close the
-    mechanism's loops.
+    `count` is N; `precision`, "double" by default or "single", is that of the native code. Attributes: `steps` and
+    `clipped` (N,), the numbers of control periods since the reset and of those with a clipped torque; `parameters` (N,
+    P), the P true inertial parameters now, payloads included, SI units, in the order of `Mechanism.parameter_names`,
+    read-only; `payload` (N,), the mass in kg that load effects add. Raises `InputError` for another precision, and
+    where single precision cannot close the mechanism's loops.
     """
 
     def __init__(self, single: TrackingEnv, count: int, precision: Precision = "double") -> None:
@@ -99,14 +99,15 @@ class Arms:
         self._kernels: dict[int, Kernel] = {}
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> StepResult:
-        """The first results, a `StepResult` of k rows, of new episodes of the arms of indices `arms` (k,). `options`
-        may have `payload`, kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`, `trajectory`, a
-        `Reference`, a seed or "random", `initial_error`, one number or (r,), for N of them (N, r), rad (m), and
-        `parameters`, the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`: one value for all
-        N arms or N of them; others are not looked at, and what is missing is that of the single environment.
+        """First results, a `StepResult` of k rows, of new episodes of the arms of indices `arms` (k,), zero-based,
+        which this call begins. `options` may have `payload` (kg, a `Payload` or a mapping of its fields `mass`,
+        `center` and `inertia`), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number, (r,) or
+        (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true inertial ones, SI units, in the order
+        of `Mechanism.parameter_names`: one value for all N arms or N of them. Other entries are ignored, and what is
+        missing is that of the single environment.
 
-        Raises `InputError` for a bad value, of these `NonFiniteError` for numbers that are not finite, naming the arm,
-        and `SingularityError` where loops cannot be followed to the start.
+        Raises `InputError`, naming the arm, for a bad value (its subclass `NonFiniteError` for numbers that are not
+        finite), and `SingularityError` where loops cannot be followed to the start.
         """
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
@@ -128,10 +129,12 @@ class Arms:
         return StepResult(observation, zero, never, never, zero, energy, self.clipped[arms], p, v, torque, state.marks)
 
     def advance(self, torque: Array, moving: Numbers) -> StepResult:
-        """The results, a `StepResult` of N rows, of one control period of all N arms under torques `torque` (N, r), N m
-        (N), clipped to the torque limits and held. `moving` are the indices of the arms that count: rows of others mean
-        nothing. Raises `InputError` for torques that do not broadcast to (N, r), `NonFiniteError`, naming the arm and
-        the time, where the motion of a moving arm runs away; NaN in the torques is not looked for."""
+        """Results, a `StepResult` of N rows, of one control period, by which this call advances all N arms under the
+        torques `torque` (N, r), N m (N if prismatic), clipped to the torque limits and held. `moving` are the indices,
+        zero-based, of the arms whose rows count; rows of other arms are arbitrary. Raises `InputError` for torques that
+        do not broadcast to (N, r), `NonFiniteError`, naming the arm and the time, where the motion of a moving arm
+        diverges: its positions and velocities are not finite, or their squares sum to 1e300 or more. Torques are not
+        checked for NaN."""
         self.steps += 1
         time = np.asarray(self.single.control_period * self.steps, dtype=np.float64)
         self._give(torque, time, moving)
@@ -164,15 +167,15 @@ class Arms:
 
     @property
     def rows(self) -> Array:
-        """Rows (N, 3r + r L) of the references of all N arms now: positions, velocities and accelerations of r joints,
-        then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic). To be read after
-        all arms have begun; before, `NotFoundError` is raised, naming one that has not."""
+        """Values (N, 3r + r L) of the references of all N arms now, a row an arm: positions, velocities and
+        accelerations of r joints, then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if
+        prismatic). Raises `NotFoundError`, naming an arm, before all arms have begun an episode."""
         return self._row(self.all)
 
     @property
     def positions(self) -> Array:
-        """The true positions (N, r) of the r primary joints of all N arms now, rad (m if prismatic). To be read after
-        arms have begun; before, `KeyError` is raised."""
+        """True positions (N, r) of the r primary (independent) joints of all N arms now, rad (m if prismatic). Raises
+        `KeyError` before an arm has begun an episode."""
         return self.single.plant.positions(self._lanes.state["q"])
 
     def _follow(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> None:

@@ -20,16 +20,16 @@ from adaptctl.simulation.rollout import PARTS
 
 
 class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """Base class of vector environments of N arms that a controller drives, and in which actions (N, a), no unit, in
-    [-1, 1], change what it does: `ResidualVectorEnv` and `TuningVectorEnv`. Each arm has a state of the controller of
-    its own, which begins anew with each episode.
+    """Base class of vector environments of N arms that a controller drives, and in which actions (N, a), unitless, in
+    [-1, 1], change the controller's torques or gains: `ResidualVectorEnv` and `TuningVectorEnv`. Each arm has its own
+    controller state, which is initialised anew with each episode.
 
     `env` is a `VectorTrackingEnv`, without wrappers; `controller` the `Controller`; `actions` the number a of actions
-    of one arm. Observations are those of `env`. A subclass defines what actions do by `_torques(actions)`: from actions
-    (N, a), finite ones, the torques (N, r) of the next control period on r joints, N m (N), and a dict that is added to
-    `info`. It takes the controller's state from `_memory` and positions, velocities and reference, (N, r) each, from
-    `_seen`, and puts the next state into `_memory`. Raises `InputError` for another environment, what is no controller,
-    and one for another number of joints.
+    of one arm. Observations are those of `env`. A subclass defines what actions do by `_torques(actions)`: from finite
+    actions (N, a) it returns the torques (N, r) of the next control period on r joints, N m (N if prismatic), and a
+    dict that is added to `info`. It takes the controller's state from `_memory` and positions, velocities and
+    reference, (N, r) each, from `_seen`, and puts the next state into `_memory`. Raises `InputError` for another
+    environment, a `controller` that is no `Controller`, and one for another number of joints.
     """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
@@ -50,18 +50,19 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), n numbers an arm, in the environment's units and in the order of its
-        `observation_slices`, and `info`, that of `VectorTrackingEnv.reset`, of all N arms, after an episode of every
-        arm has begun, or, with `autoreset_mode` "Disabled", of those in the option `reset_mask`, bools (N,); the
-        controller's state of these arms is made anew.
+        """First observations (N, n), n numbers an arm, in the environment's units and in the order of its
+        `observation_slices`, and `info`, that of `VectorTrackingEnv.reset`, of new episodes of all N arms, which this
+        call begins with new initial states of the controller; with `autoreset_mode` "Disabled" only of the arms in the
+        option `reset_mask`, bools (N,).
 
-        `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
-        `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a
-        `Reference`, a seed or "random"), `initial_error` (one number or (r,), for one each (N, r), rad or m) and the P
-        true inertial `parameters` (P,), SI units, in the order of `Mechanism.parameter_names`, for all arms or one
-        each, None for none. Raises `InputError` for bad seeds and options (its subclasses `NotFoundError` for unknown
-        options, `NonFiniteError` for numbers that are not finite), `SingularityError` where loops cannot be followed to
-        the start, Gymnasium's `ResetNeeded` for a part of the arms before the first reset of all.
+        `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, and None lets the random numbers go
+        on. `options`, None for none, are those of `VectorTrackingEnv.reset`, for all arms or one each: `payload` (kg, a
+        `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or
+        "random"), `initial_error` (one number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P),
+        the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad
+        seeds and options (its subclasses `NotFoundError` for unknown options, `NonFiniteError` for numbers that are not
+        finite), `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of
+        the arms before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
         begun = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
@@ -70,17 +71,19 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         return observations, info
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Observations (N, n), n numbers an arm, in the environment's units and in the order of its
-        `observation_slices`, rewards (no unit), `terminated` and `truncated`, bools, (N,) each, and `info` after one
-        control period of all N arms under each one's own controller, changed by the actions (N, a), no unit, in [-1,
-        1], as the subclass defines. Rewards and ends are those of `VectorTrackingEnv.step`: terminated where a joint's
-        error passes its bound or kinematic loops come near a singularity or leave bounds that the robot's file states,
-        truncated where the duration is over. `info` has that environment's keys and the subclass's, `base_torque` or
-        `gains`. Actions of arms that begin again do not matter, but are checked.
+        """Observations (N, n), rewards (N,), unitless, `terminated` and `truncated`, bools (N,), and `info` after one
+        control period, by which this call advances all N arms, each under its own controller. Actions (N, a), unitless,
+        in [-1, 1], change the controllers' torques or gains as the subclass defines. Observations have n numbers an
+        arm, in the environment's units and in the order of its `observation_slices`.
 
-        Raises `InputError` on a wrong shape and `NonFiniteError` on NaN and infinity, naming number and arm, before
-        anything has moved; `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded`
-        before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is over.
+        Rewards and ends are those of `VectorTrackingEnv.step`: terminated where a joint's error passes its bound or
+        kinematic loops come near a singularity (the smallest singular value of their closure Jacobian below 0.05 of
+        that at the reference configuration) or leave bounds that the robot's file states, truncated where the duration
+        is over. `info` has that environment's keys and the subclass's, `base_torque` or `gains`. Actions of arms that
+        begin a new episode in this step have no effect, but are checked. Raises `InputError` on a wrong shape and
+        `NonFiniteError` on NaN and infinity, naming number and arm, before anything has moved; `NonFiniteError`, naming
+        the arm, for a motion that diverges to non-finite values; Gymnasium's `ResetNeeded` before the first reset, and
+        with `autoreset_mode` "Disabled" where an arm's episode is over.
         """
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
@@ -115,8 +118,8 @@ def require_controller(given: object) -> None:
 
 def finite_actions(given: Any, space: gymnasium.Space[Any]) -> Array:
     """The actions `given` as a float64 array of the shape of `space`, a Gymnasium space, in their own unit; they are
-    not clipped to its bounds. Raises `InputError` for another shape and what are no numbers, `NonFiniteError` on NaN
-    and infinity, naming the number's index and, of many arms, the arm."""
+    not clipped to its bounds. Raises `InputError` for another shape and for entries that are no numbers,
+    `NonFiniteError`, naming the index and, of many arms, the arm, on NaN and infinity."""
     actions = numbers(given, "action", f"of shape {space.shape}")
     if actions.shape != space.shape:
         raise InputError(f"action: expected shape {space.shape}, got {actions.shape}")

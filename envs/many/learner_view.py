@@ -17,15 +17,15 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """A view of a vector environment of adaptctl with N arms, in wrappers or not, for learners that take one flag
-    `done` for both kinds of an episode's end: actions (N, a) in [-1, 1], no unit, are shares of the largest action,
-    such as torque limits, and infos one dictionary an arm.
+    """Adapter of a vector environment of adaptctl with N arms, in wrappers or not, for learners that take one flag
+    `done` for both kinds of an episode's end. Actions (N, a) are scaled to [-1, 1], fractions of the largest action,
+    such as the torque limits, and infos are one dictionary an arm.
 
-    `env` is the environment; `observation_space`, n numbers, and `action_space`, a numbers, are those of one arm.
-    `done` (N,) is terminated or truncated. The info of an arm that is done has `terminal_observation` (n,), the last of
-    the episode that ended, and `TimeLimit.truncated`, True if it ended by its duration alone; other infos are empty,
-    since what is not asked for costs more than the step. The observation is then the first of the next episode. Raises
-    `InputError` for another vector environment, and one whose `autoreset_mode` is not "SameStep".
+    `env` is the environment; the attributes `observation_space`, of n numbers, and `action_space`, of a numbers, are
+    those of one arm. `done` (N,) is terminated or truncated. The info of an arm that is done has `terminal_observation`
+    (n,), the last of the episode that ended, and `TimeLimit.truncated`, True if it ended by its duration alone; other
+    infos are empty, to save time. The observation is then the first of the next episode. Raises `InputError` for
+    another vector environment, and for one whose `autoreset_mode` is not "SameStep".
     """
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
@@ -44,15 +44,17 @@ class LearnerView:
         self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """The first observations (N, n), n numbers an arm, in the order and the units of the environment's own, of an
-        episode of each of the N arms. `seeds` and `options` have N entries each: an arm's seed, None to go on with its
-        random numbers, and its options, those of `TrackingEnv.reset` (`payload`, kg, a `Payload` or a mapping of its
-        fields `mass`, `center` and `inertia`; `trajectory`, a `Reference`, a seed or "random"; `initial_error`, one
-        number or (r,), rad (m); `parameters` (P,), the P true inertial ones, SI units, in the order of
-        `Mechanism.parameter_names`), of the same names for all arms. Raises `InputError` for a bad seed or option, for
-        another number of seeds or options than N, and for options whose names differ from arm to arm (its subclasses
-        `NotFoundError` for an option that there is not, `NonFiniteError` for numbers that are not finite);
-        `SingularityError` where loops cannot be followed to the start."""
+        """First observations (N, n), n numbers an arm, in the order and the units of the environment's own, of new
+        episodes of all N arms, which this call begins. `seeds` and `options` have N entries each: an arm's seed, None
+        to go on with its random numbers, and its options, of the same names for all arms. These are those of
+        `TrackingEnv.reset`: `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`),
+        `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and
+        `parameters` (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`.
+
+        Raises `InputError` for a bad seed or option, for another number of seeds or options than N, and for options
+        whose names differ from arm to arm (its subclasses `NotFoundError` for an unknown option, `NonFiniteError` for
+        numbers that are not finite); `SingularityError` where loops cannot be followed to the start.
+        """
         count = self.env.num_envs
         listed = isinstance(options, Sequence) and all(isinstance(own, Mapping) for own in options)
         if not listed or len(options) != count:
@@ -70,12 +72,16 @@ class LearnerView:
         return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations (N, n), n numbers an arm, in the order and the units of the environment's own, rewards (N,), no
-        unit, bools done (N,), terminated or truncated, and a list of N infos, one an arm, after one control period of
-        the N arms under actions (N, a), a numbers an arm in [-1, 1], shares of the largest action, such as torque
-        limits, not clipped here. An arm that is done has begun its next episode; its info has `terminal_observation`
-        (n,) and `TimeLimit.truncated`, others are empty. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN
-        and infinity and where a motion runs away, Gymnasium's `ResetNeeded` before the first reset."""
+        """Observations (N, n), rewards (N,), unitless, flags done (N,), True where an episode is terminated or
+        truncated, and a list of N infos, one dictionary an arm, after one control period, by which this call advances
+        the N arms. Observations have n numbers an arm, in the order and the units of the environment's own. Actions (N,
+        a), a numbers an arm in [-1, 1], are fractions of the largest action, such as the torque limits, and are not
+        clipped here.
+
+        An arm that is done has begun its next episode; its info has `terminal_observation` (n,) and
+        `TimeLimit.truncated`, others are empty. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and
+        infinity and where a motion diverges to non-finite values, Gymnasium's `ResetNeeded` before the first reset.
+        """
         scaled = finite_actions(actions, self.env.action_space) * self._largest
         observation, reward, terminated, truncated, info = self.env.step(scaled)
         done: NDArray[np.bool_] = terminated | truncated

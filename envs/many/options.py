@@ -16,18 +16,18 @@ from adaptctl.simulation.effects import Payload
 
 @dataclass(frozen=True)
 class ArmOptions:
-    """The options of a reset for k arms chosen among N: from values for all arms, or one for each of the N, those of
-    the chosen ones. `total` is N, `arms` (k,) are the chosen arms' indices. An option is one value for all, or N of
-    them: an array with a leading axis of N, or a list or tuple. Nothing is checked at construction."""
+    """Reader of the options of a reset for k arms chosen among N: it takes each option's values of the chosen arms from
+    one value for all arms, or from N of them, an array with a leading axis of N, a list or a tuple. `total` is N,
+    `arms` (k,) are the chosen arms' indices, zero-based. Nothing is checked at construction."""
 
     total: int
     arms: NDArray[np.int64]
 
     def numbers(self, values: ArrayLike, size: int, what: str) -> Array:
-        """Numbers for each of the k chosen arms, an array (k, `size`), from `values`: one number, `size` of them for
-        all arms, or (N, `size`), a row for each of all N arms, in a unit of the caller's. `what` is the option's name
-        in messages. Raises `InputError` for another shape and what are no numbers, `NonFiniteError`, naming the arm, on
-        NaN and infinity in the chosen rows."""
+        """Numbers (k, `size`) of an option, a row for each of the k chosen arms, from `values`: one number, `size` of
+        them for all arms, or (N, `size`), a row for each of all N arms; the unit is the option's. `what` is the
+        option's name in messages. Raises `InputError` for another shape and for entries that are no numbers,
+        `NonFiniteError`, naming the arm, on NaN and infinity in the chosen rows."""
         array = numbers(values, what)
         if array.shape not in ((), (size,), (self.total, size)):
             raise InputError(
@@ -41,9 +41,9 @@ class ArmOptions:
         return rows
 
     def each(self, values: Any, what: str) -> Sequence[Any]:
-        """A sequence of k values of any kind, one for each of the chosen arms, from `values`: a list, a tuple or an
+        """Values of an option, of any kind, one for each of the k chosen arms, from `values`: a list, a tuple or an
         array (N,), one for each of all N arms, or else one value for all. `what` is the option's name in messages.
-        Raises `InputError` for a list, tuple or array of another number of them than N."""
+        Raises `InputError` for a list, tuple or array whose length is not N."""
         if isinstance(values, np.ndarray) and values.ndim == 1:
             values = values.tolist()
         if not isinstance(values, list | tuple):
@@ -53,15 +53,15 @@ class ArmOptions:
         return [values[arm] for arm in self.arms.tolist()]
 
     def parameters(self, options: Mapping[str, Any], own: Array, link: int) -> Array:
-        """The P true inertial parameters of each of the k chosen arms (k, P), SI units, in the order of
-        `Mechanism.parameter_names`: the option `parameters`, P numbers for all arms or (N, P) for all N, or else the
-        mechanism's `own` (P,), with the option `payload` added to the body of index `link`: a mass in kg, a mapping
-        with `mass`, kg, `center` (3,), m, in that body's frame, and `inertia` (3, 3), kg m^2, about it, or a `Payload`,
-        one or N of them.
+        """True inertial parameters (k, P), SI units, of the k chosen arms, in the order of `Mechanism.parameter_names`:
+        the option `parameters`, P numbers for all arms or (N, P) for all N, or else the mechanism's `own` (P,), to
+        which the option `payload` is added at the body of index `link`, from 0. A payload, one for all or N of them, is
+        a mass in kg, a mapping with `mass`, kg, `center` (3,), m, in that body's frame, and `inertia` (3, 3), kg m^2,
+        about that centre, or a `Payload`.
 
-        `options` maps names to values; others are not looked at. Raises `InputError` on a wrong shape, another number
-        of payloads than one or N, and for what is no payload, naming the arm; of these `NotFoundError` for an unknown
-        entry of a payload; `NonFiniteError`, naming the arm, for parameters that are not finite.
+        `options` maps names to values; other entries are ignored. Raises `InputError` on a wrong shape, for another
+        number of payloads than one or N, and, naming the arm, for what is no payload (its subclass `NotFoundError` for
+        an unknown entry of a payload); `NonFiniteError`, naming the arm, for parameters that are not finite.
         """
         rows = self.numbers(options.get("parameters", own), own.size, "parameters")
         if "payload" not in options:

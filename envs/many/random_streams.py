@@ -15,11 +15,11 @@ BLOCK = 32
 
 
 class ArmStreams:
-    """Streams of standard normal random numbers for many arms: each arm has a NumPy generator of its own, and takes
-    rows of `width` numbers from it, one a draw. `arms` is the number of arms.
+    """Streams of standard normal random numbers for many arms: each of `arms` arms has a NumPy generator of its own,
+    from which rows of `width` numbers are drawn.
 
-    Rows are drawn in blocks, which is faster; the numbers are those that single draws would give. An arm without a seed
-    gets a random one. Nothing is checked at construction.
+    Rows are drawn in blocks, which is faster; the numbers are those that single draws would give, the same for the same
+    seed. An arm without a seed gets a random one. Nothing is checked at construction.
     """
 
     def __init__(self, arms: int, width: int) -> None:
@@ -31,14 +31,14 @@ class ArmStreams:
         self._used = np.full(arms, BLOCK)
 
     def seed(self, arm: int, seed: int) -> None:
-        """Restart the stream of the arm of index `arm` from `seed`, an int of at least 0; the generator is made when it
-        is first needed, which raises Gymnasium's `Error` for another seed. Nothing is returned."""
+        """Restart the stream of the arm of index `arm`, zero-based, from `seed`, an int of at least 0; nothing is
+        returned. The generator is made when it is first needed, which raises Gymnasium's `Error` for another seed."""
         self._generators.pop(arm, None)
         self._seeds[arm], self._used[arm] = seed, BLOCK
 
     def generator(self, arm: int) -> np.random.Generator:
-        """The NumPy generator of the arm of index `arm`, in the state that it has after the rows taken by `normal` so
-        far, as if they had been drawn one by one; what is drawn from it is not drawn again by `normal`. Raises
+        """NumPy generator of the arm of index `arm`, zero-based, in the state after the rows that `normal` has drawn so
+        far, as if they had been drawn one by one. What is drawn from it advances the arm's stream too. Raises
         Gymnasium's `Error` for a seed that is no int of at least 0."""
         if arm not in self._generators:
             self._generators[arm], self._seeds[arm] = seeding.np_random(self._seeds[arm])
@@ -50,9 +50,10 @@ class ArmStreams:
         return generator
 
     def normal(self, arms: NDArray[np.int64]) -> Array:
-        """Standard normal numbers (k, width), no unit, one draw of `width` numbers from the stream of each of the arms
-        of indices `arms` (k,), all different. Raises Gymnasium's `Error` where an arm's seed is no int of at least
-        0."""
+        """Standard normal random numbers (k, w), unitless: the next row of w numbers from the stream of each of the k
+        arms of indices `arms` (k,), zero-based and all different. w is the `width` given at construction, and this call
+        advances these arms' streams. The numbers are the same for the same seed of an arm. Indices are not checked;
+        raises Gymnasium's `Error` where an arm's seed is no int of at least 0."""
         if self._blocks.shape[2] == 0:
             return np.empty((len(arms), 0))
         for arm in arms[self._used[arms] == BLOCK].tolist():

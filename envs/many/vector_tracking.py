@@ -54,15 +54,15 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     `Box(-1e6, 1e6, (N, 5r + r L), float64)` for L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic), for every
     arm as in `TrackingEnv`: positions `p`, velocities `v`, `reference_p`, `reference_v` and `reference_a`, r each, and
-    the reference's positions at the L times ahead. `observation_slices` has the places of the columns: `observation[:,
-    env.unwrapped.observation_slices["p"]]`. `Controller.step` takes these columns as they are.
+    the reference's positions at the L times ahead. `observation_slices` has slices of the columns by name, for
+    `observation[:, env.unwrapped.observation_slices["p"]]`. `Controller.step` takes these columns as they are.
 
     ## Rewards and episode end
 
     `rewards`, no unit, `terminations` and `truncations`, bools, are (N,): an arm's episode is terminated when an error
     passes `error_bound`, or a mechanism with loops nears a singularity or breaks a condition of its file, and truncated
-    at `duration`. An arm that ends disturbs no other. A motion that runs away raises `NonFiniteError`, which names the
-    arm; then reset all.
+    at `duration`. An arm that ends disturbs no other. A motion that diverges to non-finite values raises
+    `NonFiniteError`, which names the arm; then reset all.
 
     ## Beginning again
 
@@ -153,21 +153,22 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, and `info` of all N arms, after an episode of every arm has begun, or,
-        with `autoreset_mode` "Disabled" alone, of those in the option `reset_mask`, bools (N,), not all False. A row of
-        observations has the measured positions and velocities, the reference's positions, velocities and accelerations,
-        (r,) each, then its positions at each of L times ahead in turn, for r joints; rad, rad/s, rad/s^2 (m if
-        prismatic). `info` has `time`, `parameters`, `applied_torque`, `energy` and `clipped` and, with effects, `p`,
-        `v` and `marks`, as in `step`, and for each key a mask `_key` (N,) of the arms that have begun.
+        """First observations (N, n), n = 5r + r L, and `info` of new episodes of all N arms, which this call begins;
+        with `autoreset_mode` "Disabled" alone, only of those in the option `reset_mask`, bools (N,), not all False. A
+        row of observations has, for r joints and L look-ahead times, the measured positions and velocities, the
+        reference's positions, velocities and accelerations, (r,) each, then its positions at each time ahead in turn;
+        rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). `info` has `time`, `parameters`, `applied_torque`, `energy`
+        and `clipped` and, with effects, `p`, `v` and `marks`, as in `step`, and for each key a mask `_key` (N,) of the
+        arms that have begun.
 
-        `seed` s gives arm i the seed s + i, a list each its own, and None lets the random numbers go on. `options` are
-        `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a
-        `Reference`, a seed or "random"), `initial_error` (one number or (r,), for one each (N, r), rad or m) and the P
-        true inertial `parameters` (P,) in SI units, in the order of `Mechanism.parameter_names`, for all arms or one
-        each, in place of those in `reset_options`, None for these alone. Raises `InputError` for bad seeds and options
-        (its subclasses `NotFoundError` for unknown options, `NonFiniteError` for numbers that are not finite, naming
-        the arm); `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part
-        of the arms before the first reset of all.
+        `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, and None lets the random numbers go
+        on. `options`, None for those in `reset_options` alone, replace these, for all arms or one each: `payload` (kg,
+        a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or
+        "random"), `initial_error` (one number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P),
+        the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad
+        seeds and options (its subclasses `NotFoundError` for unknown options, `NonFiniteError`, naming the arm, for
+        numbers that are not finite); `SingularityError` where loops cannot be followed to the start; Gymnasium's
+        `ResetNeeded` for a part of the arms before the first reset of all.
         """
         given = dict(_known(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -185,23 +186,25 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, rewards (no unit), `terminated` and `truncated`, bools, (N,) each, and
-        `info` after one control period of all N arms under `actions`, torques (N, r), N m (N), held and clipped to the
-        torque limits. A row of observations has the measured positions and velocities, the reference's positions,
-        velocities and accelerations, (r,) each, then its positions at each of L times ahead in turn, for r joints; rad,
-        rad/s, rad/s^2 (m if prismatic). A reward is minus the sums over the joints of squared position errors, squared
-        velocity errors and (torque/limit)^2, each times its weight (`RewardWeights`), less the weight `termination`
-        where terminated.
+        """Observations (N, n), n = 5r + r L, rewards (N,), unitless, `terminated` and `truncated`, bools (N,), and
+        `info` after one control period, by which this call advances all N arms under `actions`, torques (N, r), N m (N
+        if prismatic), held and clipped to the torque limits. A row of observations has, for r joints and L look-ahead
+        times, the measured positions and velocities, the reference's positions, velocities and accelerations, (r,)
+        each, then its positions at each time ahead in turn; rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). A reward
+        is minus the sums over the joints of squared position errors, squared velocity errors and (torque/limit)^2, each
+        times its weight (`RewardWeights`), less the weight `termination` where terminated.
 
-        `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity or leave
+        `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity (the
+        smallest singular value of their closure Jacobian below 0.05 of that at the reference configuration) or leave
         bounds that the robot's file states, `truncated` where the duration is over. `info` has `time` (N,), s,
         `parameters` (N, P), the P true inertial ones (SI units, in the order of `Mechanism.parameter_names`),
-        `applied_torque` (N, r), N m (N), `energy` (N,), J, and `clipped` (N,), actions clipped so far; with effects
-        also the true `p` and `v` (N, r) and `marks`, a dict of events; for each key a mask `_key` (N,) of arms; with
-        `autoreset_mode` "SameStep" `final_obs` and `final_info` of episodes that ended. Raises `InputError` on a wrong
-        shape and `NonFiniteError` on NaN and infinity, naming joint and arm, before anything has moved;
-        `NonFiniteError`, naming the arm, for a motion that runs away; Gymnasium's `ResetNeeded` before the first reset,
-        and with `autoreset_mode` "Disabled" where an arm's episode is over.
+        `applied_torque` (N, r), N m (N), `energy` (N,), kinetic plus potential, J, and `clipped` (N,), the number of
+        actions clipped so far; with effects also the true `p` and `v` (N, r) and `marks`, a dict of events; for each
+        key a mask `_key` (N,) of arms; with `autoreset_mode` "SameStep" `final_obs` and `final_info` of episodes that
+        ended. Raises `InputError` on a wrong shape and `NonFiniteError`, naming joint and arm, on NaN and infinity,
+        before anything has moved; `NonFiniteError`, naming the arm, for a motion that diverges to non-finite values;
+        Gymnasium's `ResetNeeded` before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is
+        over.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)
@@ -220,8 +223,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result.observation, reward, terminated, truncated, ended | self._info(result, self._all)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Tuple of RGB images (480, 640, 3), uint8, one an arm, each with a translucent ghost of the arm on its
-        reference; None, with a warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded`
+        """Tuple of RGB images (480, 640, 3), uint8, one an arm, each of the arm now and a translucent ghost of it on
+        its reference; None, with a warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded`
         before the first reset."""
         self._require_running(self._none)
         if self.render_mode is None:
@@ -332,7 +335,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
 
 class Puma560VectorTrackingEnv(VectorTrackingEnv):
-    """Vector environment of N PUMA 560 arms, six joints each: `VectorTrackingEnv` with the arguments and defaults of
+    """Vector environment of N PUMA 560 arms, six joints each: a `VectorTrackingEnv` with the arguments and defaults of
     `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42): positions, velocities, the
     reference's positions, velocities and accelerations, and its positions 0.05 and 0.2 s ahead, six each, rad, rad/s,
     rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, of these `NotFoundError` for an
@@ -342,19 +345,21 @@ class Puma560VectorTrackingEnv(VectorTrackingEnv):
 
 
 class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
-    """Vector environment of N semi-direct-drive arms, three primary joints each: `VectorTrackingEnv` with the arguments
-    and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations (N, 21): positions,
-    velocities, the reference's positions, velocities and accelerations, and its positions 0.05 and 0.2 s ahead, three
-    each, rad, rad/s, rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, of these
-    `NotFoundError` for an unknown built-in robot, render mode or reset option and `FileError` for a bad file."""
+    """Vector environment of N semi-direct-drive arms, three primary (independent) joints each: a `VectorTrackingEnv`
+    with the arguments and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations
+    (N, 21): positions, velocities, the reference's positions, velocities and accelerations, and its positions 0.05 and
+    0.2 s ahead, three each, rad, rad/s, rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values,
+    of these `NotFoundError` for an unknown built-in robot, render mode or reset option and `FileError` for a bad
+    file."""
 
     kind = SemiDirectDriveTrackingEnv
 
 
 def masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
-    """The entries of a vector environment's `info` as Gymnasium has them: the `values` by name, arrays with a row for
-    each of N arms, or mappings, and for each name the `mask` (N,), bools, by the name with an underscore before it.
-    Rows of arms that are not in the mask become zero, but in mappings and arrays of objects. Nothing is checked."""
+    """Entries of a vector environment's `info` in Gymnasium's form, a dict: the `values` by name, arrays with a row for
+    each of N arms, or mappings, and for each name the `mask` (N,), bools, by the name with an underscore before it. In
+    arrays of numbers the rows of arms outside the mask become zero; mappings and arrays of objects are not changed.
+    Nothing is checked."""
     info: dict[str, Any] = {}
     partial = not mask.all()
     for name, value in values.items():

@@ -16,9 +16,9 @@ POINT = 100.0 / 72.0
 
 
 class Caption:
-    """The words on pictures of one size: the arm's `name`, the time, and a list of what the colours mean, in the upper
-    corners. `colors` maps each meaning to its `Color` (sRGB), `width` and `height` are the pictures' in pixels. Nothing
-    is checked."""
+    """Text overlay for images of one size: the arm's `name` and a legend of what the colours mean in the upper left
+    corner, the time in the upper right. `colors` maps each text of the legend to its `Color` (sRGB); `width` and
+    `height` are those of the images, in pixels. Nothing is checked."""
 
     def __init__(self, name: str, colors: Mapping[str, Color], width: int, height: int) -> None:
         figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0)
@@ -37,8 +37,8 @@ class Caption:
             figure.text(margin + 0.03, y, meaning, size=size, color=INK.hex, va="top")
 
     def over(self, picture: NDArray[np.uint8], time: float) -> NDArray[np.uint8]:
-        """The `picture` (height, width, 3), RGB, uint8, with the words on it, as a new array of the same shape and
-        type; `time`, s, is shown with two decimals. Raises `ValueError` for a picture of another size."""
+        """Copy of the image `picture` (height, width, 3), RGB, uint8, with the text overlay on it: name, legend and the
+        `time`, s, with two decimals. Raises `ValueError` for a picture of another size."""
         self._time.set_text(f"{time:.2f} s")
         self._canvas.draw()  # type: ignore[no-untyped-call]
         words = np.asarray(self._canvas.buffer_rgba())  # type: ignore[no-untyped-call]

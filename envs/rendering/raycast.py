@@ -15,8 +15,8 @@ FAR = np.inf
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart:
-    """A cylinder of a `radius`, m, whose axis leads from `start` to `end`, (3,) each, m, with flat ends if `flat` is
-    True, otherwise round ones (a capsule, and a ball where both points coincide, then also if `flat`). `color` (3,) is
+    """A cylinder or capsule to be drawn, of a `radius`, m, whose axis leads from `start` to `end`, (3,) each, m: with
+    flat ends if `flat` is True, else with round ones (a capsule); a ball where both points coincide. `color` (3,) is
     red, green and blue in [0, 1]. Nothing is checked."""
 
     start: Array
@@ -28,9 +28,9 @@ class ConvexPart:
 
 
 class Hits(NamedTuple):
-    """First hits of rays with a solid: `distance` (...), m, along each ray, infinite where it does not meet the solid,
-    and `normal` (..., 3), the solid's outward unit normal there, without meaning where there is no hit. Nothing is
-    checked."""
+    """First intersections of rays with a solid: `distance` (...), m, along each ray, infinite where the ray does not
+    meet the solid, and `normal` (..., 3), the solid's outward unit normal there, arbitrary where there is none. Nothing
+    is checked."""
 
     distance: Array
     normal: Array
@@ -50,29 +50,30 @@ class Camera:
 
     @property
     def axes(self) -> Array:
-        """The camera's axes in the world, three orthogonal unit vectors as rows (3, 3): right, down and forward in the
-        picture."""
+        """Axes of the camera in world coordinates, three orthogonal unit vectors as rows (3, 3): right and down in the
+        picture, and forward, from `eye` to `target`."""
         forward = _unit(self.target - self.eye)
         right = _unit(np.cross(forward, [0.0, 0.0, 1.0]))
         return np.stack([right, np.cross(forward, right), forward])
 
     @property
     def focal(self) -> float:
-        """The focal length in pixels: half the picture's height over the tangent of half the vertical view angle."""
+        """Focal length of the camera in pixels: half the picture's height over the tangent of half the vertical view
+        angle."""
         return 0.5 * self.height / np.tan(0.5 * self.field)
 
     def rays(self) -> Array:
-        """Directions (height, width, 3) of the rays from the camera through the pixels' centres, unit vectors in world
-        coordinates: rows from the top, columns from the left."""
+        """Directions (height, width, 3) of the rays from the camera through the centres of its height x width pixels,
+        unit vectors in world coordinates: rows from the top, columns from the left."""
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / self.focal
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / self.focal
         right, down, forward = self.axes
         return _unit(x[None, :, None] * right + y[:, None, None] * down + forward)
 
     def window(self, points: Array, margin: float) -> tuple[slice, slice]:
-        """The part of the picture that covers all balls of radius `margin` (m) about `points` (n, 3), world
-        coordinates, m, and the straight lines between them, as a pair of slices, of rows and of columns in pixels; the
-        whole picture where a point is within 1.5 `margin` of the camera's plane or behind it. Nothing is checked."""
+        """Rectangle of the picture, a pair of slices of rows and of columns in pixels, that covers all balls of radius
+        `margin` (m) about `points` (n, 3), world coordinates, m, and the straight lines between them; the whole picture
+        where a point is within 1.5 `margin` of the camera's plane or behind it. Nothing is checked."""
         seen = (points - self.eye) @ self.axes.T
         if seen[:, 2].min() <= 1.5 * margin:
             return slice(0, self.height), slice(0, self.width)
@@ -83,9 +84,9 @@ class Camera:
 
 
 def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
-    """The first intersections, a `Hits`, of rays with the convex `solid` (Quilez 2016). `rays` (..., 3) are unit
-    vectors; `origin`, (3,) for all or (..., 3) for each, m, is where they begin, outside the solid. Distances are in m,
-    infinite where a ray does not meet the solid. Nothing is checked."""
+    """First intersections, a `Hits`, of rays with a convex `solid`, a `ConvexPart` (Quilez 2016). `rays` (..., 3) are
+    unit vectors; `origin`, (3,) for all or (..., 3) for each, m, are their starting points, outside the solid.
+    Distances are in m, infinite where a ray does not meet the solid. Nothing is checked."""
     axis, away = solid.end - solid.start, origin - solid.start
     length = float(axis @ axis)
     if length < 1e-12:

@@ -28,10 +28,10 @@ PAINT = {Solid.LINK: BODY, Solid.JOINT: RUNS[0], Solid.TOOL: INK}
 
 
 class Renderer:
-    """A renderer of pictures of one `mechanism`, a `Mechanism`, seen from one place, from the front and a little above,
-    with all that it can reach in view. `width` and `height` are the pictures' in pixels. Background, floor and
-    pedestals are computed once, at construction; `camera` is the `Camera`, with twice as many pixels each way, of which
-    each four are averaged. Nothing is checked at construction."""
+    """Renderer of images of one `mechanism`, a `Mechanism`, from a fixed viewpoint, in front and a little above, with
+    all that the arm can reach in view. `width` and `height`, 640 and 480 by default, are those of the images in pixels.
+    Background, floor and pedestals are computed once, at construction; the attribute `camera` is the `Camera`, with
+    twice as many pixels in each direction, of which each four are averaged. Nothing is checked at construction."""
 
     def __init__(self, mechanism: Mechanism, width: int = 640, height: int = 480) -> None:
         self._mechanism, self._parts = mechanism, skeleton(mechanism)
@@ -45,10 +45,10 @@ class Renderer:
         self._caption = Caption(mechanism.name, {"arm": RUNS[0], "reference": GOAL}, width, height)
 
     def image(self, p: Array, goal: Array, time: float) -> NDArray[np.uint8]:
-        """The RGB image (height, width, 3), uint8, of the arm at positions `p` (r,) of its r primary joints, with a
-        translucent ghost of it at `goal` (r,), rad (m if prismatic), its shadow on the floor and a caption with the
-        `time`, s. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do
-        not fit together, `SingularityError` near where they lock."""
+        """RGB image (height, width, 3), uint8, of the arm at positions `p` (r,) of its r primary (independent) joints,
+        with a translucent ghost of it at positions `goal` (r,), rad (m if prismatic), its shadow on the floor and a
+        text overlay with the `time`, s. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `LoopError` where kinematic loops cannot be closed, `SingularityError` near a singularity of the loops."""
         solids = [*self._pedestals, *self._arm(p)]
         picture = self._backdrop.copy()
         depth = np.full(picture.shape[:2], np.inf)  # the floor hides nothing: an arm without stops may sink into it

@@ -22,7 +22,7 @@ FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [ra
 @dataclass(frozen=True, eq=False)
 class StatedMotion:
     """Motion of an arm of r joints along a sinusoid, at T times: `time` (T,), s; positions `p` (T, r), rad; and torque
-    regressors `Y` (T, r, P), N m per SI unit of each of the P inertial parameters: Y times these is the torque (T, r).
+    regressors `Y` (T, r, P), N m per SI unit of each of the P inertial parameters D (P,): Y D is the torque (T, r).
     Nothing is checked at construction."""
 
     time: Array
@@ -32,12 +32,13 @@ class StatedMotion:
 
 @dataclass(frozen=True, eq=False)
 class SampledArm:
-    """Arm whose states are sampled in a box, as in Sheu and Walker (1991): positions p = mixing u, rad, of r joints,
-    with u (r,) between `lower` and `upper` (r,), and velocities of the joints, rad/s, between minus and plus `fastest`
-    (r,) times the factor that the method `states` is given.
+    """Arm, a `mechanism`, with a box from which its states are sampled, as in Sheu and Walker (1991): positions p = X
+    u, rad, of r joints, with X the matrix `mixing` (r, r) and u (r,) between `lower` and `upper` (r,), rad; and
+    velocities of the joints, rad/s, between minus and plus `fastest` (r,) times the factor that the method `states` is
+    given.
 
-    For the PUMA 560 `mixing` (r, r) is the identity. For the semi-direct-drive arm u is p1, p2 and p2 - p3, which the
-    paper's Table 9 bounds. Nothing is checked at construction.
+    For the PUMA 560 `mixing` is the identity. For the semi-direct-drive arm u is p1, p2 and p2 - p3, which the paper's
+    Table 9 bounds. Nothing is checked at construction.
     """
 
     mechanism: Mechanism
@@ -48,8 +49,8 @@ class SampledArm:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """Essential space of the arm's P inertial parameters, an `EssentialSpace`: the k of their directions that
-        change energies, k certified at random states. Raises `RankError` where it cannot be."""
+        """Essential space of the arm's P inertial parameters, an `EssentialSpace`: the k directions of parameters that
+        change energies, found and certified at random states. Raises `RankError` where k cannot be certified."""
         return essential_space(self.mechanism)
 
     @property
@@ -59,17 +60,18 @@ class SampledArm:
         return self.mechanism.inertial_parameters
 
     def states(self, generator: np.random.Generator, samples: int, velocity_scale: float) -> tuple[Array, Array]:
-        """Random positions p = mixing u, rad, and velocities, rad/s, of the r joints, each (samples, r), drawn by
-        `generator`: u uniform between `lower` and `upper`, velocities uniform between minus and plus `velocity_scale`
-        (no unit) times `fastest`."""
+        """Random positions p, rad, and velocities, rad/s, of the arm's r joints, a pair of arrays (`samples`, r), drawn
+        by `generator`. p is this object's `mixing` (r, r) times u (r,), u uniform between its `lower` and `upper`;
+        velocities are uniform between minus and plus `velocity_scale` (no unit) times its `fastest`. Nothing is
+        raised."""
         u = generator.uniform(self.lower, self.upper, (samples, len(self.lower)))
         v = velocity_scale * generator.uniform(-self.fastest, self.fastest, u.shape)
         return u @ self.mixing.T, v
 
     def sinusoid(self, frequency: float, samples: int) -> StatedMotion:
-        """Motion of the arm over one period of a sinusoid of `frequency` (Hz), at `samples` evenly spaced times, the
-        last a period after the first: every coordinate that the paper's table bounds swings through its whole range,
-        all in phase."""
+        """Motion of the arm, a `StatedMotion`, over one period of a sinusoid of `frequency` (Hz), at `samples` evenly
+        spaced times, the last a period after the first: every coordinate bounded by this object's `lower` and `upper`
+        moves through its whole range, all in phase. Nothing is checked."""
         time = np.linspace(0.0, 1.0 / frequency, samples)
         rate = 2.0 * np.pi * frequency
         sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]
@@ -82,9 +84,9 @@ class SampledArm:
         return StatedMotion(time, p, stacked_rows(rows, time.shape))
 
     def energies(self, p: Array, v: Array) -> Array:
-        """Energy regressors E (..., P), J per SI unit of each of the P inertial parameters, at positions p (rad) and
-        velocities v (rad/s), both (..., r): for parameters D (P,), E D is the kinetic plus potential energy, J. Nothing
-        is checked."""
+        """Energy regressors E (..., P) of the arm, J per SI unit of each of its P inertial parameters, at positions `p`
+        (rad) and velocities `v` (rad/s), both (..., r): for parameters D (P,), E D is the kinetic plus potential
+        energy, J. Nothing is checked."""
         E = self.mechanism.equations.energy_regressor(column(self._configuration(p)), column(v))
         return stacked(E.of, p.shape[:-1])
 
@@ -109,16 +111,18 @@ class SampledArm:
 
 
 def puma560() -> SampledArm:
-    """PUMA 560 of Sheu and Walker (1991), sampled within the positions and velocities of their Table 1."""
+    """PUMA 560 arm of Sheu and Walker (1991), a `SampledArm`: the mechanism "puma560", six joints with the inertial
+    parameters of their Table 6, and the box of positions, rad, and velocities, rad/s, of their Table 1. Gives a
+    `PhysicalConsistencyWarning`, since no rigid bodies have these parameters."""
     table = printed().tables["table1"]
     lower, upper, fastest = table.values(FROM, TO, FASTEST)
     return SampledArm(load("puma560"), lower, upper, np.eye(6), fastest)
 
 
 def semi_direct_drive(mechanism: Mechanism | None = None) -> SampledArm:
-    """Semi-direct-drive arm (five-bar linkage), sampled within the positions and velocities of Table 9 of Sheu and
-    Walker (1991); `mechanism` is another arm of its kind with the same three joints, which is not checked; None, the
-    default, for the built-in one."""
+    """Semi-direct-drive arm (five-bar linkage on a vertical axis), a `SampledArm`, with the box of positions, rad, and
+    velocities, rad/s, of Table 9 of Sheu and Walker (1991). `mechanism` is another arm of its kind with the same three
+    joints, which is not checked; None, the default, stands for the built-in "semi_direct_drive"."""
     rows = {label: row.split() for label, row in printed().tables["table9"].rows.items()}
     lower, upper = ([float(rows[label][column]) for column in (0, 1, 3)] for label in (FROM, TO))
     mixing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, -1.0]])
@@ -127,8 +131,8 @@ def semi_direct_drive(mechanism: Mechanism | None = None) -> SampledArm:
 
 
 def near_parallelogram(share: float) -> Mechanism:
-    """Mechanism of the built-in semi-direct-drive parallelogram whose link 4 is longer by a `share` (no unit, 0.005 for
-    0.5 %) than the opposite side, link 2."""
+    """Mechanism of the built-in semi-direct-drive parallelogram with one side lengthened: link 4 is longer than the
+    opposite side, link 2, by the fraction `share` (no unit, 0.005 for 0.5 %). Nothing is checked."""
     description = load("semi_direct_drive_parallelogram").description
     links = tuple(
         replace(link, near=Pose(link.near.rotation, (1.0 + share) * link.near.translation))

@@ -12,8 +12,10 @@ from adaptctl.recording.verdict import Verdict
 
 
 def shown(replication: Replication) -> Result:
-    """Result of the replication, as the command line shows it: outcome in words, facts (questions with answers), an
-    empty verdict (for it is about no controller), and a function that writes the folder of results."""
+    """Result of the experiment that replicates Sheu and Walker (1991), a `Result`, as the command line shows it, from a
+    finished `replication`: outcome in words, facts (questions with answers), an empty verdict, since no controller
+    runs, and a function that writes the result files into a folder. Its `complete` is False where the replication was
+    interrupted. Nothing is raised."""
     return Result(
         complete=replication.complete,
         headline=headline(replication),
@@ -24,9 +26,10 @@ def shown(replication: Replication) -> Result:
 
 
 def write_artifacts(folder: Path, replication: Replication, progress: Progress) -> None:
-    """Write the files of the replication into a `folder` that is there: summary, random draws, figures (PNG), recording
-    and report, each whole or not at all. `progress(what, share)` gets what is written and the share done, 0 to 1.
-    Raises `FileError` where a file cannot be written."""
+    """Write the result files of a `replication` of Sheu and Walker (1991) into an existing `folder`: summary (JSON),
+    random draws (Parquet), figures (PNG), recording and report (HTML), each whole or not at all; nothing is returned.
+    `progress(what, share)` is called with what is written and the fraction done, 0 to 1. Raises `FileError` where a
+    file cannot be written."""
     from adaptctl.experiments.replication.draws_table import write_draws
     from adaptctl.experiments.replication.recording import write_recording
     from adaptctl.experiments.replication.report import write_report

@@ -22,10 +22,10 @@ from adaptctl.identifiability.scaled_rank import NumericalRank
 
 
 def table13(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 13 of Sheu and Walker (1991), its entries checked
-    against those computed: numbers of links, joints and parameters of two arms of three degrees of freedom, one serial
-    and one with a closed loop. `study` has the arms. Raises `RankError` where a number of identifiable parameters
-    cannot be certified."""
+    """Replication of Table 13 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims):
+    numbers of links, joints and parameters of two arms of three degrees of freedom, one serial and one with a closed
+    loop. Each printed entry is checked against the computed one. `study`, a `Study`, has the arms. Raises `RankError`
+    where a number of identifiable parameters cannot be certified."""
     table, rank = printed().tables["table13"], study.arm3_space.rank
     arms = (_counts(study.arm3, rank), _counts(study.five_bar.mechanism, study.five_bar.space.rank))
     counts = dict(zip(table.columns, arms, strict=True))
@@ -60,9 +60,9 @@ def table13(study: Study) -> Item:
 
 
 def conclusions(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of section 6 of Sheu and Walker (1991): the paper's
-    conclusions on numbers of independent parameters and of the components of these that accurate torques need, judged
-    by what was computed. `study` has the arms and random draws of states. Raises `RankError` where a number of
+    """Replication of section 6 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): its
+    conclusions on numbers of independent parameters, and of essential components that accurate torques need, judged by
+    what is computed. `study`, a `Study`, has the arms and random draws of states. Raises `RankError` where a number of
     identifiable parameters cannot be certified."""
     sayings, rank = printed().claims, study.arm3_space.rank
     two = essential_space(_first_joints(study.arm3, 2)).rank

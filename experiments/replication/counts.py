@@ -11,10 +11,10 @@ from adaptctl.experiments.replication.verdict import Check, Item, Outturn
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of entries of one kind that Sheu and Walker (1991) print: `printed`, all; by verdict, `given` (inputs),
-    `reproduced`, `in_shape` (among the values of random draws), `errata` (shown to be wrong) and `not_reproduced`; of
-    those reproduced, `to_the_last_digit` (crosses and blanks among them) and `one_digit_short`. Nothing is checked at
-    construction."""
+    """Counts by verdict of printed entries of Sheu and Walker (1991): `printed`, all; `given`, inputs used as printed;
+    `reproduced`; `in_shape`, among the values of random draws; `errata`, shown to be wrong; and `not_reproduced`. Of
+    those reproduced, `to_the_last_digit` (crosses and blanks among them) and `one_digit_short` agree to that many
+    digits. Nothing is checked at construction."""
 
     printed: int
     given: int
@@ -27,8 +27,8 @@ class Counts:
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> Counts:
-        """Counts by verdict of some `checks`, each of one entry that Sheu and Walker (1991) print, a number, a cross or
-        a blank; the last two, if reproduced, count as met to the last digit."""
+        """Counts by verdict, a `Counts`, of printed entries of Sheu and Walker (1991) from their `checks`, each of a
+        number, a cross or a blank; crosses and blanks that are reproduced count as met to the last digit."""
         by = Counter(check.verdict for check in checks)
         done = [check for check in checks if check.verdict is Outturn.REPRODUCED]
         short = [(check.of_digits or 0) - (check.digits or 0) for check in done]
@@ -45,12 +45,12 @@ class Counts:
 
 
 def numbers(items: Sequence[Item]) -> Counts:
-    """Counts by verdict of all numbers that Sheu and Walker (1991) print in the `items`, which are tables, figures and
-    sections of the paper; crosses and blanks are left out."""
+    """Counts by verdict, a `Counts`, of all numbers that Sheu and Walker (1991) print in the `items`, which are tables,
+    figures and sections of the paper; crosses and blanks are left out."""
     return Counts.of([check for item in items for check in item.checks if not check.is_mark])
 
 
 def marks(items: Sequence[Item]) -> Counts:
-    """Counts by verdict of all crosses and blanks (parameter kept, or not) that Sheu and Walker (1991) print in the
-    `items`: those of Tables 5 and 12."""
+    """Counts by verdict, a `Counts`, of all crosses and blanks (parameter kept, or not) that Sheu and Walker (1991)
+    print in the `items`, which are tables, figures and sections of the paper; only Tables 5 and 12 have some."""
     return Counts.of([check for item in items for check in item.checks if check.is_mark])

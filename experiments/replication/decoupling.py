@@ -20,13 +20,13 @@ NEGLIGIBLE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Decoupling:
-    """Decoupling of an arm: the linear homogeneous relations among its k fundamental (base) parameters of `basis` under
-    which all off-diagonal entries of the mass matrix are zero in every configuration (Sheu and Walker 1991, section
-    5.3).
+    """Conditions that decouple an arm: the linear homogeneous relations among its k fundamental (base) parameters of
+    `basis` under which all off-diagonal entries of the mass matrix are zero in every configuration (Sheu and Walker
+    1991, section 5.3).
 
     `relations` (m, k) holds a relation a row, coefficients in SI units, each with one parameter that no other row has;
-    `per_term` is how many relations each off-diagonal entry needs by itself, by the entry's name, such as "M12" for row
-    1 and column 2, counted from 1. Nothing is checked at construction.
+    `per_term` maps each off-diagonal entry's name, such as "M12" for row 1 and column 2, counted from 1, to the number
+    of relations that it needs by itself. Nothing is checked at construction.
     """
 
     basis: FundamentalBasis
@@ -37,8 +37,9 @@ class Decoupling:
 
     @classmethod
     def of(cls, arm: SampledArm, basis: FundamentalBasis) -> Decoupling:
-        """Decoupling of an arm: the relations among the fundamental (base) parameters of `basis` that make every
-        off-diagonal entry of its mass matrix zero at 200 random positions within the arm's range."""
+        """Conditions that decouple an `arm`, a `Decoupling`: the relations among the fundamental (base) parameters of
+        `basis` that make every off-diagonal entry of its mass matrix zero at 200 random positions within the arm's
+        range, the same in every call. Singular values below 1e-9 of the largest count as zero."""
         rows = off_diagonal_rows(arm, basis.columns)
         everything = np.concatenate(list(rows.values()))
         _, values, right = np.linalg.svd(everything, full_matrices=False)
@@ -47,25 +48,27 @@ class Decoupling:
 
     @property
     def left(self) -> int:
-        """Number of independent parameters that are left when all relations hold: the number k of fundamental (base)
-        parameters less that of the relations."""
+        """Number of independent parameters of the arm that are left when all relations hold: the number k of
+        fundamental (base) parameters less that of the relations."""
         return self.basis.rank - len(self.relations)
 
     def lines(self) -> tuple[str, ...]:
-        """Texts of the relations, one each, such as "link5.mc_x* = 0.6667 link4.mc_x*", with coefficients in SI units;
-        the star marks fundamental (base) parameters."""
+        """Texts of the relations that decouple the arm, one each, such as "link5.mc_x* = 0.6667 link4.mc_x*", with
+        coefficients in SI units; the star marks fundamental (base) parameters."""
         return tuple(_line(row, self.basis.names) for row in self.relations)
 
     def of_parameters(self) -> Array:
-        """Coefficients (m, P) of the m relations among all P inertial parameters, in SI units: the relations (m, k)
-        among the k fundamental ones times the matrix (k, P) that regroups all parameters into these."""
+        """Coefficients (m, P) of the m relations that decouple the arm, among all its P inertial parameters, in SI
+        units: the relations (m, k) among the k fundamental (base) ones times the matrix (k, P) that regroups all
+        parameters into these."""
         return self.relations @ self.basis.regrouping
 
 
 def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Array]:
-    """Regressors (200, k) of the off-diagonal entries of an arm's mass matrix, by name ("M12" for row 1 and column 2,
-    counted from 1, "M13", ...): times the k inertial parameters whose indices from 0 are `columns`, they give the
-    entry, kg m^2, at each of 200 random positions within the arm's range."""
+    """Regressors (200, k) of the off-diagonal entries of an arm's mass matrix, a mapping from their names ("M12" for
+    row 1 and column 2, counted from 1, "M13", ...): times the k inertial parameters whose zero-based indices are
+    `columns`, in SI units, they give the entry, kg m^2, at each of 200 random positions within the arm's range, the
+    same in every call."""
     weightless = Mechanism(replace(arm.mechanism.description, gravity=np.zeros(3)))
     p, _ = arm.states(np.random.default_rng(0), STATES, 1.0)
     rest, unit = np.zeros_like(p), np.eye(arm.mechanism.dof)
@@ -74,9 +77,9 @@ def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Arra
 
 
 def reduced_rows(rows: Array) -> Array:
-    """Reduced row echelon form (rank, n) of `rows` (m, n), of the same row space, by Gauss and Jordan with the columns
-    taken from the last to the first: each of its rows has a 1 in a column that is zero in all others. Pivots and
-    entries below 1e-9 in magnitude count as zero."""
+    """Reduced row echelon form (rank, n) of `rows` (m, n), of the same row space, by Gauss-Jordan elimination with the
+    columns taken from the last to the first: each of its rows has a 1 in a column that is zero in all others. Pivots
+    and entries below 1e-9 in magnitude count as zero."""
     left, done = rows.copy(), 0
     for column in reversed(range(rows.shape[1])):
         if done == len(left):

@@ -14,11 +14,11 @@ from adaptctl.identifiability import Reduction, reduce
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Random draws of an arm's states, one for each seed. H (samples - 1, P) are one draw's energy differences between
-    successive states, J per SI unit of the P inertial parameters: `singular_values` (seeds, P) are those of H, falling
-    (samples - 1 of them where that is less than P); `reductions`, one for each draw, write the `arm`'s parameters as a
-    sum of essential components, their parts along the right singular vectors of H, by falling energy (Sheu and Walker
-    1991, section 3). Nothing is checked at construction."""
+    """Random draws of an arm's states, one for each seed, with what follows from them. H (samples - 1, P) are one
+    draw's energy differences between successive states, J per SI unit of the P inertial parameters. `singular_values`
+    (seeds, P) are those of H, falling (samples - 1 of them where that is less than P). `reductions`, a `Reduction` for
+    each draw, write the parameters of `arm` as a sum of essential components, their parts along the right singular
+    vectors of H, by falling energy (Sheu and Walker 1991, section 3). Nothing is checked at construction."""
 
     arm: SampledArm
     singular_values: Array
@@ -28,10 +28,10 @@ class Draws:
 
     @classmethod
     def of(cls, arm: SampledArm, seeds: Sequence[int], samples: int, velocity_scale: float) -> Draws:
-        """Random draws of `samples` states of an arm for each of the `seeds`, as section 5.1 of Sheu and Walker (1991)
-        makes one; `samples` are to be above the arm's number P of inertial parameters, which is not checked; velocities
-        are uniform up to `velocity_scale` (no unit) times the arm's bound. Raises `RankError` where the rank of the
-        arm's inertial parameters cannot be certified."""
+        """Random draws, a `Draws`, of `samples` states of an `arm` for each of the `seeds`, as section 5.1 of Sheu and
+        Walker (1991) makes one. `samples` should be above the arm's number P of inertial parameters, which is not
+        checked; velocities are uniform up to `velocity_scale` (no unit) times the arm's bound. Raises `RankError` where
+        the rank of the arm's inertial parameters cannot be certified."""
         drawn = [arm.states(np.random.default_rng(seed), samples, velocity_scale) for seed in seeds]
         p, v = (np.stack(parts) for parts in zip(*drawn, strict=True))
         H = np.diff(arm.energies(p, v), axis=1)
@@ -60,9 +60,9 @@ class Draws:
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
     def torque_errors(self, motion: StatedMotion) -> Array:
-        """Mean square torque errors (seeds, k + 1, r), (N m)^2, of the r joints along a `motion`, for each draw when
-        the first 0, 1, ..., k of the k essential components (the parameters' parts along the right singular vectors of
-        the energy differences), those with the most energy, are kept."""
+        """Mean square torque errors (seeds, k + 1, r), (N m)^2, of the arm's r joints over the times of a `motion`, for
+        each random draw when only the first 0, 1, ..., k of the k essential components (the parameters' parts along the
+        right singular vectors of the energy differences), those with the most energy, are kept."""
         Y = motion.Y
         parts = np.stack([reduction.components for reduction in self.reductions])
         missing = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
@@ -74,10 +74,10 @@ class Draws:
         return np.concatenate([errors, nothing_missing[:, None]], axis=1)
 
     def torque(self, motion: StatedMotion, seed: int, components: int) -> Array:
-        """Torques (T, r), N m, of the r joints at the T times of a `motion`, of the parameters' first `components`
-        essential components (their parts along the right singular vectors of the energy differences), those with the
-        most energy in one draw; `seed` is the draw's index from 0. Raises `InputError` for a number of components that
-        is not from 0 to the number k of all, `IndexError` for no such draw."""
+        """Torques (T, r), N m, of the arm's r joints at the T times of a `motion`, from the parameters' first
+        `components` essential components (their parts along the right singular vectors of the energy differences),
+        those with the most energy in one random draw; `seed` is that draw's index, from 0. Raises `InputError` for a
+        number of components that is not from 0 to the number k of all, `IndexError` for no such draw."""
         return motion.Y @ self.reductions[seed].parameters(components)
 
 

@@ -18,11 +18,11 @@ SCHEMA = "adaptctl/replication-draws/1"
 
 
 def write_draws(path: str | Path, study: Study) -> None:
-    """Write a Parquet file of all random draws of states that a `study` has made, a row for each arm, seed and
-    essential component (the parameters' part along a right singular vector of the energy differences). Columns are arm,
-    seed, number (1 for the largest), singular_value (J per SI unit), weight (the energy of the component, J) and
-    percent_error (the energy error, %, of keeping the components up to this number). Raises `FileError` where it cannot
-    be written."""
+    """Write a Parquet file at `path` of all random draws of states that a `study` has made so far, a row for each arm,
+    seed and essential component (the parameters' part along a right singular vector of the energy differences). Columns
+    are arm, seed, number (1 for the largest), singular_value (J per SI unit), weight (the energy of the component, J)
+    and percent_error (the energy error, %, of keeping the components up to this number). Nothing is returned. Raises
+    `FileError` where the file cannot be written."""
     about = {"schema": SCHEMA, "samples": str(study.samples), "velocity_scale": repr(study.velocity_scale)}
     write_columns(path, _columns(study), about)
 

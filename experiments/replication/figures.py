@@ -29,9 +29,9 @@ SLOPE, REAL = 0.5, np.array([3.0, 2.5])
 
 
 def figure1(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Figure 1 of Sheu and Walker (1991), the real, essential
-    and independent parameters in a plane: equations 27 to 30, checked by projection in 1000 random planes drawn by the
-    seed of `study`."""
+    """Replication of Figure 1 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    real, essential and independent parameters in a plane. The paper's equations 27 to 30 are checked by projection in
+    1000 random planes drawn by the seed of `study`."""
     essential, independent, closed_forms = _plane(SLOPE, REAL)
     rng = np.random.default_rng(study.seed)
     worst = max(_plane(float(c), M)[2] for c, M in zip(rng.normal(size=1000), rng.normal(size=(1000, 2)), strict=True))
@@ -55,10 +55,10 @@ def figure1(study: Study) -> Item:
 
 
 def figure3(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Figure 3 of Sheu and Walker (1991), the energy error, %,
-    over the number of essential components (the parameters' parts along the right singular vectors of energy
-    differences) that are kept: printed numbers and claims checked against the random draws of both arms' states in
-    `study`. Raises `RankError` where a number of identifiable parameters cannot be certified."""
+    """Replication of Figure 3 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    energy error, %, over the number of essential components (the parameters' parts along the right singular vectors of
+    energy differences) that are kept. Printed numbers and claims are checked against the random draws of both arms'
+    states in `study`. Raises `RankError` where a number of identifiable parameters cannot be certified."""
     panels = {
         "PUMA 560": study.puma_draws,
         "semi-direct-drive, generic": study.five_bar_draws,
@@ -96,20 +96,20 @@ def figure3(study: Study) -> Item:
 
 
 def figure4(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Figure 4 of Sheu and Walker (1991), the torque, N m, of
-    the PUMA 560's first joint with 10, 25 and 36 of its essential components (the parameters' parts along the right
-    singular vectors of energy differences), those with the most energy, along a sinusoid chosen here. `study` has the
-    arm and random draws of its states. Raises `RankError` where the arm's number of identifiable parameters cannot be
-    certified."""
+    """Replication of Figure 4 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    torque, N m, of the PUMA 560's first joint with 10, 25 and 36 of its essential components (the parameters' parts
+    along the right singular vectors of energy differences), those with the most energy, along a sinusoid chosen here.
+    `study`, a `Study`, has the arm and random draws of its states. Raises `RankError` where the arm's number of
+    identifiable parameters cannot be certified."""
     return _torque_figure("figure4", "PUMA 560", study, 1, study.puma_draws, study.puma_motion, (10, 25, 36))
 
 
 def figure6(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Figure 6 of Sheu and Walker (1991), the torque, N m, of
-    the semi-direct-drive arm's second joint with 10, 20 and 26 of its essential components (the parameters' parts along
-    the right singular vectors of energy differences), those with the most energy, along a sinusoid chosen here. `study`
-    has the arm and random draws of its states. Raises `RankError` where the arm's number of identifiable parameters
-    cannot be certified."""
+    """Replication of Figure 6 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    torque, N m, of the semi-direct-drive arm's second joint with 10, 20 and 26 of its essential components (the
+    parameters' parts along the right singular vectors of energy differences), those with the most energy, along a
+    sinusoid chosen here. `study`, a `Study`, has the arm and random draws of its states. Raises `RankError` where the
+    arm's number of identifiable parameters cannot be certified."""
     draws, motion = study.nearly_parallel_draws, study.nearly_parallel_motion
     return _torque_figure("figure6", "semi-direct-drive arm", study, 2, draws, motion, (10, 20, 26))
 

@@ -42,9 +42,9 @@ ITEMS: dict[str, Callable[[Study], Item]] = {
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
-    """Names of the tables, figures and sections of Sheu and Walker (1991) that `names` ask for, such as "table7", or
-    "all" for all; in the paper's order, each once. Raises `NotFoundError`, with the names that exist, for another
-    name."""
+    """Names of the tables, figures and sections of Sheu and Walker (1991) that `names` ask for, in the paper's order,
+    each once: `names` has such names, such as "table7", or "all" for all. Raises `NotFoundError`, with the names that
+    exist, for an unknown name."""
     asked = set(names)
     for name in sorted(asked - ITEMS.keys() - {ALL}):
         close = get_close_matches(name, ITEMS, n=1)

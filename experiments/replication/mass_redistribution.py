@@ -38,10 +38,11 @@ class _Kind:
 
 
 def section53(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of section 5.3 of Sheu and Walker (1991), constraints on the
-    mass distribution that make off-diagonal inertias vanish: how many relations among parameters that takes, and how
-    many independent parameters they leave, against the 23 printed. `study` has the arms. Raises `RankError` where a
-    number of identifiable parameters cannot be certified."""
+    """Replication of section 5.3 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims):
+    constraints on the mass distribution that make the off-diagonal entries of the mass matrix vanish. Computed are the
+    number of relations among parameters that this takes, and the number of independent parameters that they leave,
+    against the 23 printed. `study`, a `Study`, has the arms. Raises `RankError` where a number of identifiable
+    parameters cannot be certified."""
     sayings, table = printed().claims, study.priority("table11", study.five_bar.mechanism)
     parallel = semi_direct_drive(load("semi_direct_drive_parallelogram"))
     generic = _Kind("generic", study.five_bar, Decoupling.of(study.five_bar, study.five_bar_basis))

@@ -29,11 +29,11 @@ def combination(text: str, links: int = 6) -> Array:
 
 
 def torque_share(arm: SampledArm, text: str) -> float:
-    """Ratio max |Y c| / max |Y_j| (no unit) over 500 random states and all joints: the largest torque that a
-    combination c of inertial parameters makes, over the largest that any one of its terms j makes alone; Y is the
-    torque regressor of an `arm` of six links. It is round-off where the combination changes no torque. `text` is the
-    combination in Sheu and Walker's (1991) names, such as "I_y1 - I_x3 - I_z3"; raises `ValueError` for a name that the
-    paper does not have, `IndexError` for a link beyond the sixth."""
+    """Ratio max |Y c| / max |Y_j| (no unit), the maxima over 500 random states, the same in every call, and all joints:
+    the largest torque that a combination c of inertial parameters makes, over the largest that any one of its terms j
+    makes alone; Y is the torque regressor of an `arm` of six links. It is of the size of round-off where the
+    combination changes no torque. `text` is the combination in Sheu and Walker's (1991) names, such as "I_y1 - I_x3 -
+    I_z3"; raises `ValueError` for a name that the paper does not have, `IndexError` for a link beyond the sixth."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, STATES, arm.mechanism.dof))
     Y = arm.mechanism.torque_regressor(p, v, a)

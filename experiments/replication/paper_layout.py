@@ -15,18 +15,18 @@ PRODUCTS = ("I_xy", "I_xz", "I_yz")
 
 
 def index(row: str, link: str) -> int:
-    """Index from 0 of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, "m", "mc_x", "mc_y",
+    """Index, from 0, of an inertial parameter among all of a mechanism's (ten a link: m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz), from its row and column in Sheu and Walker's (1991) tables. `row` is "m", "mc_x", "mc_y",
     "mc_z", "I_x", "I_y", "I_z", "I_xy", "I_xz" or "I_yz" (or, for I_x, I_y and I_z, this package's "I_xx", "I_yy",
-    "I_zz"), and the column of a `link`, "1", "2", ..., among all parameters: ten a link, m, mc_x, mc_y, mc_z, I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz. Raises `ValueError` for a row that is no parameter or a link that is no whole number,
-    `InputError`, one of these, for a link below 1."""
+    "I_zz"), `link` the column's label, "1", "2", .... Raises `ValueError` for a row that is no parameter or a link that
+    is no whole number, its subclass `InputError` for a link below 1."""
     return 10 * (whole_count(int(link), "link", 1) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
 def sign(row: str) -> float:
-    """Sign that turns an inertial parameter in a `row` of Sheu and Walker's (1991) tables into this package's, which
-    takes the inertia tensor's own entries: -1 for products of inertia ("I_xy", ...), which the paper takes as +integral
-    xy dm, and 1 for others, any text among them; nothing is checked."""
+    """Sign, 1 or -1, that converts an inertial parameter in a `row` of Sheu and Walker's (1991) tables into this
+    package's, which takes the inertia tensor's own entries: -1 for products of inertia ("I_xy", ...), which the paper
+    takes as +integral xy dm, and 1 for any other text. Nothing is checked."""
     return -1.0 if row in PRODUCTS else 1.0
 
 
@@ -42,13 +42,13 @@ def parameters(table: Table) -> Array:
 
 
 def kept(table: Table) -> tuple[int, ...]:
-    """Indices from 0, rising, among all inertial parameters (ten a link), of those that one of Sheu and Walker's (1991)
-    tables has an entry for, a cross or a number: the ones that the paper keeps as independent."""
+    """Indices, from 0 and rising, of the inertial parameters that Sheu and Walker (1991) keep as independent, among all
+    (ten a link): those for which `table`, one of their tables, has a cross or a number."""
     entries = table.entries()
     return tuple(sorted(index(row, link) for row, link, text in entries if text == MARK or text != BLANK))
 
 
 def name(row: str, link: str) -> str:
-    """Name in this package of the inertial parameter in a `row` of Sheu and Walker's (1991) tables, such as "m" or
-    "I_x" (the package's I_xx), and the column of a `link`, such as "3": "link3.I_xx". Nothing is checked."""
+    """Name in this package, such as "link3.I_xx", of the inertial parameter in a `row` of Sheu and Walker's (1991)
+    tables, such as "m" or "I_x" (the package's I_xx), and the column of a `link`, such as "3". Nothing is checked."""
     return f"link{link}.{NAMES.get(row, row)}"

@@ -20,9 +20,9 @@ BLANK, MARK = ".", "x"
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Table as Sheu and Walker (1991) print it: `title`, `columns` by their labels, and `rows`, texts by their labels,
-    with an entry for each column, spaces between, and a dot for a blank. Raises `ValueError` for a row with another
-    number of entries."""
+    """Table as Sheu and Walker (1991) print it: `title`; `columns`, their labels; and `rows`, which maps labels to
+    texts with an entry for each column, separated by spaces, and a dot for a blank. Raises `ValueError` at construction
+    for a row with another number of entries."""
 
     title: str
     columns: list[str]
@@ -34,21 +34,24 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
                 raise ValueError(f"row {label!r} has {len(row.split())} entries, expected {len(self.columns)}")
 
     def entries(self) -> Iterator[tuple[str, str, str]]:
-        """Entries of the table, row by row: each its row's label, its column's label, and its text, "." for a blank."""
+        """Iterator over the entries of the printed table, row by row: for each a tuple of its row's label, its column's
+        label and its text, "." for a blank."""
         for label, row in self.rows.items():
             for column, text in zip(self.columns, row.split(), strict=True):
                 yield label, column, text
 
     def values(self, *labels: str) -> Array:
-        """Numbers (rows, columns) in the rows with these `labels`, in the order given, or without any in all rows, as
-        printed. Raises `KeyError` for an unknown label, `ValueError` for a blank or other entry that is no number."""
+        """Numbers (rows, columns) in the rows of the printed table with these `labels`, in the order given, or without
+        any in all rows, as printed. Raises `KeyError` for an unknown label, `ValueError` for a blank or other entry
+        that is no number."""
         rows = [self.rows[label].split() for label in labels or self.rows]
         return np.array([[float(text) for text in row] for row in rows])
 
 
 class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """Quotation from Sheu and Walker (1991) that is to be judged: `where`, the number of its section; `quote`, the
-    sentence; and `numbers`, those in question, as text with spaces between."""
+    sentence; and `numbers`, the numbers in it that are in question, as text separated by spaces. Types are checked
+    where a file is read, not at construction."""
 
     where: str
     quote: str
@@ -56,8 +59,9 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Contents of Sheu and Walker (1991) that can be computed again: `tables` and quotations (`claims`), each by a
-    short name, such as "table7" or "puma_rank"; `schema` names the file's format."""
+    """Contents of Sheu and Walker (1991) that can be computed again: `tables`, a `Table` each, and `claims`,
+    quotations, a `Saying` each, by short names, such as "table7" or "puma_rank"; `schema` is the file format's name.
+    Types are checked where a file is read, not at construction."""
 
     schema: Literal["adaptctl/printed/1"]
     tables: dict[str, Table]
@@ -66,19 +70,20 @@ class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 @cache
 def printed() -> Printed:
-    """Contents of Sheu and Walker (1991), tables and quotations, from the file printed.toml of this package, read
-    once."""
+    """Contents of Sheu and Walker (1991), a `Printed` of tables and quotations, from the file printed.toml in this
+    package, read once and then cached. Nothing is raised."""
     with as_file(files("adaptctl.experiments.replication") / "printed.toml") as path:
         return read_toml(path, Printed)
 
 
 @dataclass(frozen=True)
 class Number:
-    """Number as printed: its `text`; its `value`; `unit`, what one unit of its last digit is worth; and `digits`, how
-    many it has.
+    """Number as a table of Sheu and Walker (1991) prints it: `text`, its characters; `value`, what they stand for;
+    `unit`, the value of one unit in the last printed digit, such as 0.0001 for "-0.0805"; and `digits`, the count of
+    printed digits by which agreement is measured.
 
-    Digits are the decimals where there are any and no exponent, since columns of a table share them; else all digits
-    but leading zeros. Nothing is checked at construction.
+    For a number with decimals and without an exponent, `digits` is the count of its decimals, since the numbers in a
+    column share it; otherwise it is the count of significant digits. Nothing is checked at construction.
     """
 
     text: str
@@ -88,8 +93,8 @@ class Number:
 
     @classmethod
     def of(cls, text: str) -> Number:
-        """Number that a `text` such as "-0.0805" or "4.4E+04" prints, with its digits. Raises `InputError` for another
-        text."""
+        """The `Number` that a printed `text` such as "-0.0805" or "4.4E+04" stands for. Raises `InputError` for a text
+        that is no number."""
         mantissa, _, exponent = text.upper().partition("E")
         decimals = len(mantissa.partition(".")[2])
         significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1
@@ -100,15 +105,16 @@ class Number:
             raise InputError(f"{text!r} is not a printed number") from error
 
     def digits_met(self, computed: float) -> int:
-        """Number of the printed digits, 0 to all, that a `computed` value in the same unit agrees with when it is
-        rounded likewise. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+        """Count of the printed number's digits, from 0 to all, with which a `computed` value in the same physical unit
+        agrees: all where it is within half a unit of the last digit, one less for each tenfold of that. Raises
+        `ValueError` for NaN, `OverflowError` for infinity."""
         off = abs(computed - self.value) / self.unit
         lost = 0 if off <= 0.5 + 1e-9 else math.ceil(math.log10(2.0 * off) - 1e-12)
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
-        """Text of a `computed` value in the style of the printed number: as many decimals, and an exponent where that
-        has one; without, what rounds to zero has no minus sign."""
+        """Text of a `computed` value in the style of this printed number: with as many decimals, and with an exponent
+        where the printed number has one; a value without exponent that rounds to zero has no minus sign."""
         decimals = len(self.text.upper().partition("E")[0].partition(".")[2])
         if "E" in self.text.upper():
             return f"{computed:.{decimals}E}"

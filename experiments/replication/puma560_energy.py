@@ -30,8 +30,9 @@ FIRST = 34
 
 
 def table1(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 1 of Sheu and Walker (1991), the PUMA 560's ranges
-    of positions and velocities: inputs, checked against the arm's own in `study`."""
+    """Replication of Table 1 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    PUMA 560's ranges of positions and velocities. They are inputs, checked against those of this package's arm, which
+    `study`, a `Study`, has."""
     table, limits = printed().tables["table1"], [joint.limits for joint in study.puma.mechanism.primary_joints]
     used = {
         FROM: [x.lower for x in limits],
@@ -60,10 +61,10 @@ def table1(study: Study) -> Item:
 
 
 def table2(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 2 of Sheu and Walker (1991), the PUMA 560's singular
-    values of energy differences: each printed one checked against those of many random draws of states in `study`,
-    since the paper's one draw is not known. Raises `RankError` where the arm's number of identifiable parameters cannot
-    be certified."""
+    """Replication of Table 2 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    PUMA 560's singular values of energy differences. Each printed one is checked against those of many random draws of
+    states in `study`, since the paper's one draw is not known. Raises `RankError` where the arm's number of
+    identifiable parameters cannot be certified."""
     table, draws = printed().tables["table2"], study.puma_draws
     k, values = draws.rank, draws.singular_values
     texts = [text for _, _, text in table.entries()]
@@ -100,11 +101,11 @@ def table2(study: Study) -> Item:
 
 
 def table3(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 3 of Sheu and Walker (1991), the PUMA 560's energy
-    and torque errors by the number of essential components (the parameters' parts along the right singular vectors of
-    energy differences) that are kept: each printed one checked against those of many random draws of states in `study`,
-    torques along a sinusoid chosen here. Raises `RankError` where the arm's number of identifiable parameters cannot be
-    certified."""
+    """Replication of Table 3 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    PUMA 560's energy and torque errors by the number of essential components (the parameters' parts along the right
+    singular vectors of energy differences) that are kept. Each printed one is checked against those of many random
+    draws of states in `study`, torques along a sinusoid chosen here. Raises `RankError` where the arm's number of
+    identifiable parameters cannot be certified."""
     table, draws = printed().tables["table3"], study.puma_draws
     checks = checked_torque_errors(table, draws.percent_errors, study.puma_torque_errors)
     return Item(

@@ -32,8 +32,9 @@ REPORTED = "3.14159/2"
 
 
 def table4(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 4 of Sheu and Walker (1991), the order in which the
-    PUMA 560's parameters are removed: an input, checked against the order used with `study`."""
+    """Replication of Table 4 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    order in which the PUMA 560's parameters are removed. It is an input, checked against the order that this package
+    uses."""
     table, names = printed().tables["table4"], study.puma.mechanism.parameter_names
     order = study.priority("table4", study.puma.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}
@@ -48,9 +49,10 @@ def table4(study: Study) -> Item:
 
 
 def table5(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 5 of Sheu and Walker (1991), the PUMA 560's set of
-    independent parameters: each cross and blank checked against the set computed from `study`, and the set's rank.
-    Raises `RankError` where the arm's number of identifiable parameters cannot be certified."""
+    """Replication of Table 5 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    PUMA 560's set of independent parameters. Each cross and blank is checked against the set computed from `study`, and
+    the rank of the printed set is computed. Raises `RankError` where the arm's number of identifiable parameters cannot
+    be certified."""
     table, space, basis = printed().tables["table5"], study.puma.space, study.puma_basis
     columns, priority = kept(table), study.priority("table4", study.puma.mechanism)
     states = random_states(study.puma.mechanism, 4 * len(space.parameter_names), np.random.default_rng(study.seed))
@@ -104,9 +106,10 @@ def table5(study: Study) -> Item:
 
 
 def table6(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 6 of Sheu and Walker (1991), the PUMA 560's assigned
-    inertial parameters: inputs, checked against those of the arm in `study`, and shown to be those of no rigid bodies.
-    Raises `RankError` where the arm's number of identifiable parameters cannot be certified."""
+    """Replication of Table 6 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    PUMA 560's assigned inertial parameters. They are inputs, checked against those of the arm in `study`, and shown to
+    be those of no rigid bodies. Raises `RankError` where the arm's number of identifiable parameters cannot be
+    certified."""
     table, D, space = printed().tables["table6"], study.puma.parameters, study.puma.space
     checks = tuple(given(row, link, text, sign(row) * D[index(row, link)]) for row, link, text in table.entries())
     lowest = [float(np.linalg.eigvalsh(pseudo_inertia(ten))[0]) for ten in D.reshape(-1, 10)]
@@ -140,10 +143,10 @@ UNPHYSICAL = "I_x4 + I_y4 - I_z4 + I_x5 - I_y5 + I_z5"
 
 
 def table7(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 7 of Sheu and Walker (1991), the PUMA 560's
-    essential parameters D_E = V1 V1' D: each printed number checked against the one computed. V1 (P, k) is the basis of
-    the k directions of parameters that change energies, D (P,) the inertial parameters of the arm in `study`. Raises
-    `RankError` where k cannot be certified."""
+    """Replication of Table 7 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    PUMA 560's essential parameters D_E = V1 V1' D. Each printed number is checked against the one computed. V1 (P, k)
+    is the basis of the k directions of parameters that change energies, D (P,) the inertial parameters of the arm in
+    `study`. Raises `RankError` where k cannot be certified."""
     table, space = printed().tables["table7"], study.puma.space
     real, D = printed().tables["table6"], study.puma.parameters
     essential = space.project(D)
@@ -173,10 +176,10 @@ def table7(study: Study) -> Item:
 
 
 def table8(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 8 of Sheu and Walker (1991), the values of the PUMA
-    560's independent parameters on the set of Table 5: each printed number checked against the one computed from
-    `study` with pi/2 rounded, as the paper seems to have done. Raises `RankError` where the arm's number of
-    identifiable parameters cannot be certified."""
+    """Replication of Table 8 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    values of the PUMA 560's independent parameters on the set of Table 5. Each printed number is checked against the
+    one computed from `study` with pi/2 rounded, as the paper seems to have done. Raises `RankError` where the arm's
+    number of identifiable parameters cannot be certified."""
     table, essential = printed().tables["table8"], parameters(printed().tables["table7"])
     mechanism, space, vector = study.puma.mechanism, study.puma.space, parameters(table)
     rounded = rounded_set(mechanism, QUARTERS[REPORTED], study.priority("table4", mechanism)).independent

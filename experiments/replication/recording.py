@@ -26,9 +26,9 @@ WIDTHS = (4.0, 1.2, 1.5, 1.5)
 
 
 def write_recording(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the replication's recording for the rerun viewer, a file .rrd: both arms along their sinusoids, verdicts,
-    and `figures`, PNG files by name. The file is written whole or not at all. Raises `FileError` where it cannot be
-    written."""
+    """Write the recording of a `replication` of Sheu and Walker (1991) for the rerun viewer, a file .rrd at `path`:
+    both arms along their sinusoids, verdicts, and `figures`, PNG files by name. The file is written whole or not at
+    all; nothing is returned. Raises `FileError` where it cannot be written."""
     scenes = [item.scene for item in replication.items if item.scene is not None]
     content = ",".join((str(replication.study.seeds), *(item.name for item in replication.items))).encode()
     with saved_stream(path, replication, content, _layout(scenes, figures)) as recording:
@@ -41,8 +41,8 @@ def write_recording(path: str | Path, replication: Replication, figures: Mapping
 
 
 def verdicts_markdown(replication: Replication) -> str:
-    """Text in Markdown of the replication's outcome, its facts as a table, and the verdict on every item of Sheu and
-    Walker (1991)."""
+    """Text in Markdown of the outcome of a `replication` of Sheu and Walker (1991), its facts as a table, and the
+    verdict on every item (table, figure or section of the paper)."""
     answers = "\n".join(f"| {question} | **{answer}** |" for question, answer, _ in facts(replication))
     verdicts = "\n".join(f"- **{item.label}**, {item.verdict.value}: {item.summary}" for item in replication.items)
     return f"{headline(replication)}\n\n| | |\n|---|---|\n{answers}\n\n{verdicts}\n"
@@ -50,7 +50,7 @@ def verdicts_markdown(replication: Replication) -> str:
 
 def evidence_markdown(items: Sequence[Item]) -> str:
     """Text in Markdown of the judged claims and the evidence of every one of the `items` (tables, figures and sections
-    of the paper) that has some; a sentence that there is none where no item has."""
+    of the paper) that has some; where no item has any, a sentence that says so."""
     parts = []
     for item in items:
         claims = [f"- “{claim.saying.quote}”: **{claim.verdict.value}**. {claim.found}." for claim in item.claims]

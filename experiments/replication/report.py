@@ -23,23 +23,24 @@ STYLES = {
 
 
 class Grid(NamedTuple):
-    """Grid of checks in the layout of a table of Sheu and Walker (1991): `columns`, their labels, and `rows`, each a
-    label and, for every column, the check of the entry there or None where there is none. Nothing is checked at
-    construction."""
+    """Named tuple of checks of printed entries in the layout of a table of Sheu and Walker (1991): `columns`, their
+    labels, and `rows`, each a label and, for every column, the check of the entry there or None where there is none.
+    Nothing is checked at construction."""
 
     columns: list[str]
     rows: list[tuple[str, list[Check | None]]]
 
 
 def write_report(path: str | Path, replication: Replication, figures: Mapping[str, Path]) -> None:
-    """Write the replication's report, one HTML page with the `figures` (PNG files by name) inside, whole or not at all.
-    Raises `FileError` where it cannot be written, `OSError` where a figure cannot be read."""
+    """Write the report of a `replication` of Sheu and Walker (1991), one HTML page at `path` with the `figures` (PNG
+    files by name) inside, whole or not at all; nothing is returned. Raises `FileError` where it cannot be written,
+    `OSError` where a figure cannot be read."""
     write_text(path, report(replication, figures))
 
 
 def report(replication: Replication, figures: Mapping[str, Path]) -> str:
-    """Text, in HTML, of the replication's report: one page with the `figures`, PNG files by name, inside. Raises
-    `OSError` where a figure cannot be read."""
+    """Text, in HTML, of the report of a `replication` of Sheu and Walker (1991): one page with the `figures`, PNG files
+    by name, inside. Raises `OSError` where a figure cannot be read."""
     drawings = [drawing for item in replication.items for drawing in item.drawings]
     return rendered(
         "replication.html",
@@ -70,9 +71,10 @@ MEANINGS = {
 
 
 def grid(name: str, checks: Sequence[Check]) -> Grid:
-    """Grid of the `checks` of an item called `name`, such as "table7", as a `Grid` of columns' labels and rows. Columns
-    are those of that table in Sheu and Walker (1991) that a check is of, in its order, or, where the item is no table,
-    in the order in which the checks have them, as rows always are. Of two checks of one entry the last is shown."""
+    """Checks of the printed entries of one item, a `Grid` of columns' labels and rows in the layout of Sheu and Walker
+    (1991). `name` is the item's, such as "table7", `checks` its checks. Columns are those of the paper's table of that
+    name that have a check, in the table's order, or, where the item is no table, in the order in which the checks have
+    them, as rows always are. Of two checks of one entry the last is shown."""
     table = printed().tables.get(name)
     present = dict.fromkeys(check.column for check in checks)
     columns = [column for column in (table.columns if table else present) if column in present]

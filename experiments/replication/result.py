@@ -12,10 +12,11 @@ from adaptctl.recording import Setting
 
 @dataclass(frozen=True, eq=False)
 class Replication:
-    """Data of a replication of Sheu and Walker (1991): `items`, the tables, figures and sections that were computed
-    again, in the paper's order; `study`, the arms and random draws of states behind them; name and `title` of the
-    `experiment`, its `settings`, the `seconds` that it took; and `complete`, False where it was interrupted. Nothing is
-    checked at construction."""
+    """Data of a replication of Sheu and Walker (1991), finished or interrupted: `items`, an `Item` for each table,
+    figure and section that was computed again, in the paper's order; `study`, the `Study` with the arms and random
+    draws of states behind them; `experiment`, the experiment's name, its `title` and its `settings`, a `Setting` each;
+    `seconds`, the time that it took; and `complete`, False where it was interrupted. Nothing is checked at
+    construction."""
 
     experiment: str
     title: str
@@ -27,29 +28,31 @@ class Replication:
 
     @property
     def seed(self) -> int:
-        """Seed of the first random draw of states."""
+        """Seed of the first random draw of states of the replication."""
         return self.study.seed
 
     @property
     def numbers(self) -> Counts:
-        """Counts of the numbers that Sheu and Walker (1991) print, by verdict, crosses and blanks left out."""
+        """Counts by verdict, a `Counts`, of the numbers that Sheu and Walker (1991) print in the replication's items,
+        crosses and blanks left out."""
         return numbers(self.items)
 
     @property
     def marks(self) -> Counts:
-        """Counts of the crosses and blanks (parameter kept, or not) that Sheu and Walker (1991) print, by verdict."""
+        """Counts by verdict, a `Counts`, of the crosses and blanks (parameter kept, or not) that Sheu and Walker (1991)
+        print in the replication's items."""
         return marks(self.items)
 
     @property
     def errata(self) -> tuple[str, ...]:
-        """Names of the items (tables, figures and sections of Sheu and Walker 1991), such as "table6", that are shown
-        to be wrong in some entry."""
+        """Names of those items of the replication (tables, figures and sections of Sheu and Walker 1991), such as
+        "table6", whose verdict is that they are wrong."""
         return self._named(Outturn.ERRATUM)
 
     @property
     def not_reproduced(self) -> tuple[str, ...]:
-        """Names of the items (tables, figures and sections of Sheu and Walker 1991), such as "table10", that could
-        neither be reproduced nor be shown to be wrong."""
+        """Names of those items of the replication (tables, figures and sections of Sheu and Walker 1991), such as
+        "table10", whose verdict is that they could neither be reproduced nor be shown to be wrong."""
         return self._named(Outturn.NOT_REPRODUCED)
 
     def _named(self, verdict: Outturn) -> tuple[str, ...]:

@@ -31,7 +31,8 @@ class RoundedSet:
     """Set of the k of P inertial parameters that the rule of Sheu and Walker (1991, theorem 4.1) keeps: `kept`, their
     indices from 0; `condition`, the condition number of the removed parameters' rows (P - k, P - k) of the null vectors
     V2 (P, P - k), orthonormal directions of parameters that change no energy; and `independent`, the vector D_I (P,) of
-    equation 25, the parameters' values in SI units, zero where removed. Nothing is checked at construction."""
+    the paper's equation 25, the values of the kept parameters in SI units, zero where removed. Nothing is checked at
+    construction."""
 
     kept: tuple[int, ...]
     condition: float
@@ -41,9 +42,9 @@ class RoundedSet:
 
 
 def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
-    """Changed copy of the `mechanism`, a PUMA 560, in which the twists, the angles about x from each joint axis to the
-    next, are -1, 0 or 1 times `quarter` (rad), such as 1.5708, instead of pi/2. Raises `ValueError` for a `mechanism`
-    of another number of links than six."""
+    """Copy of the `mechanism`, a PUMA 560, with changed twists: the angles about x from each joint axis to the next are
+    -1, 0 or 1 times `quarter` (rad), such as 1.5708, in place of pi/2. Raises `ValueError` for a `mechanism` of another
+    number of links than six."""
     links = tuple(
         replace(link, far=Pose(rotation_about((1, 0, 0), n * quarter), link.far.translation))
         for link, n in zip(mechanism.links, TURNS, strict=True)
@@ -52,18 +53,18 @@ def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
 
 
 def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
-    """Changed copy of the `mechanism`, a semi-direct-drive arm, whose first joint's frame is turned about the world's x
-    axis by minus `quarter` (rad), such as 1.5708, instead of minus pi/2. Nothing is checked."""
+    """Copy of the `mechanism`, a semi-direct-drive arm, with a changed base: the frame of its first joint is turned
+    about the world's x axis by minus `quarter` (rad), such as 1.5708, in place of minus pi/2. Nothing is checked."""
     first = mechanism.links[0]
     base = replace(first, near=Pose(rotation_about((1, 0, 0), -quarter), first.near.translation))
     return Mechanism(replace(mechanism.description, links=(base, *mechanism.links[1:])))
 
 
 def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) -> RoundedSet:
-    """Set of the k of P parameters that the rule of Sheu and Walker (1991, theorem 4.1 and equation 25) keeps.
-    Parameters are met in the order of `priority`; one is removed where its row of the null vectors of `space`
-    (orthonormal directions of parameters that change no energy) is linearly independent of the rows of those removed
-    before: less its projection on them it is longer than 1e-8. `parameters` are D (P,), SI units. Raises
+    """Set of the k of P parameters that the rule of Sheu and Walker (1991, theorem 4.1 and equation 25) keeps, a
+    `RoundedSet`. Parameters are considered in the order of `priority`; one is removed where its row of the null vectors
+    of `space` (orthonormal directions of parameters that change no energy) is linearly independent of the rows of those
+    removed before: its part orthogonal to them has a norm above 1e-8. `parameters` are D (P,), SI units. Raises
     `NotFoundError` for a priority with unknown names, `InputError` for one with a name given twice and for parameters
     of a wrong shape."""
     removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
@@ -74,9 +75,9 @@ def papers_rule(space: EssentialSpace, parameters: Array, priority: Priority) ->
 
 
 def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> RoundedSet:
-    """Set of parameters that the rule of Sheu and Walker (1991, theorem 4.1) keeps on the PUMA 560, `mechanism`, with
-    `quarter` (rad), such as 1.5708, in place of pi/2; `priority` is the order in which parameters are removed. Raises
-    `NotFoundError` for a priority with unknown names, `InputError` for one with a name given twice, `ValueError` for a
-    mechanism of another number of links than six, `RankError` where the number of identifiable parameters cannot be
-    certified."""
+    """Set of parameters, a `RoundedSet`, that the rule of Sheu and Walker (1991, theorem 4.1) keeps on the PUMA 560,
+    `mechanism`, with `quarter` (rad), such as 1.5708, in place of pi/2; `priority` is the order in which parameters are
+    removed. Raises `NotFoundError` for a priority with unknown names, `InputError` for one with a name given twice,
+    `ValueError` for a mechanism of another number of links than six, `RankError` where the number of identifiable
+    parameters cannot be certified."""
     return papers_rule(essential_space(with_twists(mechanism, quarter)), mechanism.inertial_parameters, priority)

@@ -33,8 +33,9 @@ INEQUALITIES = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 def table9(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 9 of Sheu and Walker (1991), the semi-direct-drive
-    arm's ranges of positions and velocities: inputs, checked against the arm's own in `study`."""
+    """Replication of Table 9 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    semi-direct-drive arm's ranges of positions and velocities. They are inputs, checked against those of this package's
+    arm, which `study`, a `Study`, has."""
     table, arm = printed().tables["table9"], study.five_bar
     checks = tuple(given(*entry, _limit(arm, *entry[:2])) for entry in table.entries() if entry[2] != BLANK)
     bends = np.linspace(arm.lower[2], arm.upper[2], 200)
@@ -67,11 +68,11 @@ def table9(study: Study) -> Item:
 
 
 def table10(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 10 of Sheu and Walker (1991), the semi-direct-drive
-    arm's energy and torque errors by the number of essential components (the parameters' parts along the right singular
-    vectors of energy differences) that are kept: each printed one checked against those of many random draws of states
-    in `study`, with lengths and a sinusoid chosen here. Raises `RankError` where an arm's number of identifiable
-    parameters cannot be certified."""
+    """Replication of Table 10 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    semi-direct-drive arm's energy and torque errors by the number of essential components (the parameters' parts along
+    the right singular vectors of energy differences) that are kept. Each printed one is checked against those of many
+    random draws of states in `study`, with lengths and a sinusoid chosen here. Raises `RankError` where an arm's number
+    of identifiable parameters cannot be certified."""
     table = printed().tables["table10"]
     near, generic = study.nearly_parallel_draws, study.five_bar_draws
     checks = checked_torque_errors(table, near.percent_errors, study.nearly_parallel_torque_errors)
@@ -118,8 +119,9 @@ def table10(study: Study) -> Item:
 
 
 def table11(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 11 of Sheu and Walker (1991), the order in which the
-    semi-direct-drive arm's parameters are removed: an input, checked against the order used with `study`."""
+    """Replication of Table 11 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    order in which the semi-direct-drive arm's parameters are removed. It is an input, checked against the order that
+    this package uses."""
     table, names = printed().tables["table11"], study.five_bar.mechanism.parameter_names
     order = study.priority("table11", study.five_bar.mechanism).indices(names)
     places = {names[j]: i + 1 for i, j in enumerate(order)}
@@ -128,9 +130,9 @@ def table11(study: Study) -> Item:
 
 
 def table12(study: Study) -> Item:
-    """Replication (an `Item`: verdict, checks and claims) of Table 12 of Sheu and Walker (1991), the semi-direct-drive
-    arm's set of independent parameters: each cross and blank checked against the set computed from `study`. Raises
-    `RankError` where the arm's number of identifiable parameters cannot be certified."""
+    """Replication of Table 12 of Sheu and Walker (1991), an `Item` (verdict, checks of entries and judged claims): the
+    semi-direct-drive arm's set of independent parameters. Each cross and blank is checked against the set computed from
+    `study`. Raises `RankError` where the arm's number of identifiable parameters cannot be certified."""
     table, basis, draws = printed().tables["table12"], study.five_bar_basis, study.five_bar_draws
     checks = tuple(
         marked(row, link, text, index(row, link) in basis.columns, Outturn.NOT_REPRODUCED)

@@ -14,17 +14,18 @@ SCHEMA = "adaptctl/replication/1"
 
 
 def write_summary(path: str | Path, replication: Replication) -> None:
-    """Write the replication's summary as a JSON file, whole or not at all: every printed entry beside the computed one,
-    with its verdict. Raises `FileError` where it cannot be written, and for a number that is NaN or infinite."""
+    """Write the summary of a `replication` of Sheu and Walker (1991) as a JSON file at `path`, whole or not at all:
+    every printed entry beside the computed one, with its verdict. Nothing is returned. Raises `FileError` where the
+    file cannot be written, and for a number that is NaN or infinite."""
     write_json(path, summary(replication))
 
 
 def summary(replication: Replication) -> dict[str, Any]:
-    """Summary of the replication of Sheu and Walker (1991) in JSON's types: "schema", "complete", "experiment", "seed",
-    "seeds" (how many), "seconds" taken and "settings"; counts by verdict of printed "numbers", of "marks" (crosses and
-    blanks) and of items, "items_by_verdict"; the names of items in "errata" and "not_reproduced"; and "items" (tables,
-    figures, sections) by name, each with "title", "verdict", "summary", "chosen", "claims", "evidence", "relations" and
-    "checks"."""
+    """Summary of a `replication` of Sheu and Walker (1991), a dict in JSON's types: "schema", "complete", "experiment",
+    "seed", "seeds" (how many), "seconds" taken and "settings"; counts by verdict of printed "numbers", of "marks"
+    (crosses and blanks) and of items, "items_by_verdict"; the names of items in "errata" and "not_reproduced"; and
+    "items" (tables, figures, sections) by name, each with "title", "verdict", "summary", "chosen", "claims",
+    "evidence", "relations" and "checks"."""
     items = replication.items
     return {
         "schema": SCHEMA,

@@ -20,12 +20,13 @@ CLOSE = (0.05, 0.01, 0.001)
 
 
 def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[Check, ...]:
-    """Checks of every printed entry of Table 3 or 10 of Sheu and Walker (1991), in its order, against what was computed
-    when 0 to k essential components (the parameters' parts along the right singular vectors of energy differences) are
-    kept: energy errors `percent` (seeds, k + 1), %, and mean square torque errors `errors` (seeds, k + 1, r), (N m)^2,
-    of r joints, for each of several random draws (seeds). The verdict is IN_SHAPE for an entry within the draws' least
-    and greatest value, or, with all k components, where only round-off is left, for one that like the draws' median is
-    below 1e-15; else NOT_REPRODUCED."""
+    """Checks, a `Check` each, of every printed entry of Table 3 or 10 of Sheu and Walker (1991), `table`, in its order,
+    against the errors computed with the first j = 0, 1, ..., k of the k essential components (the parameters' parts
+    along the right singular vectors of energy differences): energy errors `percent` (seeds, k + 1), %, and mean square
+    torque errors `errors` (seeds, k + 1, r), (N m)^2, of r joints, for each of several random draws (seeds). The
+    verdict is IN_SHAPE for an entry from the draws' least to their greatest value. With all k components only round-off
+    is left: there it is IN_SHAPE for an entry that is below 1e-15 where the draws' median is too. Else it is
+    NOT_REPRODUCED."""
     last = percent.shape[1] - 1
     checks = []
     for row, column, text in table.entries():
@@ -37,7 +38,7 @@ def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[
 
 
 def medians(percent: Array, errors: Array) -> Relations:
-    """Table, as `Relations` (a heading and lines of text), of the medians over the random draws (seeds) for each number
+    """Table, as `Relations` (a heading and lines of text), of medians over random draws (seeds), a line for each number
     kept of essential components (the parameters' parts along the right singular vectors of energy differences) that
     Table 3 or 10 of Sheu and Walker (1991) has: energy errors `percent` (seeds, k + 1), %, and mean square torque
     errors `errors` (seeds, k + 1, r), (N m)^2, of r joints."""
@@ -49,12 +50,12 @@ def medians(percent: Array, errors: Array) -> Relations:
 
 
 def fewest_components(claim: str, printed_count: int, draws: Draws, errors: Array, motion: StatedMotion) -> Claim:
-    """Claim of Sheu and Walker (1991) on the number of essential components (the parameters' parts along the right
-    singular vectors of energy differences) that an accurate torque needs, judged: it holds where at least half of the
-    random draws need `printed_count` or more for an RMS torque error within 5 % of the RMS torque at every joint.
-    `claim` is the name of its quotation, such as "puma_torque"; `errors` (seeds, k + 1, r), (N m)^2, are the mean
-    square torque errors of `draws` along `motion` with 0 to k components at r joints. Raises `KeyError` for an unknown
-    quotation."""
+    """Judgement, a `Claim`, of a statement of Sheu and Walker (1991) on the number of essential components (the
+    parameters' parts along the right singular vectors of energy differences) that an accurate torque needs. It holds
+    where at least half of the random draws need `printed_count` or more for an RMS torque error of at most 5 % of the
+    RMS torque at every joint. `claim` is the name of the statement's quotation, such as "puma_torque"; `errors` (seeds,
+    k + 1, r), (N m)^2, are the mean square torque errors of `draws` along `motion` with 0 to k components at r joints.
+    Raises `KeyError` for an unknown quotation."""
     needed = {share: _needed(draws, errors, motion, share) for share in CLOSE}
     judged = float(np.mean(needed[CLOSE[0]] >= printed_count))
     middle = ", ".join(f"{np.median(count):.0f} within {percent(share)}" for share, count in needed.items())

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 
 class Outturn(Enum):
-    """Enumeration of verdicts on what Sheu and Walker (1991) print: GIVEN, an input used as printed; REPRODUCED,
-    computed again; IN_SHAPE, which depends on samples, a motion or an arm that the paper does not print, and lies among
-    the values computed for those chosen here; ERRATUM, shown to be wrong; NOT_REPRODUCED, outside of all that was
-    computed, and not shown to be wrong. The value is the verdict in words."""
+    """Enumeration of verdicts on an entry, statement, table or figure of Sheu and Walker (1991): GIVEN, an input used
+    as printed; REPRODUCED, computed again; IN_SHAPE, which depends on samples, a motion or an arm that the paper does
+    not print, and lies among the values computed for those chosen here; ERRATUM, shown to be wrong; NOT_REPRODUCED,
+    outside of all that was computed, and not shown to be wrong. The value is the verdict in words."""
 
     GIVEN = "given"
     """an input of the paper, used as printed"""
@@ -37,10 +37,11 @@ class Outturn(Enum):
 
 @dataclass(frozen=True)
 class Check:
-    """Check of one entry that Sheu and Walker (1991) print: its `row` and `column`, labels of the table; the texts
-    `printed` and `computed`; the `verdict`; `of_digits`, how many digits the printed number has, and `digits`, how many
-    of them the computed one meets (both None where digits are not counted); and `low` and `high`, the extremes over the
-    random draws (None without draws). Nothing is checked at construction."""
+    """Comparison of one entry that Sheu and Walker (1991) print with what is computed: its `row` and `column`, its
+    labels in the table; the texts `printed` and `computed`; the `verdict`; `of_digits`, how many digits the printed
+    number has, and `digits`, how many of them the computed value agrees with (both None where digits are not counted);
+    and `low` and `high`, the least and the greatest computed value over the random draws (None without draws). Nothing
+    is checked at construction."""
 
     row: str
     column: str
@@ -56,28 +57,29 @@ class Check:
 
     @property
     def is_mark(self) -> bool:
-        """True if the printed entry is a cross or a blank, in a table of crosses, and no number."""
+        """True if the printed entry that is checked is a cross or a blank, as in a table of parameters that are kept,
+        and no number."""
         return self.printed in (MARK, "")
 
     @property
     def reads_alike(self) -> bool:
-        """True if the computed text is the printed one, leading plus signs aside, or both are zero, as "-0.00" and
-        "0.00" are. Raises `ValueError` where the texts differ, the printed one is neither a cross nor blank, and either
-        is no number."""
+        """True if this check's computed text equals the printed one, leading plus signs aside, or both are zero, as
+        "-0.00" and "0.00" are. Raises `ValueError` where the texts differ, the printed one is neither a cross nor
+        blank, and either is no number."""
         texts = (self.computed.lstrip("+"), self.printed.lstrip("+"))
         return texts[0] == texts[1] or (not self.is_mark and {float(text) for text in texts} == {0.0})
 
     @property
     def exact(self) -> bool:
-        """True if the entry is reproduced with every printed digit, or is a cross or a blank and reproduced."""
+        """True if the checked entry is reproduced with every printed digit, or is a cross or a blank and reproduced."""
         return self.verdict is Outturn.REPRODUCED and self.digits == self.of_digits
 
 
 @dataclass(frozen=True)
 class Claim:
-    """Claim of Sheu and Walker (1991), judged: `saying`, its quotation; `measured`, in words what was measured to judge
-    it; `found`, what came out; `verdict`; and `share`, of the random draws on which it holds (0 to 1; None without
-    draws). Nothing is checked at construction."""
+    """Judged statement of Sheu and Walker (1991): `saying`, its quotation, a `Saying`; `measured`, in words what was
+    measured to judge it; `found`, what that gave, as text; `verdict`, an `Outturn`; and `share`, the fraction of the
+    random draws on which it holds (0 to 1; None without draws). Nothing is checked at construction."""
 
     saying: Saying
     measured: str
@@ -88,9 +90,8 @@ class Claim:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Evidence for a verdict on what a paper prints: a `sentence` with {} in the places of its numbers, their `values`,
-    and the number of significant `digits` with which its text, by `str`, shows them. Nothing is checked at
-    construction."""
+    """Evidence for a verdict on what a paper prints: a `sentence` with {} where its numbers belong, their `values`, and
+    the number of significant `digits` with which `str` shows them. Nothing is checked at construction."""
 
     sentence: str
     values: tuple[float, ...]
@@ -103,13 +104,13 @@ class Evidence:
 
 
 def evidence(sentence: str, *values: float, digits: int = 3) -> Evidence:
-    """Evidence made of a `sentence`, with {} in the places of numbers, these numbers, `values`, and how many
-    significant `digits` of them are shown, 3 unless given."""
+    """Evidence for a verdict, an `Evidence`, made of a `sentence` with {} where numbers belong, these numbers,
+    `values`, and how many significant `digits` of them are shown, 3 by default. Nothing is checked."""
     return Evidence(sentence, tuple(float(value) for value in values), digits)
 
 
 def percent(share: float) -> str:
-    """Text of a `share` (0.005) in percent with three significant digits, "0.5 %"."""
+    """Text of a fraction `share`, such as 0.005, in percent with three significant digits, "0.5 %"."""
     return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"
 
 
@@ -124,9 +125,9 @@ class Relations:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Scene for the recording, an arm of r joints along a sinusoid at T times: its `label` and `mechanism`; `time`
-    (T,), s; positions `p` (T, r), rad; and `torques`, (T, r) in N m by label, the actual ones first, then those of
-    reduced parameters. Nothing is checked at construction."""
+    """Animation for the recording, an arm of r joints moving along a sinusoid at T times: its `label` and `mechanism`;
+    `time` (T,), s; positions `p` (T, r), rad; and `torques`, a mapping from labels to torques (T, r), N m, those of all
+    parameters first, then those of fewer essential components. Nothing is checked at construction."""
 
     label: str
     mechanism: Mechanism
@@ -138,11 +139,11 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """Item of Sheu and Walker (1991), a table, figure or section that was computed again: `name`, as on the command
-    line ("table7"); `title`; the `verdict`, and a `summary` in words; `chosen`, sentences on what the paper leaves open
-    and was chosen here; `checks` of its entries, judged `claims` of its text, `evidence` and `relations` among
-    parameters for the report, `drawings`, and a `scene` for the recording (None for none). Nothing is checked at
-    construction."""
+    """Table, figure or section of Sheu and Walker (1991) that was computed again, with what came out: `name`, as on the
+    command line ("table7"); `title`; `verdict`, an `Outturn`, and `summary`, a text; `chosen`, sentences on what the
+    paper leaves open and was chosen here; `checks` of its entries; judged `claims` of its text; `evidence` and
+    `relations` among parameters for the report; `drawings`; and `scene`, an animation for the recording (None for
+    none). Nothing is checked at construction."""
 
     name: str
     """as the command line has it: ``table7``"""
@@ -161,29 +162,30 @@ class Item:
 
     @property
     def label(self) -> str:
-        """Name of the item as a sentence has it, such as "Table 7" or "Section 5.3"."""
+        """Name of the table, figure or section as a sentence has it, such as "Table 7" or "Section 5.3"."""
         for kind in ("table", "figure", "section"):
             if self.name.startswith(kind):
                 return f"{kind.capitalize()} {self.name.removeprefix(kind)}"
         return self.name.capitalize()
 
     def count(self, *verdicts: Outturn) -> int:
-        """Number of the item's printed entries that have one of these `verdicts`."""
+        """Number of printed entries of the table, figure or section whose check has one of these `verdicts`."""
         return sum(check.verdict in verdicts for check in self.checks)
 
 
 def given(row: str, column: str, text: str, used: float) -> Check:
-    """Check of a printed entry that is an input: GIVEN where the value `used` here rounds to the printed `text`, else
-    NOT_REPRODUCED; `row` and `column` are its labels. Raises `InputError` for a text that is no number."""
+    """Comparison of a printed input with the value that this package uses, a `Check`: its verdict is GIVEN where the
+    value `used` rounds to the printed `text`, else NOT_REPRODUCED. `row` and `column` are the entry's labels in its
+    table. Raises `InputError` for a text that is no number."""
     number = Number.of(text)
     same = number.digits_met(used) == number.digits
     return Check(row, column, text, number.styled(used), Outturn.GIVEN if same else Outturn.NOT_REPRODUCED)
 
 
 def compared(row: str, column: str, text: str, computed: float) -> Check:
-    """Check of a printed number that can be computed: REPRODUCED where `computed`, in the same unit, meets at least its
-    first digit, else NOT_REPRODUCED. `row` and `column` are its labels, `text` is as printed. Raises `InputError` for a
-    text that is no number."""
+    """Comparison of a printed number with the value computed, a `Check`: its verdict is REPRODUCED where the value
+    `computed`, in the same unit, agrees with at least its first digit, else NOT_REPRODUCED. `row` and `column` are the
+    entry's labels in its table, `text` is as printed. Raises `InputError` for a text that is no number."""
     number = Number.of(text)
     digits = number.digits_met(computed)
     verdict = Outturn.REPRODUCED if digits else Outturn.NOT_REPRODUCED
@@ -191,10 +193,11 @@ def compared(row: str, column: str, text: str, computed: float) -> Check:
 
 
 def drawn(row: str, column: str, text: str, computed: Array) -> Check:
-    """Check of a printed number that depends on a random draw: IN_SHAPE where it lies between the least and the
-    greatest of the values `computed` (seeds,), each moved outwards by half a unit of its last digit, else
-    NOT_REPRODUCED. `row` and `column` are its labels, `text` is as printed. Raises `InputError` for a text that is no
-    number, `ValueError` for no values."""
+    """Comparison of a printed number that depends on a random draw with the values of many draws, a `Check`: its
+    verdict is IN_SHAPE where the number lies between the least and the greatest of the values `computed` (seeds,), one
+    a draw, in the same unit, each bound moved outwards by half a unit of the last printed digit and included, else
+    NOT_REPRODUCED. `row` and `column` are the entry's labels in its table, `text` is as printed. Raises `InputError`
+    for a text that is no number, `ValueError` for no values."""
     number, low, high = Number.of(text), float(computed.min()), float(computed.max())
     inside = low - 0.5 * number.unit <= number.value <= high + 0.5 * number.unit
     verdict = Outturn.IN_SHAPE if inside else Outturn.NOT_REPRODUCED
@@ -203,24 +206,27 @@ def drawn(row: str, column: str, text: str, computed: Array) -> Check:
 
 
 def vanishing(row: str, column: str, text: str, computed: float, bound: float) -> Check:
-    """Check of a printed number that would be zero without round-off: IN_SHAPE where it and the value `computed` are
-    both below `bound` in magnitude, else NOT_REPRODUCED. `row` and `column` are its labels, `text` is as printed.
-    Raises `InputError` for a text that is no number."""
+    """Comparison of a printed number with the value computed, a `Check`, where both are zero in exact arithmetic, so
+    that only round-off is left. Its verdict is IN_SHAPE where the printed number and the value `computed`, in the same
+    unit, are both below `bound` in magnitude, else NOT_REPRODUCED. `row` and `column` are the entry's labels in its
+    table, `text` is as printed. Raises `InputError` for a text that is no number."""
     number = Number.of(text)
     verdict = Outturn.IN_SHAPE if max(abs(number.value), abs(computed)) < bound else Outturn.NOT_REPRODUCED
     return Check(row, column, text, f"{computed:.1E}", verdict)
 
 
 def marked(row: str, column: str, text: str, kept: bool, unlike: Outturn = Outturn.ERRATUM) -> Check:
-    """Check of a cross ("x") or a blank in a table of parameters that are kept: REPRODUCED where it agrees with `kept`,
-    True if the parameter is kept here, else the verdict `unlike`. `row` and `column` are its labels, `text` is as
-    printed; any but "x" counts as a blank."""
+    """Comparison of a printed cross ("x") or blank, in a table of parameters that are kept, with the set that this
+    package keeps, a `Check`: its verdict is REPRODUCED where the entry agrees with `kept`, True if the parameter is in
+    that set, else `unlike`, ERRATUM by default. `row` and `column` are the entry's labels in its table, `text` is as
+    printed; any text but "x" counts as a blank."""
     printed, computed = (MARK if text == MARK else ""), (MARK if kept else "")
     return Check(row, column, printed, computed, Outturn.REPRODUCED if printed == computed else unlike)
 
 
 def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
-    """Verdict on an item of Sheu and Walker (1991) from its `checks` and judged `claims`.
+    """Verdict, an `Outturn`, on a table, figure or section of Sheu and Walker (1991) from the `checks` of its entries
+    and its judged `claims`.
 
     ERRATUM if a check is one; else NOT_REPRODUCED if a check is, or if there are claims and none of them holds; else
     the most frequent verdict of the checks other than GIVEN (of equally frequent ones the first), and GIVEN if there

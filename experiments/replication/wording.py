@@ -11,8 +11,8 @@ INCOMPLETE = "This run was interrupted. What was computed until then is shown; i
 
 
 def headline(replication: Replication) -> str:
-    """Outcome of the replication in a few sentences: how many printed numbers were computed again with the same result,
-    and which tables, figures and sections of Sheu and Walker (1991) are wrong or not reproduced."""
+    """Outcome of a `replication` of Sheu and Walker (1991) in a few sentences: how many printed numbers were computed
+    again with the same result, and which tables, figures and sections of the paper are wrong or not reproduced."""
     n, depending = replication.numbers, replication.numbers.in_shape + replication.numbers.not_reproduced
     computable = n.reproduced + n.errata
     said = [] if replication.complete else [INCOMPLETE]
@@ -34,8 +34,9 @@ def headline(replication: Replication) -> str:
 
 
 def facts(replication: Replication) -> Iterator[Fact]:
-    """Facts of the replication, questions that a person asks first with their answers: counts of printed numbers by
-    verdict, of crosses and blanks, of random draws of states, and the time taken, s."""
+    """Iterator over the facts of a `replication` of Sheu and Walker (1991), a `Fact` each, questions that a person asks
+    first with their answers: counts of printed numbers by verdict, of crosses and blanks, of random draws of states,
+    and the time taken, s."""
     n, m = replication.numbers, replication.marks
     yield Fact("Printed numbers", f"{n.printed}, {n.given} of them inputs")
     yield Fact("Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit")

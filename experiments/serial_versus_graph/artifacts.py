@@ -13,8 +13,9 @@ from adaptctl.recording.wording import headline
 
 
 def shown(result: SideBySide) -> Result:
-    """Result of the experiment, as the command line shows it, from two arms side by side: outcome in words, facts
-    (questions with answers), verdict on both controllers, and a function that writes the folder of results."""
+    """Result of the experiment that compares two arms on one path, a `Result`, as the command line shows it, from the
+    arms' data in `result`, a `SideBySide`: outcome in words, facts (questions with answers), verdict on both
+    controllers, and a function that writes the result files into a folder."""
     return Result(
         complete=result.complete,
         headline=headline(outcome_words(result), result.complete),
@@ -25,9 +26,10 @@ def shown(result: SideBySide) -> Result:
 
 
 def write_artifacts(folder: Path, result: SideBySide, progress: Progress) -> None:
-    """Write the files of the comparison of arms into a `folder` that is there: summary, a table of each arm's adaptive
-    run, recording, figures and report, each whole or not at all. `progress(what, share)` gets what is written and the
-    share done, 0 to 1. Raises `FileError` where a file cannot be written."""
+    """Write the result files of a comparison of arms, `result`, into an existing `folder`: summary (JSON), a table of
+    each arm's adaptive run (Parquet), recording, figures (PNG) and report (HTML), each whole or not at all; nothing is
+    returned. `progress(what, share)` is called with what is written and the fraction done, 0 to 1. Raises `FileError`
+    where a file cannot be written."""
     from adaptctl.experiments.serial_versus_graph.figures import drawings
     from adaptctl.experiments.serial_versus_graph.recording import write_recording
     from adaptctl.experiments.serial_versus_graph.report import trace_name, write_report

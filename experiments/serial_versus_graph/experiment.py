@@ -37,12 +37,12 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
     linkage: numbers of parameters and operations, and tracking of one path in space (Sheu and Walker 1991, section
     5.3).
 
-    Both tips follow one path, turned into joint positions by inverse kinematics, and start equally far off it. Both
-    arms are driven by Slotine and Li's law from zero, on the k fundamental (base) parameters and on all, and with
-    adaptation off, with gains by one rule. In the settings Λ is the bandwidth (1/s) and I a joint's typical inertia
-    (the median of its entry of the mass matrix's diagonal over random configurations). Raises `InputError` at
-    construction for a `center`, `amplitude`, `frequency`, `phase` or `start_off` that has not three entries (x, y, z),
-    and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
+    Both tips follow one path, turned into joint positions by inverse kinematics, and start equally far off it. Slotine
+    and Li's law drives both arms from zero initial estimates, on the k fundamental (base) parameters and on all, and
+    with adaptation off, with gains by one rule. In the settings Λ is the bandwidth (1/s) and I a joint's typical
+    inertia (the median of its entry of the mass matrix's diagonal over 200 random configurations). Raises `InputError`
+    at construction for a `center`, `amplitude`, `frequency`, `phase` or `start_off` that has not three entries (x, y,
+    z), and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity.
     """
 
     name: ClassVar[str] = "serial-versus-graph"
@@ -75,8 +75,8 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
 
     @property
     def purpose(self) -> str:
-        """Text of the experiment's question, a paragraph for its report: how much a closed loop costs, against a serial
-        arm on the same path."""
+        """Paragraph of text for the experiment's report that states its question: how many parameters and operations,
+        and how much tracking error, an arm with a closed loop costs, against a serial arm on the same path."""
         return (
             "Sheu and Walker compare two arms whose end points move with three degrees of freedom: the PUMA's first "
             "three joints, and the semi-direct-drive arm, whose forearm follows through a closed loop. How much does "
@@ -85,18 +85,20 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison of both arms: outcome in words, facts (questions with answers), verdict, and a
-        function that writes the folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C
-        keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises `InputError` for a path that is
-        out of reach, `GainError` for gains too large for the control period, `RankError` where an arm's number of
-        fundamental (base) parameters cannot be certified."""
+        """Result of comparing both arms, a `Result`: outcome in words, facts (questions with answers), verdict, and a
+        function that writes the result files into a folder that it is given. `progress(what, share)` is called with the
+        step's name and the fraction done, 0 to 1; Ctrl-C keeps the runs begun; where there are none,
+        `KeyboardInterrupt` is raised. Raises `InputError` for a path that is out of reach, `GainError` for gains too
+        large for the control period, `RankError` where an arm's number of fundamental (base) parameters cannot be
+        certified."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> SideBySide:
-        """Data of both arms side by side, run one after the other. `progress(what, share)` gets the step's name and the
-        share done, 0 to 1; Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises
-        `InputError` for a path that is out of reach, `GainError` for gains too large for the control period,
-        `RankError` where an arm's number of fundamental (base) parameters cannot be certified."""
+        """Data of both arms side by side, a `SideBySide`, run one after the other. `progress(what, share)` is called
+        with the step's name and the fraction done, 0 to 1; Ctrl-C keeps the runs begun; where there are none,
+        `KeyboardInterrupt` is raised. Raises `InputError` for a path that is out of reach, `GainError` for gains too
+        large for the control period, `RankError` where an arm's number of fundamental (base) parameters cannot be
+        certified."""
         sides: list[Side] = []
         complete = True
         for arm in ARMS:
@@ -120,10 +122,10 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def side(self, arm: ArmWithTip, progress: Progress) -> Side:
-        """Data, a `Side`, of one `arm` with its tip: its fundamental (base) parameters, its runs and the motions of its
-        tip. `progress(what, share)` gets the step's name and the share done, 0 to 1. Raises `InputError` for a path
-        that is out of reach, `GainError` for gains too large for the control period, `RankError` where the number of
-        fundamental parameters cannot be certified."""
+        """Data of one `arm` with its tip, a `Side`: the arm's fundamental (base) parameters, the controllers' runs on
+        it, and the motions of its tip. `progress(what, share)` is called with the step's name and the fraction done, 0
+        to 1. Raises `InputError` for a path that is out of reach, `GainError` for gains too large for the control
+        period, `RankError` where the number of fundamental parameters cannot be certified."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
         tip = arm.on(mechanism)
@@ -216,6 +218,7 @@ def _report_progress(progress: Progress, arm: str, what: str, share: float) -> N
 
 
 def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
-    """Counts of floating-point operations of a mechanism's Slotine-Li regressor (the matrix that takes parameters to
-    torques), on the fundamental (base) parameters of `basis` and on all; closing its loops is not counted."""
+    """Counts of floating-point operations, an `OperationCounts`, of a mechanism's Slotine-Li regressor (the matrix that
+    takes parameters to torques), on the fundamental (base) parameters of `basis` and on all; closing its kinematic
+    loops is not counted."""
     return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

@@ -22,14 +22,15 @@ AXES = "xyz"
 
 
 def side_color(index: int) -> Color:
-    """Colour, in all figures and recordings, of the arm with an `index` from 0 among those compared; three colours in
+    """Colour, in all figures and recordings, of the arm of an `index`, from 0, among those compared; three colours in
     turn."""
     return (RUNS[0], RUNS[3], RUNS[2])[index % 3]
 
 
 def drawings(result: SideBySide) -> Iterator[Drawing]:
-    """Drawings for the report on arms side by side, each a `Drawing` with name, caption and figure, in order: numbers
-    of operations (where they were counted), paths of the tips, tip errors, and Lyapunov functions."""
+    """Iterator over drawings for the report on a comparison of arms, `result`, each a `Drawing` (name, caption and
+    function that makes the figure), in order: numbers of operations (where they were counted), paths of the tips, tip
+    errors, and Lyapunov functions."""
     if all(side.comparison.subject.cost for side in result.sides):
         yield Drawing(
             "operations",
@@ -75,7 +76,7 @@ def operations(result: SideBySide) -> Figure:
 
 
 def tip_path(result: SideBySide) -> Figure:
-    """Matplotlib figure of the paths of both arms' tips in their adaptive runs, m, and of the desired one, seen from
+    """Matplotlib figure of the paths of both arms' tips in their adaptive runs, m, and of the desired path, seen from
     the front (y, z), the side (x, z) and above (x, y)."""
     figure = sheet(3.4)
     for axes, (across, up, view) in zip(figure.subplots(1, 3), VIEWS, strict=True):
@@ -119,8 +120,8 @@ def tip_error(result: SideBySide) -> Figure:
 
 def lyapunov(result: SideBySide) -> Figure:
     """Matplotlib figure of V / V(0) (no unit) over time, s, in both arms' adaptive runs: V is the Lyapunov function
-    s'Ms/2 + e'Gamma^-1 e/2, with the mass matrix M, the sliding variable s, the parameters' error e and the adaptation
-    gain Gamma, V(0) its first value; primes are transposes."""
+    s'Ms/2 + e'Gamma^-1 e/2, with the mass matrix M, the sliding variable s, the parameters' error e (estimate less
+    true) and the adaptation gain Gamma, V(0) its initial value; s' and e' are transposes."""
     figure = sheet(2.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):

@@ -27,9 +27,9 @@ APART = 1.35
 
 
 def write_recording(path: str | Path, result: SideBySide) -> None:
-    """Write the recording of arms side by side for the rerun viewer, a file .rrd, whole or not at all: both arms in one
-    scene, with the same curves of each (tip errors, tracking errors, torques, Lyapunov function). Raises `FileError`
-    where it cannot be written."""
+    """Write the recording of a comparison of arms, `result`, for the rerun viewer, a file .rrd at `path`, whole or not
+    at all: both arms in one scene, with the same curves of each (tip errors, tracking errors, torques, Lyapunov
+    function). Nothing is returned. Raises `FileError` where the file cannot be written."""
     positions = b"".join(np.ascontiguousarray(side.comparison.subject.rollout.p).tobytes() for side in result.sides)
     with saved_stream(path, result, positions, _blueprint(result)) as recording:
         log_markdown(recording, "summary", _markdown(result))

@@ -14,19 +14,21 @@ from adaptctl.recording.wording import INCOMPLETE
 
 
 def write_report(path: str | Path, result: SideBySide, figures: Mapping[str, Path]) -> None:
-    """Write the report on arms side by side, one HTML page with the `figures` (PNG files by name) inside, whole or not
-    at all. Raises `FileError` where it cannot be written, `OSError` where a figure cannot be read."""
+    """Write the report on a comparison of arms, `result`, one HTML page at `path` with the `figures` (PNG files by
+    name) inside, whole or not at all; nothing is returned. Raises `FileError` where it cannot be written, `OSError`
+    where a figure cannot be read."""
     write_text(path, report(result, figures))
 
 
 def trace_name(side: str) -> str:
-    """Name of the Parquet file with an arm's adaptive run, "trace-serial.parquet" for the `side` "serial"."""
+    """Name of the Parquet file with the adaptive run of the arm called `side`, such as "trace-serial.parquet" for
+    "serial"."""
     return f"trace-{side}.parquet"
 
 
 def report(result: SideBySide, figures: Mapping[str, Path]) -> str:
-    """Text, in HTML, of the report on arms side by side: one page with the `figures`, PNG files by name, inside. Raises
-    `OSError` where a figure cannot be read."""
+    """Text, in HTML, of the report on a comparison of arms, `result`: one page with the `figures`, PNG files by name,
+    inside. Raises `OSError` where a figure cannot be read."""
     return rendered(
         "report.html",
         __package__ or "",

@@ -26,12 +26,12 @@ class OperationCounts:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One of the arms compared: `name`, fit for a file ("serial"), and `label`, for legends; `comparison`, its runs;
-    `tip` (3,), m, the point in the frame of the link with the index `tip_link`; for each run, by its name, the tip's
-    `desired` and actual positions (`tips`) in the world, (T, 3) in m at T samples; `regressor`, the numbers of
-    operations of its regressor; `closures`, the number of joints that were cut to make a tree of its loops; and
-    `printed_rank`, the number of independent parameters in Table 13 of Sheu and Walker (1991). Nothing is checked at
-    construction."""
+    """Data of one of the arms that are compared: `name`, fit for a file ("serial"), and `label`, for legends;
+    `comparison`, a `Comparison` of its runs; `tip` (3,), m, the point in the frame of the link of index `tip_link`,
+    from 0, that is to follow the path; for each run, by its name, the tip's `desired` and actual positions (`tips`) in
+    the world, (T, 3) in m at T samples; `regressor`, the numbers of operations of the arm's regressor; `closures`, the
+    number of joints that were cut to make a tree of its loops; and `printed_rank`, the number of independent parameters
+    in Table 13 of Sheu and Walker (1991). Nothing is checked at construction."""
 
     name: str
     """short and fit for a file: ``serial``"""
@@ -52,44 +52,46 @@ class Side:
 
     @property
     def full(self) -> ControllerRun | None:
-        """Run of the arm that adapts all parameters, named "adaptive-full"; None where it was not run."""
+        """Run of the arm under the controller that adapts all parameters, the one named "adaptive-full"; None where it
+        was not run."""
         return next((run for run in self.comparison.runs if run.name == "adaptive-full"), None)
 
     @property
     def joints(self) -> int:
-        """Number of the mechanism's joints, those included that were cut to make a tree of its loops."""
+        """Number of the arm's joints, those included that were cut to make a tree of its kinematic loops."""
         return len(self.comparison.mechanism.links) + self.closures
 
     def tip_errors(self, run: ControllerRun) -> Array:
-        """Distances (T,) of the tip from its desired position, m, at the T samples of a `run` of this arm. Raises
+        """Distances (T,) of the arm's tip from its desired position, m, at the T samples of a `run` of this arm. Raises
         `KeyError` for another run."""
         return np.asarray(np.linalg.norm(self.tips[run.name] - self.desired[run.name], axis=-1))
 
     def tip_rms(self, run: ControllerRun | None, start: float = 0.0, stop: float = np.inf) -> float | None:
-        """Root mean square distance of the tip from its desired position, m, over the samples of a `run` from `start`
-        to before `stop` (s, all unless given); None without samples or for None. Raises `KeyError` for a run that is
-        not this arm's."""
+        """Root mean square distance of the arm's tip from its desired position, m, over the samples of a `run` from
+        `start`, included, to `stop`, excluded (s; all by default); None where there are no samples or `run` is None.
+        Raises `KeyError` for a run that is not this arm's."""
         if run is None:
             return None
         inside = (run.rollout.time >= start) & (run.rollout.time < stop)
         return float(np.sqrt(np.mean(self.tip_errors(run)[inside] ** 2))) if inside.any() else None
 
     def first_tip_rms(self, run: ControllerRun | None) -> float | None:
-        """Root mean square distance of the tip from its desired position, m, over the first second of a `run`; None for
-        a shorter run, or for None. Raises `KeyError` for a run that is not this arm's."""
+        """Root mean square distance of the arm's tip from its desired position, m, over the first second of a `run`;
+        None for a shorter run, or where `run` is None. Raises `KeyError` for a run that is not this arm's."""
         return None if run is None or run.first_rms_error is None else self.tip_rms(run, stop=BEGINNING)
 
     def final_tip_rms(self, run: ControllerRun | None) -> float | None:
-        """Root mean square distance of the tip from its desired position, m, over the last two seconds of a `run`; None
-        for a shorter run, or for None. Raises `KeyError` for a run that is not this arm's."""
+        """Root mean square distance of the arm's tip from its desired position, m, over the last two seconds of a
+        `run`; None for a shorter run, or where `run` is None. Raises `KeyError` for a run that is not this arm's."""
         return None if run is None or run.final_rms_error is None else self.tip_rms(run, start=run.duration - SETTLED)
 
 
 @dataclass(frozen=True, eq=False)
 class SideBySide:
-    """Data of several arms side by side on one task: `sides`, each arm's runs, in order; name, title and purpose of the
-    experiment, its `settings` and `seed`; `duration`, s, the length asked for; and `complete`, False where it was
-    interrupted: `sides` are then those that were begun. Raises `InputError` at construction for no sides."""
+    """Data of several arms on one task, side by side: `sides`, a `Side` for each arm, in order; `experiment`, the
+    experiment's name, its `title`, its `purpose` (a paragraph), its `settings`, a `Setting` each, and its `seed`;
+    `duration`, s, the length asked for; and `complete`, False where the experiment was interrupted: `sides` are then
+    those that had begun. Raises `InputError` at construction for no sides."""
 
     experiment: str
     title: str

@@ -15,17 +15,17 @@ SCHEMA = "adaptctl/side-by-side/1"
 
 
 def write_summary(path: str | Path, result: SideBySide) -> None:
-    """Write the summary of arms side by side as a JSON file, whole or not at all. Raises `FileError` where it cannot be
-    written, and for a number that is NaN or infinite."""
+    """Write the summary of a comparison of arms, `result`, as a JSON file at `path`, whole or not at all; nothing is
+    returned. Raises `FileError` where it cannot be written, and for a number that is NaN or infinite."""
     write_json(path, summary(result))
 
 
 def summary(result: SideBySide) -> dict[str, Any]:
-    """Summary of arms side by side in JSON's types: "schema", "complete", "verdict", "experiment", "seed", "duration"
-    (s), "settings", and "arms" by name. Of each arm it has the summary of its comparison of runs, its numbers ("links",
-    "joints", "actuators", "inertial_parameters", "rank_printed", and operations as "regressor_flops"), and its tip's
-    RMS distances from the path, m ("first_tip_rms_error" and "final_tip_rms_error" of the adaptive run's first second
-    and last two, "final_tip_rms_errors" of every run)."""
+    """Summary of a comparison of arms, `result`, a dict in JSON's types: "schema", "complete", "verdict", "experiment",
+    "seed", "duration" (s), "settings", and "arms" by name. Of each arm it has the summary of the comparison of its
+    runs, its numbers ("links", "joints", "actuators", "inertial_parameters", "rank_printed", and operations as
+    "regressor_flops"), and its tip's RMS distances from the path, m ("first_tip_rms_error" and "final_tip_rms_error" of
+    the adaptive run's first second and last two, "final_tip_rms_errors" of every run)."""
     return {
         "schema": SCHEMA,
         "complete": result.complete,

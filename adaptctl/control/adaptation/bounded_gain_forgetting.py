@@ -24,13 +24,13 @@ from adaptctl.scalars import Column, Scalar, each
 
 
 class CovarianceMemory(NamedTuple):
-    """The memory, between control periods, of a law that adapts k parameters by least squares and carries their
-    covariance P (k, k): `covariance` (k (k + 1)/2,) is the upper triangle of P, row by row, in units of the first gain
-    Gamma (of S^-1 P S^-1 with S = Gamma^1/2), the identity at the start; `filtered` is the torque filters' memory.
-    Nothing is checked."""
+    """Internal state, between control periods, of an adaptation law that estimates k parameters by least squares with
+    their covariance P (k, k). `covariance` (k (k + 1)/2,) is the upper triangle, row by row, of S^-1 P S^-1, without a
+    unit, where S = Gamma^1/2 and Gamma is the initial gain: the identity at the start. `filtered` is the torque
+    filters' internal state, a `Filtered`. Nothing is checked."""
 
     covariance: Any
-    """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the first gain: the identity at the start"""
+    """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the initial gain: the identity at the start"""
     filtered: Filtered
 
 
@@ -46,11 +46,11 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the
     filter F = cutoff/(d/dt + cutoff). `weight`, 1 by default, is R in 1/(N m s) (m/(N s)), one number or (r,), and
     `cutoff`, 20 by default, is in rad/s, both positive; `forgetting` of at least 0, 1 by default, is in 1/s; `bound` of
-    at least 1, unitless, is the most that tr(Gamma^-1 P)/k, the mean gain over Gamma, may become; `called` is the law's
-    name in messages. A prime is the transpose, but on estimate and P a derivative in time. Raises `InputError` for
-    other numbers and shapes at construction, and, with a controller, for sizes that do not fit the model, linear
-    constraints on parameters that fix some at values other than zero, a cutoff above 1/T_c and a forgetting above
-    0.1/T_c, T_c the control period; a weight of NaN is a `NonFiniteError`.
+    at least 1, unitless, is the most that tr(Gamma^-1 P)/k, the mean gain over Gamma, may become; the class attribute
+    `called` is the law's name in messages. A prime is the transpose, but on estimate and P a derivative in time. Raises
+    `InputError` at construction for numbers outside these ranges and for other shapes (`NonFiniteError` for a weight of
+    NaN), and, with a controller, for sizes that do not fit the model, linear constraints on parameters that fix some at
+    values other than zero, a cutoff above 1/T_c and a forgetting above 0.1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 -
@@ -63,8 +63,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     all directions: it settles at forgetting/(1 + forgetting c/(k bound)), c the trace of the inverse of Gamma^1/2 W'R W
     Gamma^1/2 on average, which is large where some direction is hardly excited. Then nothing is forgotten, however fast
     the forgetting, P shrinks along all that W sees, and a parameter that changes, as with a payload, is not learned any
-    more; `CushionedFloor` learns it. This law is for parameters that are constant. Costs k^2 operations a joint and a
-    memory of k (k + 1)/2.
+    more; `CushionedFloor` learns it. This law is for parameters that are constant. Costs k^2 operations for each joint
+    and storage for k (k + 1)/2 numbers.
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting", "bound")
@@ -80,13 +80,12 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
             raise InputError(f"{self.called}: bound: expected at least 1, got {self.bound}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
-        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, the rate of forgetting (1/s) times the period at most 0.1, and no linear constraint on
-        the mechanism's parameters fixes one at a value other than zero.
+        """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
+        `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
+        for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, a rate of forgetting (1/s) of at most
+        0.1/T_c, and no linear constraint that fixes a parameter of the mechanism at a value other than zero.
 
-        `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
-        controller checks to be positive.
+        `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
         super().require(model, initial, period)
         if self.forgetting * period > 0.1:
@@ -96,14 +95,15 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> CovarianceMemory:
-        """The memory before the first control period: the upper triangle (k (k + 1)/2,) of the covariance P = Gamma of
-        k parameters, in units of Gamma (the first gain), and the torque filters at rest, their outputs zero.
+        """The internal state before the first control period: the covariance P = Gamma (k, k) of k parameters, Gamma
+        being the initial gain, and the torque filters with zero output. P is given by its upper triangle (k (k +
+        1)/2,), in units of Gamma.
 
-        `initial`, the first estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
+        `initial`, the initial estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
         joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' `regressor` then has them
-        too, all else is the same for all arms. Raises `InputError` for a model whose linear constraints fix parameters
-        at values other than zero; nothing else is checked.
+        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field `regressor` then has
+        them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear constraints fix
+        parameters at values other than zero; nothing else is checked.
         """
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)
@@ -111,13 +111,13 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
-        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period: a
-        trapezium step for the tracking error, an implicit step for each joint's prediction error, then forgetting,
-        which lets the covariance P (k, k) grow.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the internal state after a control
+        period. The estimate takes a step for the tracking error (trapezium rule) and an implicit step for each joint's
+        prediction error; then forgetting lets the covariance P (k, k) grow.
 
-        `estimate` (k,) and `memory` are those before the control period that `period` describes; the memory is the
-        upper triangle (k (k + 1)/2,) of P, in units of the first gain Gamma, and the torque filters. Nothing is checked
-        here.
+        `estimate` (k,) and the internal state `memory` are those before the control period that `period` describes;
+        that state is the upper triangle (k (k + 1)/2,) of P, in units of the initial gain Gamma, and the torque
+        filters. Nothing is checked here.
         """
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
@@ -133,9 +133,9 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         return moved, CovarianceMemory((1.0 + period.elapsed * rate) * covariance, filtered)
 
     def covariance(self, memory: CovarianceMemory) -> Array:
-        """The covariance P (k, k) of least squares on k parameters, the present adaptation gain, symmetric, that a
-        `memory` of this adaptation law, for one arm, holds, in units of the parameters squared per J. Raises
-        `ValueError` for the memory of several arms."""
+        """Covariance P (k, k) of the estimate of k parameters by least squares, symmetric, in units of the parameters
+        squared per J: the adaptation law's present gain. It is read from `memory`, an internal state of this law for
+        one arm. Raises `ValueError` for that of several arms."""
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
 

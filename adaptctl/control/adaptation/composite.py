@@ -47,7 +47,8 @@ class Composite(Descent[Filtered]):
     Gives up: the torque that is commanded must be the torque that acts: friction that is no parameter, actuator lag and
     delay are learned as inertia. Noise of velocities enters W with the gain lambda, and pulls the estimate to zero
     along what is little excited: choose lambda about as fast as the motion. Without excitation the estimate drifts
-    under disturbance along what W does not see. Costs the momenta's regressor and r filters for each parameter.
+    under disturbance along what W does not see. Costs the evaluation of the momenta's regressor and r filters for each
+    parameter.
     """
 
     tunable = ("gain", "weight", "cutoff")
@@ -61,13 +62,12 @@ class Composite(Descent[Filtered]):
         positive_per_joint(self.weight, np.size(self.weight), "composite: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
-        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, and no linear constraint on the mechanism's parameters fixes one at a value other than
-        zero.
+        """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
+        `period` T_c (s). Required are an adaptation gain for k parameters, one positive weight of prediction errors or
+        one for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, and no linear constraint that fixes
+        a parameter of the mechanism at a value other than zero.
 
-        `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
-        controller checks to be positive.
+        `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
         super().require(model, initial, period)
         require_no_known_share(model, "composite")
@@ -75,23 +75,24 @@ class Composite(Descent[Filtered]):
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
-        """The memory before the first control period: the torque filters at rest, their outputs, the filtered regressor
-        and the filtered torques, zero.
+        """The internal state before the first control period, a `Filtered`: the torque filters with zero output, that
+        is, a filtered regressor and filtered torques of zero.
 
-        `initial`, the first estimate (k,) of k parameters, is not looked at; q (..., n) are the positions of the
+        `initial`, the initial estimate (k,) of k parameters, is not looked at; q (..., n) are the positions of the
         spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
-        (independent) joints in rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters'
-        `regressor` then has them too, all else is the same for all arms. Raises `InputError` for a model whose linear
+        (independent) joints in rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field
+        `regressor` then has them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear
         constraints fix parameters at values other than zero; nothing else is checked.
         """
         return TorqueFilter(self.cutoff, period).start(model, q, v)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
-        """The estimate (k,) of the model's k parameters, in their SI units, and the torque filters' memory after a
-        control period: a trapezium step for the tracking error, then an implicit one for the prediction error.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the torque filters' internal state
+        after a control period. The estimate takes a step for the tracking error (trapezium rule), then an implicit one
+        for the prediction error.
 
-        `estimate` (k,) and `memory`, the torque filters, are those before the control period that `period` describes.
-        Nothing is checked here.
+        `estimate` (k,) and `memory`, the torque filters' internal state, are those before the control period that
+        `period` describes. Nothing is checked here.
         """
         moved = estimate - self.applied(period.gradient(period.integral))
         rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
@@ -102,9 +103,10 @@ class Composite(Descent[Filtered]):
 
 
 def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
-    """The prediction error W estimate - torque (r,) of an estimate, in N m (N for a prismatic joint). `rows` are the r
-    rows (k,) of the filtered torque regressor W, in N m (N) per unit of each of k parameters, `estimate` (k,) is in SI
-    units, `torque` (r,) are the filtered torques in N m (N). Raises `ValueError` for columns of other lengths."""
+    """The prediction error W estimate - torque (r,) of r joints, in N m (N for a prismatic joint): predicted less
+    filtered torques. `rows` are the r rows (k,) of the filtered torque regressor W, in N m (N) per unit of each of k
+    parameters, `estimate` (k,) is in SI units, `torque` (r,) are the filtered torques in N m (N). Raises `ValueError`
+    for columns of other lengths."""
     return Column(row @ estimate for row in rows) - torque
 
 

@@ -27,13 +27,13 @@ from adaptctl.scalars import Column, Scalar, each, maximum, sqrt, where
 
 
 class LearningMemory(NamedTuple):
-    """The memory of composite learning on k parameters between control periods, in units of the first gain Gamma, S
-    being Gamma^1/2.
+    """Internal state of composite learning of k parameters between control periods, in units of the initial gain Gamma,
+    S being Gamma^1/2.
 
     `information` (k (k + 1)/2,) is the upper triangle of S Q S, row by row, Q (k, k) the information matrix, zero at
     the start; `known` (k,) is S z, where z (k,) is Q times the true parameters as far as nothing disturbs; `learned`
     (1,) is the number, 0 to r, of the r joints whose equation for the filtered torque was learned from in the last
-    control period; `filtered` is the torque filters' memory. Nothing is checked.
+    control period; `filtered` is the torque filters' internal state. Nothing is checked.
     """
 
     information: Any
@@ -46,35 +46,36 @@ class LearningMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a recorded run keeps, `learned` (1,): the number, 0 to r, of the r joints whose
-        equation for the filtered torque was learned from in the last control period."""
+        """Number (1,), 0 to r, of the r joints whose equation for the filtered torque was learned from in the last
+        control period: the field `learned`, the part of this internal state that recorded runs keep."""
         return self.learned
 
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
-    """Composite learning of the estimate (k,) of k parameters (Pan and Yu 2018) with a memory Q (k, k), z (k,) of all
-    that was excited, which forgets by direction (Kulhavy 1987, Cao and Schwartz 2000).
+    """Composite learning of the estimate (k,) of k parameters (Pan and Yu 2018): least squares whose information matrix
+    Q (k, k) and vector z (k,) accumulate past data and forget by direction (Kulhavy 1987, Cao and Schwartz 2000).
 
         estimate' = -P (Y's + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
         Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' = W'R F[tau] - forgetting Q W'(W Q W')^+ W z
 
-    so that z = Q true. Along what W sees now the past is forgotten, at `forgetting` (1/s, 1 by default); what W does
-    not see is remembered until it is seen again. `recall` (1/s) is how fast the estimate returns to what the memory
-    says, along all that was well excited alike, and `threshold` the excitation w'Gamma w R (1/s) below which a joint's
-    equation, w its row of W, is noise: nothing is learned from it, nor forgotten; 0, the default, lets all count.
-    `alarm` (W) is the power eps'R eps, eps = W estimate - F[tau], beyond which all of the memory is forgotten as well,
-    at forgetting (eps'R eps/alarm - 1); infinity, the default, leaves that out.
+    so that z = Q true, true being the true parameters. Along what W sees now the past is forgotten, at `forgetting`
+    (1/s, 1 by default); what W does not see is kept until it is seen again. `recall` (1/s, 2 by default) is the rate at
+    which the estimate goes to a solution of Q estimate = z, the same in all directions in which Q is large against
+    Gamma^-1. `threshold` (1/s) is the excitation w'Gamma w R, w a joint's row of W, at or below which that joint's
+    equation counts as noise: nothing is learned from it, nor forgotten; 0, the default, lets all count. `alarm` (W) is
+    the power eps'R eps, eps = W estimate - F[tau], beyond which all of Q and z is forgotten as well, at the rate
+    forgetting (eps'R eps/alarm - 1); infinity, the default, leaves that out.
 
     `gain` is Gamma's diagonal (k,), in units of the parameters squared per J, `weight` R, one number or (r,), 1 by
     default, in 1/(N m s) (m/(N s) for a prismatic joint), `cutoff`, 20 rad/s by default, that of the filter F =
-    cutoff/(d/dt + cutoff), `called` the law's name in messages; s (r,) is the sliding variable of r joints in rad/s
-    (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind F. A prime is the
-    transpose, but on estimate, Q, z and V a derivative in time; ^+ is the pseudo-inverse. Raises `InputError` for a
-    gain, a weight, a cutoff or an alarm that is not positive, a forgetting, recall or threshold below 0, all finite but
-    the alarm (a weight of NaN is a `NonFiniteError`), and, with a controller, for sizes that do not fit the model,
-    linear constraints on parameters that fix some at values other than zero, a cutoff above 1/T_c and a recall above
-    0.5/T_c, T_c the control period.
+    cutoff/(d/dt + cutoff); the class attribute `called` is the law's name in messages. s (r,) is the sliding variable
+    of r joints in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind F. A
+    prime is the transpose, but on estimate, Q, z and V a derivative in time; ^+ is the pseudo-inverse. Raises
+    `InputError` for a gain, a weight, a cutoff or an alarm that is not positive, a forgetting, recall or threshold
+    below 0, all finite but the alarm (`NonFiniteError` for a weight of NaN), and, with a controller, for sizes that do
+    not fit the model, linear constraints on parameters that fix some at values other than zero, a cutoff above 1/T_c
+    and a recall above 0.5/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
@@ -84,8 +85,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     what is excited then.
 
     Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. After a change, what is no
-    longer excited is remembered as it was, wrong or right. Costs a rank-one change of Q twice a joint, k^2 operations
-    each, a Cholesky factorisation, k^3/3, and a memory of k (k + 3)/2.
+    longer excited stays as it was, wrong or right. Costs a rank-one change of Q twice a joint, k^2 operations each, a
+    Cholesky factorisation, k^3/3, and storage for k (k + 3)/2 numbers.
     """
 
     tunable = ("gain", "weight", "cutoff", "forgetting", "recall", "threshold", "alarm")
@@ -108,14 +109,13 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
             raise InputError(f"{self.called}: alarm: expected a positive number of W, or infinity, got {self.alarm}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
-        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, `recall` (1/s), the rate at which the estimate returns to what the memory says, times
-        the period at most 0.5, and no linear constraint on the mechanism's parameters fixes one at a value other than
-        zero.
+        """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
+        `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
+        for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, a rate `recall` (1/s), an attribute, of
+        at most 0.5/T_c, and no linear constraint that fixes a parameter of the mechanism at a value other than zero.
 
-        `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
-        controller checks to be positive.
+        `recall` is the rate at which the estimate goes to the least-squares solution of the past data. `initial`, the
+        initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
         super().require(model, initial, period)
         if self.recall * period > 0.5:
@@ -125,16 +125,16 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
             )
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LearningMemory:
-        """The memory before the first control period: the information matrix Q (k, k) of k parameters, as its upper
-        triangle (k (k + 1)/2,), the vector z (k,), Q times the true parameters as far as they are learned, and the
-        number (1,) of joints' torque equations learned from, all zero; and the torque filters at rest, their outputs
+        """The internal state before the first control period: no information on the k parameters, and the torque
+        filters with zero output. The upper triangle (k (k + 1)/2,) of the information matrix Q (k, k), the vector z
+        (k,), which is Q times the true parameters, and the number (1,) of joints' torque equations learned from are all
         zero.
 
-        `initial`, the first estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
+        `initial`, the initial estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
         joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' `regressor` then has them
-        too, all else is the same for all arms. Raises `InputError` for a model whose linear constraints fix parameters
-        at values other than zero; nothing else is checked.
+        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field `regressor` then has
+        them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear constraints fix
+        parameters at values other than zero; nothing else is checked.
         """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
@@ -143,14 +143,14 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
-        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period:
-        forgetting and learning, one joint's equation after the other, then a descent by the gain P = (Gamma^-1 + Q)^-1
-        (k, k) of the memory.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the internal state after a control
+        period. One joint's equation after the other is forgotten along and learned; then the estimate descends by the
+        gain P = (Gamma^-1 + Q)^-1 (k, k).
 
-        `estimate` (k,) and `memory` are those before the control period that `period` describes. The memory is the
-        upper triangle (k (k + 1)/2,) of the information matrix Q, the vector z (k,), which is Q times the true
-        parameters, both in units of the first gain Gamma, the number (1,) of joints' torque equations learned from, and
-        the torque filters. Nothing is checked here.
+        `estimate` (k,) and the internal state `memory` are those before the control period that `period` describes.
+        That state is the upper triangle (k (k + 1)/2,) of the information matrix Q, the vector z (k,), which is Q times
+        the true parameters, both in units of the initial gain Gamma, the number (1,) of joints' torque equations
+        learned from, and the torque filters. Nothing is checked here.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
@@ -178,16 +178,17 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
-        """The covariance P (k, k) of k parameters, the present adaptation gain, symmetric, that a `memory` of this
-        adaptation law, for one arm, holds, in units of the parameters squared per J: the inverse of Gamma^-1 + Q, Gamma
-        the first gain, Q the information matrix. Raises `ValueError` for the memory of several arms."""
+        """Covariance P (k, k) of the estimate of k parameters, symmetric, in units of the parameters squared per J: the
+        adaptation law's present gain, P = (Gamma^-1 + Q)^-1, with the initial gain Gamma and the information matrix Q.
+        It is read from `memory`, an internal state of this law for one arm. Raises `ValueError` for that of several
+        arms."""
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
-        """The information matrix Q (k, k) of least squares on k parameters, symmetric, that a `memory` of this
-        adaptation law, for one arm, holds, in J per unit of the parameters squared: 0 along directions that were never
-        excited. Raises `ValueError` for the memory of several arms."""
+        """Information matrix Q (k, k) of least squares on k parameters, symmetric, in J per unit of the parameters
+        squared: 0 along directions that were never excited. It is read from `memory`, an internal state of this
+        adaptation law for one arm. Raises `ValueError` for that of several arms."""
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 

@@ -30,8 +30,8 @@ LONGEST = 64
 
 
 class Stack(NamedTuple):
-    """The memory of concurrent learning between control periods: the stack of N samples, the newest first, zero where
-    none is kept yet, and the torque filters' memory `filtered`.
+    """Internal state of concurrent learning between control periods: a stack of N samples, the newest first and zero
+    where none is kept yet, and `filtered`, the torque filters' internal state.
 
     `rows` (N e,) has those e entries of each sample's filtered torque regressor (r, k), k parameters, that are not
     always zero, joint by joint, in N m (N for a prismatic joint) per SI unit of each parameter, one sample after the
@@ -49,8 +49,8 @@ class Stack(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a recorded run keeps, `learned` (1,): 1 where the last control period's sample was
-        put on the stack of samples, else 0."""
+        """Flag (1,): 1 where the last control period's sample was put on the stack of samples, else 0. It is the field
+        `learned`, the part of this internal state that recorded runs keep."""
         return self.learned
 
 
@@ -64,16 +64,16 @@ class ConcurrentLearning(Descent[Stack]):
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
     (r, k) the torque regressor, W_j (r, k) that of a sample, behind the filter F = cutoff/(d/dt + cutoff). `gain` is
     Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `weight` is R in 1/(N m s) (m/(N s)),
-    one number or (r,), `cutoff` in rad/s; `samples`, from 1 to 64, is how many the stack holds. A prime is the
-    transpose, but on estimate a derivative in time. Raises `InputError` for a gain that is not finite, symmetric and
-    positive definite, a weight, cutoff or threshold that is not positive and finite (a weight of NaN is a
-    `NonFiniteError`), samples that are no whole number or out of range, and, with a controller, for sizes that do not
-    fit the model, linear constraints on parameters that fix some at values other than zero, and a cutoff above 1/T_c,
-    T_c the control period.
+    one number or (r,), 1 by default; `cutoff` is in rad/s, 20 by default; `samples`, from 1 to 64, 12 by default, is
+    how many the stack holds. A prime is the transpose, but on estimate a derivative in time. Raises `InputError` for a
+    gain that is not finite, symmetric and positive definite, a weight, cutoff or threshold that is not positive and
+    finite (`NonFiniteError` for a weight of NaN), `samples` that are no whole number from 1 to 64, and, with a
+    controller, for sizes that do not fit the model, linear constraints on parameters that fix some at values other than
+    zero, and a cutoff above 1/T_c, T_c the control period.
 
     A sample is put on the stack where it tells something new: where its rows differ from those of the sample put there
-    last by sum_i R_i d_i'Gamma d_i above `threshold` (1/s), d_i (k,) the difference of row i. It then takes the oldest
-    one's place, so that what has changed, as with a payload, is forgotten with the samples of before.
+    last by sum_i R_i d_i'Gamma d_i above `threshold` (1/s, 1 by default), d_i (k,) the difference of row i. It then
+    replaces the oldest one, so that what has changed, as with a payload, is forgotten with the samples of before.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - sum_j eps_j'R eps_j with eps_j = W_j error; where
@@ -82,7 +82,7 @@ class ConcurrentLearning(Descent[Stack]):
 
     Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. The stack is of the recent
     past, not of the best samples, and rates differ as much as the stack is badly conditioned: `CompositeLearning`
-    forgets by direction, and has one rate. Costs 4 operations an entry of the stack.
+    forgets by direction, and has one rate. Costs 4 operations for each entry of the stack.
     """
 
     tunable = ("gain", "weight", "cutoff", "threshold")
@@ -110,13 +110,12 @@ class ConcurrentLearning(Descent[Stack]):
             )
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
-        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, and no linear constraint on the mechanism's parameters fixes one at a value other than
-        zero.
+        """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
+        `period` T_c (s). Required are an adaptation gain for k parameters, one positive weight of prediction errors or
+        one for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, and no linear constraint that fixes
+        a parameter of the mechanism at a value other than zero.
 
-        `initial`, the first estimate (k,), is not looked at; `period` is the control period T_c in s, which the
-        controller checks to be positive.
+        `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
         super().require(model, initial, period)
         require_no_known_share(model, "concurrent learning")
@@ -124,13 +123,13 @@ class ConcurrentLearning(Descent[Stack]):
         require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
-        """The memory before the first control period: an empty stack of samples, all zero, and the torque filters at
-        rest, their outputs, the filtered regressor and the filtered torques, zero.
+        """The internal state before the first control period, a `Stack`: an empty stack of samples, all zero, and the
+        torque filters with zero output, that is, a filtered regressor and filtered torques of zero.
 
-        `initial`, the first estimate (k,) of k parameters, is not looked at; q (..., n) are the positions of the
+        `initial`, the initial estimate (k,) of k parameters, is not looked at; q (..., n) are the positions of the
         spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
-        (independent) joints in rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters'
-        `regressor` then has them too, all else is the same for all arms. Raises `InputError` for a model whose linear
+        (independent) joints in rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field
+        `regressor` then has them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear
         constraints fix parameters at values other than zero; nothing else is checked.
         """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
@@ -138,14 +137,15 @@ class ConcurrentLearning(Descent[Stack]):
         return Stack(np.zeros(self.samples * entries), np.zeros(self.samples * r), np.zeros(1), filtered)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
-        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period. The
-        period's sample is put on the stack of samples if it tells something new; then the estimate takes a trapezium
-        step for the tracking error and an implicit one for each equation of the stack.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the internal state after a control
+        period. The period's sample is put on the stack of samples if it differs from the sample put there last by more
+        than the law's threshold; then the estimate takes a step for the tracking error (trapezium rule) and an implicit
+        one for each equation of the stack.
 
-        `estimate` (k,) and `memory` are those before the control period that `period` describes. The memory is, for N
-        samples, those e entries of each one's regressor (r, k) that are not always zero (N e,), their filtered torques
-        (N r,) of r joints in N m (N for a prismatic joint), the mark (1,), 1 where the last sample was put on the
-        stack, else 0, and the torque filters. Nothing is checked here.
+        `estimate` (k,) and the internal state `memory` are those before the control period that `period` describes.
+        That state is, for N samples, those e entries of each one's regressor (r, k) that are not always zero (N e,),
+        their filtered torques (N r,) of r joints in N m (N for a prismatic joint), a flag (1,), 1 where the last sample
+        was put on the stack, else 0, and the torque filters. Nothing is checked here.
         """
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)

@@ -34,13 +34,13 @@ from adaptctl.scalars import Column, each
 from adaptctl.scalars.column import combined
 
 NEAR = 1e-9
-"""of the largest fundamental parameter: the first estimate is the lift's, to round-off"""
+"""of the largest fundamental parameter: the initial estimate is the lift's, to round-off"""
 
 
 class LiftMemory(NamedTuple):
-    """The memory of an adaptation law that moves a lift between control periods: `lift` (P,) are all P parameters of
-    rigid bodies and drives, in SI units, whose fundamental (base) parameters are the estimate; `filtered` is the torque
-    filters' memory, empty where no torques are predicted. Nothing is checked."""
+    """Internal state, between control periods, of an adaptation law that moves a lift: `lift` (P,) are all P parameters
+    of rigid bodies and drives, in SI units, whose fundamental (base) parameters are the estimate; `filtered` is the
+    torque filters' internal state, empty where no torques are predicted. Nothing is checked."""
 
     lift: Any
     """(P,) parameters of rigid bodies whose fundamental ones are the estimate"""
@@ -49,8 +49,8 @@ class LiftMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the memory that a recorded run keeps, the lift (P,): all P parameters of rigid bodies and drives, in
-        SI units, whose fundamental (base) parameters are the estimate."""
+        """The lift (P,): all P parameters of rigid bodies and drives, in SI units, whose fundamental (base) parameters
+        are the estimate. It is the field `lift`, the part of this internal state that recorded runs keep."""
         return self.lift
 
 
@@ -60,20 +60,20 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     all P parameters of rigid bodies and drives, and the estimate their k fundamental (base) parameters.
 
     estimate = K D, where D moves by natural adaptation, the gradient in the affine-invariant metric of pseudo-inertias,
-    along the slope K'(Y's + W'R (W estimate - F[tau])). K (k, P) is the model's `regrouping`, Y (r, k) the torque
-    regressor on the k fundamental parameters alone, W (r, k) that behind the filter F = cutoff/(d/dt + cutoff), s (r,)
-    the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N). A prime is
-    the transpose.
+    along the slope K'(Y's + W'R (W estimate - F[tau])). K (k, P) is the model's attribute `regrouping`, Y (r, k) the
+    torque regressor on the k fundamental parameters alone, W (r, k) that behind the filter F = cutoff/(d/dt + cutoff),
+    s (r,) the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N). A
+    prime is the transpose.
 
-    `lift` (P,) is the first D, physically consistent, in SI units (kg, kg m, kg m^2); the first estimate is K lift.
-    `rate` is the speed of adaptation, one number in 1/J or one for each link with a body and then for each drive's
+    `lift` (P,) is the initial D, physically consistent, in SI units (kg, kg m, kg m^2); the initial estimate is K lift.
+    `rate` is the rate of adaptation in 1/J: one number, or one for each link with a body and then one for each drive's
     parameter. With a `weight` R in 1/(N m s) (m/(N s)), one number or (r,), the estimate also follows the prediction
-    error of the filtered torques, with the filter's `cutoff` in rad/s; with None, the default, it does not, and W and F
-    have no part. Raises `InputError` at construction for a rate, weight or cutoff that is not positive and finite (a
-    weight of NaN is a `NonFiniteError`), a lift that is not finite and wrong shapes, and, with a controller, for sizes
-    that do not fit the model, linear constraints on parameters that leave some of a body's ten not free, a lift that is
-    not consistent or not the first estimate's, and, with a weight, constraints that fix drives' parameters at values
-    other than zero and a cutoff above 1/T_c, T_c the control period.
+    error of the filtered torques, with the filter's `cutoff` in rad/s, 20 by default; with None, the default, it does
+    not, and W and F have no part. Raises `InputError` at construction for a rate, weight or cutoff that is not positive
+    and finite (`NonFiniteError` for a weight of NaN), a lift that is not finite and wrong shapes, and, with a
+    controller, for sizes that do not fit the model, linear constraints on parameters that leave some of a body's ten
+    not free, a lift that is not consistent or not the initial estimate's, and, with a weight, constraints that fix
+    drives' parameters at values other than zero and a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance: V = s'Ms/2 + sum_i d(P_i true, P_i)/rate_i falls as -s'K_d s - eps'R eps, M the
     mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's parameter, d(A, B)
@@ -81,11 +81,11 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     Without a weight it is, in every control period, the controller of `Natural` on all P parameters, with only k
     columns of the regressor computed. And whatever disturbs: the estimate is K D of bodies with positive definite
     pseudo-inertias, so that the estimate's mass matrix is positive definite everywhere. Sampled, the step for the
-    prediction error is solved implicitly in the metric of the moment.
+    prediction error is solved implicitly in the metric at the D before it.
 
-    Gives up: convergence of D itself, of which only K D is seen: of all bodies that have the estimate it finds those
-    nearest to the first ones, by the divergence d. It starts from consistent parameters, and a link that starts almost
-    without some moment hardly finds it.
+    Gives up: convergence of D itself, of which only K D is seen: of all D with K D equal to the estimate it finds the
+    one nearest to the initial D, by the divergence d. It starts from consistent parameters, and a link that starts
+    almost without some moment hardly finds it.
     """
 
     tunable = ("rate", "lift", "weight", "cutoff")
@@ -104,15 +104,15 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             positive_per_joint(self.weight, np.size(self.weight), "consistent lift: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the first lift, the law's `lift` (P,) of all P parameters of bodies and drives, is
-        physically consistent and its k fundamental (base) parameters are the first estimate, to 1e-9 of their largest,
-        and there is one rate or one for each link with a body and each drive's parameter, and linear constraints on the
-        `model`'s parameters, if any, leave all ten of each body free; with a weight of prediction errors, also unless
-        that is one number or one a joint, the torque filter's cutoff (rad/s) times the period (s) is at most 1, and no
-        such constraint fixes a drive's parameter at a value other than zero.
+        """Raise `InputError` unless the adaptation law fits the `model`, of k fundamental (base) parameters and r
+        joints, the initial estimate `initial` (k,), in SI units, and the control `period` T_c (s). Required are:
 
-        `initial` is the first estimate (k,), in SI units, `period` the control period T_c in s, which the controller
-        checks to be positive.
+        a physically consistent initial lift, the law's attribute `lift` (P,) of all P parameters of bodies and drives,
+        whose fundamental parameters are `initial`, to 1e-9 of the largest of them; one rate, or one for each link with
+        a body and each drive's parameter; and linear constraints on parameters, if any, that leave all ten of each body
+        free. With a weight of prediction errors, also one such weight or one for each joint, a cutoff of the torque
+        filter (rad/s) of at most 1/T_c, and no constraint that fixes a drive's parameter at a value other than zero.
+        The controller, not this method, checks that T_c is positive.
         """
         require_whole_links(model, "consistent lift")
         P = len(model.mechanism.parameter_names)
@@ -127,15 +127,16 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
             require_cutoff(self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LiftMemory:
-        """The memory before the first control period: the first lift (P,), a copy of the law's `lift`: all P parameters
-        of rigid bodies and drives, in SI units, whose k fundamental (base) parameters are the estimate; and, where
-        torques are predicted (with a weight of prediction errors), the torque filters at rest, their outputs zero.
+        """The internal state before the first control period: the initial lift (P,), a copy of the law's attribute
+        `lift`, and the torque filters. The lift are all P parameters of rigid bodies and drives, in SI units, whose k
+        fundamental (base) parameters are the estimate. With a weight of prediction errors the torque filters' output is
+        zero; without one there are no filters.
 
-        `initial`, the first estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
+        `initial`, the initial estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
         joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' `regressor` then has them
-        too, all else is the same for all arms. With a weight, raises `InputError` for a model whose linear constraints
-        fix parameters at values other than zero; nothing else is checked.
+        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field `regressor` then has
+        them too, all else is the same for all arms. With a weight, raises `InputError` for a `model` whose linear
+        constraints fix parameters at values other than zero; nothing else is checked.
         """
         filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
         return LiftMemory(np.array(self.lift), filtered)
@@ -143,10 +144,10 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LiftMemory
     ) -> tuple[Column, LiftMemory]:
-        """The estimate (k,) of the model's k fundamental (base) parameters, in their SI units, and the memory after a
-        control period: a step of the lift (P,), all P parameters of bodies and drives whose fundamental ones are the
-        estimate, along geodesics of pseudo-inertias for the tracking error, and, with a weight, then one for the
-        prediction error. The estimate is the lift, regrouped.
+        """The estimate (k,) of the model's k fundamental (base) parameters, in their SI units, and the internal state
+        after a control period. The estimate is regrouped from the lift (P,), all P parameters of bodies and drives,
+        which is moved: a step along geodesics of pseudo-inertias for the tracking error and, with a weight, then one
+        for the prediction error.
 
         `estimate` (k,), which is not looked at, and `memory`, the lift (P,) in SI units and the torque filters, are
         those before the control period that `period` describes. Nothing is checked here.

@@ -20,12 +20,15 @@ from adaptctl.scalars import Column, Scalar, column
 
 @dataclass(frozen=True, eq=False)
 class Descent(AdaptationLaw[Memory]):
-    """Base class of adaptation laws for k parameters by descent along a gradient (k,) with a constant `gain` Gamma: its
-    diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J, held as a read-only array. A
-    subclass writes the methods `start(model, initial, q, v, period)`, which returns the memory before the first control
-    period, and `law(model, estimate, period, memory)`, which returns the estimate (k,) and the memory after one;
-    `applied` multiplies by Gamma for it. Raises `InputError` at construction for a gain that is not finite, positive
-    and, as a matrix, symmetric and positive definite."""
+    """Base class of adaptation laws for k parameters by descent along a gradient (k,) with a constant adaptation gain
+    Gamma. `gain` is Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J, and
+    is kept as a read-only array.
+
+    A subclass writes the methods `start(model, initial, q, v, period)`, which returns the internal state before the
+    first control period, and `law(model, estimate, period, memory)`, which returns the estimate (k,) and the internal
+    state after one; the method `applied` multiplies by Gamma for it. Raises `InputError` at construction for a gain
+    that is not finite, positive and, as a matrix, symmetric and positive definite.
+    """
 
     gain: Array
 
@@ -34,21 +37,21 @@ class Descent(AdaptationLaw[Memory]):
         object.__setattr__(self, "gain", checked_gain(self.gain))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where the adaptation gain is for another number of parameters than the model's k.
-        `initial`, the first estimate (k,), and `period`, the control period in s, are not looked at."""
+        """Raise `InputError` where the adaptation gain is for another number of parameters than the `model`'s k.
+        `initial`, the initial estimate (k,), and `period`, the control period in s, are not used."""
         require_size(self.gain, model, "adaptation gain")
 
     @property
     def by_parameter(self) -> bool:
-        """True if the adaptation gain is diagonal, so that the law's Lyapunov function measures each parameter's error
-        by itself, and clipping one parameter to a bound need not move any other."""
+        """True if the adaptation gain is diagonal, so that the law's Lyapunov function is a sum over the single
+        parameters' errors, and clipping one parameter to a bound need not move any other."""
         return self.gain.ndim == 1
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """The parameters' term error' Gamma^-1 error / 2, in J, of the adaptation law's Lyapunov function, Gamma the
+        """The parameters' term error' Gamma^-1 error / 2, in J, of the adaptation law's Lyapunov function. Gamma is the
         adaptation gain, a prime the transpose and error the `estimate` (k,) of the model's k parameters less their
-        `true` values (k,), both in SI units; over scalars of any kind: floats, arrays of samples, nodes of an
-        expression graph. Raises `ValueError` for columns of different lengths."""
+        `true` values (k,), both in SI units, scalars of any kind: floats, arrays of samples, nodes of an expression
+        graph. Raises `ValueError` for columns of different lengths."""
         error, gain = estimate - true, self._columns
         if isinstance(gain, list):
             return 0.5 * (error @ solve_symmetric([list(row) for row in gain], error))
@@ -70,9 +73,10 @@ class Descent(AdaptationLaw[Memory]):
 
 
 def checked_gain(gain: ArrayLike) -> Array:
-    """A read-only float64 copy of an adaptation `gain` of k parameters, (k,) the diagonal or (k, k), in units of the
-    parameters squared per J. Raises `InputError` for other shapes, no numbers at all, what is not finite, a diagonal
-    that is not positive, and a matrix that is not symmetric and positive definite, to round-off."""
+    """A read-only float64 copy of an adaptation `gain` of k parameters, its diagonal (k,) or whole (k, k), in units of
+    the parameters squared per J. Raises `InputError` for another shape, for entries that are no finite numbers, for no
+    entries at all, for a diagonal that is not positive, and for a matrix that is not symmetric (to 1e-12 of its largest
+    entry) and positive definite (all eigenvalues above 0 once its diagonal is scaled to 1)."""
     array = numbers(gain, "adaptation gain")
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
@@ -85,7 +89,7 @@ def checked_gain(gain: ArrayLike) -> Array:
 
 
 def require_size(values: Array, model: ReducedModel, what: str) -> None:
-    """Raise `InputError` unless `values`, an array (k, ...), has one row for each of the model's k parameters. `what`
+    """Raise `InputError` unless `values`, an array (k, ...), has one row for each of the `model`'s k parameters. `what`
     names it in the message."""
     k, given = len(model.columns), len(values)
     if given == k:

@@ -17,8 +17,8 @@ from adaptctl.scalars import Column, Scalar, Tunable
 
 
 class NoMemory(NamedTuple):
-    """The empty memory, a tuple of nothing, of an adaptation or control law that remembers nothing besides the
-    estimate."""
+    """Internal state without fields, an empty named tuple, of an adaptation or control law that keeps nothing besides
+    the estimate."""
 
 
 class Period(NamedTuple):
@@ -27,10 +27,10 @@ class Period(NamedTuple):
     `gradient` gives Y's (k,), in W per unit of each parameter, for any sliding variable s (r,), Y (r, k) the torque
     regressor at the start of the period and a prime the transpose; `before` and `after` are s (r,) at its start and its
     end, in rad/s (m/s for a prismatic joint); `torque` (r,) was held over it, in N m (N); `q` (n,) are the positions of
-    the spanning tree's n joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is its
-    length T_c in s, `elapsed` the same, or 0 where nothing is to be learned: before the first control period, and while
-    adaptation is frozen. `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov function falls
-    as -s'Ks. Nothing is checked.
+    the spanning tree's n joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is T_c,
+    the period's length in s, `elapsed` the same, or 0 where nothing is to be learned: before the first control period,
+    and while adaptation is frozen. `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov
+    function falls as -s'Ks. Nothing is checked.
     """
 
     gradient: Callable[[Column], Column]
@@ -48,14 +48,14 @@ class Period(NamedTuple):
     length: float
     """T_c, s"""
     elapsed: Any
-    """T_c, or 0 where nothing is to be learned: before the first tick, and while adaptation is frozen"""
+    """T_c, or 0 where nothing is to be learned: before the first control period, and while adaptation is frozen"""
     damping: Column
     """(r,) K, where the control law's V falls as -s'Ks"""
 
     @property
     def share(self) -> Any:
-        """Share of the control period to learn from, without a unit: 1, or 0 where nothing is to be learned, before the
-        first control period and while adaptation is frozen."""
+        """Fraction of the control period to learn from, without a unit: 1, or 0 where nothing is to be learned, that
+        is, before the first control period and while adaptation is frozen."""
         return self.elapsed * (1.0 / self.length)
 
     @property
@@ -67,25 +67,27 @@ class Period(NamedTuple):
     @property
     def integral(self) -> Column:
         """The integral (r,) of the sliding variable of r joints over the control period by the trapezium rule, in rad
-        (m for a prismatic joint); 0 where nothing is to be learned, before the first control period and while
+        (m for a prismatic joint). It is 0 where nothing is to be learned: before the first control period and while
         adaptation is frozen."""
         return (0.5 * self.elapsed) * (self.before + self.after)
 
 
 class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """Base class of adaptation laws, which move the estimate (k,) of a model's k parameters from one control period to
-    the next, whatever control law uses it.
+    the next, under any control law.
 
     A subclass is a frozen dataclass of configuration that writes the methods `require(model, initial, period)`, a
-    check, `start(model, initial, q, v, period)`, which returns the memory before the first control period, and
-    `law(model, estimate, period, memory)`, which returns the estimate (k,) and the memory after one; a field of type
-    float that is given no number raises `InputError` at construction. Its method `law` is an equation over scalars of
-    any kind (floats, arrays of samples, nodes of an expression graph), compiled into the control law's own native code.
-    The attributes that the class names in `tunable`, a tuple of their names, are arguments of that code, all its other
-    numbers are compiled in. What changes over time, besides the estimate, is the memory, a NamedTuple of columns (each
-    m numbers) and of further such tuples, `NoMemory` for none; recorded runs hold the memory's property `recorded`, if
-    it has one. `needs_double` is true for a law whose memory is a matrix that single precision spoils, false unless a
-    subclass says so.
+    check, `start(model, initial, q, v, period)`, which returns the internal state before the first control period, and
+    `law(model, estimate, period, memory)`, which returns the estimate (k,) and the internal state after one. A field of
+    type float that is given no number raises `InputError` at construction. The method `law` is an equation over scalars
+    of any kind (floats, arrays of samples, nodes of an expression graph), compiled into the control law's own native
+    code. The attributes that the class names in `tunable`, a tuple of their names, are arguments of that code; all its
+    other numbers are compiled in.
+
+    What changes over time, besides the estimate, is the internal state, a NamedTuple of columns (each m numbers) and of
+    further such tuples, `NoMemory` for none; recorded runs keep that state's property `recorded`, if it has one. The
+    class attribute `needs_double` is True for a law whose internal state is a matrix that single precision spoils,
+    False unless a subclass says so.
     """
 
     needs_double: ClassVar[bool] = False
@@ -98,46 +100,51 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @abstractmethod
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where the adaptation law's settings, such as a gain, do not fit the model's k parameters
-        and r joints, the first estimate `initial` (k,), in SI units, or the control `period` in s."""
+        """Raise `InputError` where the adaptation law's settings, such as a gain, do not fit the `model`'s k parameters
+        and r joints, the initial estimate `initial` (k,), in SI units, or the control `period` in s."""
 
     @abstractmethod
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The adaptation law's memory before the first control period, for a first estimate `initial` (k,) of the
-        model's k parameters, in SI units, positions q (..., n) of the spanning tree's n joints in rad (m for a
-        prismatic joint), velocities v (..., r) of the r primary (independent) joints in rad/s (m/s), leading axes for
-        arms, and a control `period` in s. An implementation returns a named tuple of arrays, or of such tuples: each
-        array (..., m), m its own length, or (m,) where all arms begin alike. It raises `InputError` for a model that it
-        cannot start on, and checks nothing else here."""
+        """The adaptation law's internal state before the first control period, for an initial estimate `initial` (k,)
+        of the model's k parameters, in SI units. q (..., n) are the positions of the spanning tree's n joints in rad (m
+        for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in rad/s (m/s), leading
+        axes for arms, `period` is the control period in s.
+
+        An implementation returns a named tuple of arrays, or of such tuples: each array (..., m), m its own length, or
+        (m,) where all arms begin alike. It raises `InputError` for a model that it cannot start on, and checks nothing
+        else here.
+        """
 
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,) of the model's k parameters, in their SI units, and the memory after a control period, over
-        scalars of any kind: floats, arrays of samples, nodes of an expression graph.
+        """The estimate (k,) of the model's k parameters, in their SI units, and the internal state after a control
+        period, over scalars of any kind: floats, arrays of samples, nodes of an expression graph.
 
-        `estimate` (k,) and `memory` are those before the period; `period`, a `Period`, has the torque held over it and
-        the positions, velocities and sliding variables measured. The memory, before and after, is the named tuple that
-        `start` makes, each array in it now a `Column` (m scalars) of the same length m. A law checks nothing here.
+        `estimate` (k,) and the internal state `memory` are those before the period; `period`, a `Period`, has the
+        torque held over it and the positions, velocities and sliding variables measured. The internal state, before and
+        after, is the named tuple that the method `start` makes, each array in it now a `Column` (m scalars) of the same
+        length m. An implementation checks nothing here.
         """
 
     @property
     def by_parameter(self) -> bool:
-        """True if the adaptation law's Lyapunov function measures each parameter's error by itself, as with a diagonal
-        gain, so that clipping one parameter to a bound need not move any other; False unless a law overrides it."""
+        """True if the adaptation law's Lyapunov function is a sum over the single parameters' errors, as with a
+        diagonal gain, so that clipping one parameter to a bound need not move any other; False unless a subclass
+        overrides it."""
         return False
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
-        """The parameters' term, in J, of the adaptation law's Lyapunov function at an estimate (k,) of the model's k
-        parameters whose true values are `true` (k,), both in SI units; over scalars of any kind: floats, arrays of
-        samples, nodes of an expression graph. None, as here unless a law overrides it, for a law whose term depends on
-        more than the estimate. Nothing is checked."""
+        """The parameters' term, in J, of the adaptation law's Lyapunov function at an `estimate` (k,) of the model's k
+        parameters whose true values are `true` (k,), both in SI units. It is over scalars of any kind: floats, arrays
+        of samples, nodes of an expression graph. None, as here unless a subclass overrides it, for a law whose term
+        depends on more than the estimate. Nothing is checked."""
         return None
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
         """The parameters' term (...), in J, of the adaptation law's Lyapunov function at estimates (..., k) of the
-        model's k parameters whose true values are `true`, (k,) or (..., k), in SI units: `lyapunov_term` on arrays.
-        None for a law whose term depends on more than the estimate. Raises `InputError` for arrays of another shape or
-        of no numbers."""
+        model's k parameters: the method `lyapunov_term` on arrays. `true`, (k,) or (..., k), are the true values; both
+        are in SI units. None for a law whose term depends on more than the estimate. Raises `InputError` for arrays of
+        another shape or of no numbers."""
         given = {"estimate": numbers(estimate, "estimate"), "true": numbers(true, "true")}
         for what, x in given.items():
             if x.shape[-1:] != (len(model.columns),):

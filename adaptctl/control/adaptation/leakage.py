@@ -57,8 +57,9 @@ class SigmaModification(_Leaking):
 
     Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation: with the mass matrix
     M, the control law's damping K, V = s'Ms/2 + (estimate - true)' Gamma^-1 (estimate - true)/2 and c = min(sigma, 2
-    lambda_min(M^-1 K)), lambda_min the least eigenvalue, V' <= -c V + sigma V_prior, V_prior = (prior - true)' Gamma^-1
-    (prior - true)/2; with a disturbance torque d (r,), c is half as large and d'K^-1d/2 is added.
+    lambda_min(M^-1 K)), lambda_min the least eigenvalue and true the true parameters, V' <= -c V + sigma V_prior,
+    V_prior = (prior - true)' Gamma^-1 (prior - true)/2; with a disturbance torque d (r,), c is half as large and
+    d'K^-1d/2 is added.
 
     Gives up: convergence of the tracking error, even without disturbance, unless the prior is true: the leak goes on
     when s is zero, and bursts may follow (Hsu and Costa 1987).
@@ -67,13 +68,14 @@ class SigmaModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after the step -Gamma Y' times the integral of s over the
-        control period (trapezium rule) and a leak to the prior estimate at the `rate` sigma (1/s) by the implicit rule;
-        and the empty memory. Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the
-        period's start, s (r,) the sliding variable of r joints, rad/s (m/s).
+        """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. The
+        estimate has taken the step -Gamma Y' times the integral of s over the period (trapezium rule), and a leak to
+        the prior estimate at the rate sigma (1/s), the law's attribute `rate`, by the implicit rule.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
-        describes. Nothing is checked here.
+        Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,)
+        the sliding variable of r joints, rad/s (m/s if prismatic). `estimate` (k,), in the parameters' SI units, and
+        the internal state `memory` are those before the control period that `period` describes. Nothing is checked
+        here.
         """
         return self.leaked(estimate, period, self.rate), memory
 
@@ -101,14 +103,15 @@ class EModification(_Leaking):
     tunable = ("gain", "rate", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after the step -Gamma Y' times the integral of s over the
-        control period (trapezium rule) and a leak to the prior estimate at `rate` |m| (1/s), m (r,) the mean of s at
-        the period's start and end, by the implicit rule; and the empty memory. Gamma is the adaptation gain, Y' the
-        transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding variable of r joints, rad/s
-        (m/s).
+        """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. The
+        estimate has taken the step -Gamma Y' times the integral of s over the period (trapezium rule), and a leak to
+        the prior estimate at the rate nu |m| (1/s) by the implicit rule, nu being the law's attribute `rate` (1/rad,
+        1/m if prismatic).
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
-        describes. Nothing is checked here.
+        Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,)
+        the sliding variable of r joints, rad/s (m/s if prismatic), |m| the Euclidean norm of the mean m (r,) of s at
+        the period's start and end. `estimate` (k,), in the parameters' SI units, and the internal state `memory` are
+        those before the control period that `period` describes. Nothing is checked here.
         """
         s = period.mean
         return self.leaked(estimate, period, self.rate * sqrt(s @ s)), memory

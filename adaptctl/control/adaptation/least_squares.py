@@ -21,18 +21,17 @@ from adaptctl.scalars import Column, Scalar, column, sqrt
 
 @dataclass(frozen=True, eq=False)
 class ForgettingLeastSquares(AdaptationLaw[Memory]):
-    """Base class of adaptation laws for k parameters by least squares that forget, from torques that pass through a
-    filter.
+    """Base class of adaptation laws for k parameters by least squares with forgetting, from filtered torques.
 
-    `gain` (k,), positive, is the diagonal of Gamma, the covariance at the start, in units of the parameters squared per
-    J; `weight` the weight of the squared errors of predicted torques, in 1/(N m s) (m/(N s) for a prismatic joint), one
+    `gain` (k,), positive, is the diagonal of Gamma, the initial covariance, in units of the parameters squared per J;
+    `weight` the weight of the squared errors of predicted torques, in 1/(N m s) (m/(N s) for a prismatic joint), one
     number, by default 1, or one for each of r joints (r,); `cutoff` the torque filter's corner frequency, 20 rad/s by
-    default; `forgetting` the rate at which the past is forgotten, in 1/s, 1 by default; `called`, which a subclass
-    sets, the law's name in messages. A subclass also writes the methods `start(model, initial, q, v, period)`, which
-    returns the memory before the first control period, and `law(model, estimate, period, memory)`, which returns the
-    estimate (k,) and the memory after one. Raises `InputError` at construction for a gain, weight or cutoff that is not
-    positive and finite or of another shape, and a forgetting that is not finite or below 0; a weight of NaN is a
-    `NonFiniteError`.
+    default; `forgetting` the rate at which the past is forgotten, in 1/s, 1 by default. A subclass sets the class
+    attribute `called`, the law's name in messages, and writes the methods `start(model, initial, q, v, period)`, which
+    returns the internal state before the first control period, and `law(model, estimate, period, memory)`, which
+    returns the estimate (k,) and the internal state after one. Raises `InputError` at construction for a gain, weight
+    or cutoff that is not positive and finite or of another shape, and a forgetting that is not finite or below 0;
+    `NonFiniteError` for a weight of NaN.
     """
 
     called: ClassVar[str]
@@ -56,13 +55,12 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
             raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the adaptation gain is for the model's k parameters, the weight of prediction
-        errors is one positive number or one for each of its r joints, the torque filter's cutoff (rad/s) times the
-        period (s) is at most 1, and no linear constraint on the mechanism's parameters fixes one at a value other than
-        zero.
+        """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
+        `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
+        for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, and no linear constraint that fixes a
+        parameter of the mechanism at a value other than zero.
 
-        `initial`, the first estimate (k,), is not looked at; `period` is the control period in s, which the controller
-        checks to be positive.
+        `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
         require_size(self.gain, model, f"{self.called}: gain")
         require_no_known_share(model, self.called)
@@ -79,12 +77,13 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
 
 def first_triangle(k: int) -> Array:
-    """The upper triangle (k (k + 1)/2,), row by row, of the identity (k, k)."""
+    """The upper triangle (k (k + 1)/2,), row by row, of the identity (k, k), as floats. Raises `ValueError` for a
+    negative `k`."""
     return np.eye(k)[np.triu_indices(k)]
 
 
 def from_triangle(entries: Array, k: int) -> Array:
-    """The symmetric matrix (k, k), as an array, whose upper triangle (k (k + 1)/2,), row by row, is `entries`. Raises
+    """The symmetric matrix (k, k), as an array, whose upper triangle, row by row, is `entries` (k (k + 1)/2,). Raises
     `ValueError` for another number of them."""
     upper = np.zeros((k, k))
     upper[np.triu_indices(k)] = np.reshape(entries, k * (k + 1) // 2)

@@ -32,12 +32,12 @@ class Natural(AdaptationLaw[NoMemory]):
 
     and the same for every drive's parameter, P_i then a number. P_i and the symmetric L_i and X are (4, 4); the ten of
     a link are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), moments and entries of the
-    inertia tensor about the origin of the link's frame and along its axes; (Y's)_i (10,) is their share of Y's. s (r,)
-    is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor on all
-    parameters. `rate` is in 1/J, one number, or a vector of one for each link with a body and then for each drive's
-    parameter. A prime is the transpose, but on P_i a derivative in time. Raises `InputError` unless `rate` is positive
-    and finite, and, with a controller, for another number of rates, a model of fewer than all parameters and a first
-    estimate that is not physically consistent.
+    inertia tensor about the origin of the link's frame and along its axes; (Y's)_i (10,) are those ten entries of Y's.
+    s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor on
+    all parameters. `rate` is in 1/J: one number, or an array of one for each link with a body and then one for each
+    drive's parameter. A prime is the transpose, but on P_i a derivative in time. Raises `InputError` unless `rate` is
+    positive and finite, and, with a controller, for another number of rates, a model of fewer than all parameters and
+    an initial estimate that is not physically consistent.
 
     It is the gradient in the affine-invariant metric of positive definite matrices: no gain depends on units or on
     frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster than light
@@ -52,10 +52,10 @@ class Natural(AdaptationLaw[NoMemory]):
     would change more than 7.4-fold within one period, ends there.
 
     Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. Under disturbance it drifts
-    as `Gradient` does, and faster the farther it has come, its gain being the estimate. A body that starts almost
-    without some moment hardly finds it: 1/m moves at the rate times the mass's entry of Y's, so a wrist of 0.05 kg that
+    as `Gradient` does, and faster the farther it has come, its gain being the estimate. A body that starts with some
+    moment near zero learns it slowly: 1/m moves at the rate times the mass's entry of Y's, so a wrist of 0.05 kg that
     picks up 2 kg has 19.5 /kg to go, and one thought to hold 0.5 kg has 1.5 /kg. Start a link that may be loaded from a
-    load that is plausible.
+    plausible load.
     """
 
     tunable = ("rate",)
@@ -67,12 +67,11 @@ class Natural(AdaptationLaw[NoMemory]):
         object.__setattr__(self, "rate", checked_rate(self.rate))
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the model keeps all P parameters of bodies and drives, linear constraints leave all
-        ten of each body free, there is one rate or one for each link with a body and each drive's parameter, and the
-        first estimate is physically consistent: positive definite pseudo-inertias, positive parameters of drives.
-
-        `initial` is the first estimate (P,), in SI units; `period`, the control period in s, is not looked at.
-        """
+        """Raise `InputError` unless natural adaptation fits the `model` and the initial estimate `initial` (P,), in SI
+        units. Required are: a model of all P parameters of bodies and drives; linear constraints, if any, that leave
+        all ten parameters of each body free; one rate, or one for each link with a body and each drive's parameter; and
+        an initial estimate that is physically consistent, with positive definite pseudo-inertias and positive
+        parameters of drives. `period`, the control period in s, is not used."""
         if model.basis is not None:
             raise InputError(
                 f"natural adaptation: moves the pseudo-inertia of whole links, and {len(model.columns)} fundamental "
@@ -85,28 +84,29 @@ class Natural(AdaptationLaw[NoMemory]):
         require_consistent(model, initial, "natural adaptation", "the first estimate")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
-        `initial` (P,) of all its P parameters, in SI units, the positions q (..., n) of the spanning tree's n joints in
-        rad (m for a prismatic joint), the velocities v (..., r) of the r primary (independent) joints in rad/s (m/s),
-        leading axes for arms, and the control `period` in s are."""
+        """The empty internal state, a `NoMemory`, of an adaptation law that keeps nothing besides the estimate. All
+        arguments are ignored: the `model`, the initial estimate `initial` (P,) of all its P parameters, positions q
+        (..., n) of the spanning tree's n joints in rad (m for a prismatic joint), velocities v (..., r) of the r
+        primary (independent) joints in rad/s (m/s), leading axes for arms, and the control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a step against the gradient
-        Y's, of `rate` (1/J) times its integral over the control period (trapezium rule), along the geodesic of every
-        link's pseudo-inertia (4, 4) and every drive's parameter; and the empty memory. Y' is the transpose of the
-        torque regressor Y (r, P) at the period's start, s (r,) the sliding variable of r joints.
+        """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a control period, and the
+        empty internal state. The estimate has moved along the geodesic of every link's pseudo-inertia (4, 4) and every
+        drive's parameter, against the gradient Y's: by the law's attribute `rate` (1/J) times the integral of Y's over
+        the period (trapezium rule).
 
-        `estimate` (P,), in the parameters' SI units, and `memory` are those before the control period that `period`
-        describes. Nothing is checked here.
+        Y' is the transpose of the torque regressor Y (r, P) at the period's start, s (r,) the sliding variable of r
+        joints, rad/s (m/s if prismatic). `estimate` (P,), in the parameters' SI units, and the internal state `memory`
+        are those before the control period that `period` describes. Nothing is checked here.
         """
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """Sum, in J, of the Bregman divergences D(true, estimate) of all links' pseudo-inertias and drives' parameters,
-        each over its adaptation rate (1/J), for an `estimate` (P,) of all P parameters of the `model` and their `true`
-        values (P,), in SI units.
+        each over its adaptation rate (1/J). `estimate` (P,) has all P parameters of the `model`, `true` (P,) their true
+        values, in SI units.
 
         D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias A and B (4, 4), and log(B/A) + A/B - 1 of drives'
         parameters A and B. Where the estimate or the truth is not physically consistent, arrays give NaN, and floats
@@ -122,20 +122,20 @@ class Natural(AdaptationLaw[NoMemory]):
         return total
 
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
-        """The parameters' term (...), in J, of the adaptation law's Lyapunov function at estimates (..., P) of all P
-        parameters of the `model` whose true values are `true`, (P,) or (..., P), in SI units: the sum of Bregman
-        divergences of pseudo-inertias over the rates. Where that sum is NaN though the estimate is finite, as where the
-        true parameters are no rigid bodies', it is infinity. Raises `InputError` for arrays of another shape or of no
-        numbers."""
+        """The parameters' term (...), in J, of the adaptation law's Lyapunov function: the sum of Bregman divergences
+        of pseudo-inertias and drives' parameters, each over its adaptation rate. `estimate` (..., P) has all P
+        parameters of the `model`, `true`, (P,) or (..., P), their true values, in SI units. Where that sum is NaN
+        though the estimate is finite, as where the true parameters are no rigid bodies', it is infinity. Raises
+        `InputError` for arrays of another shape or of no numbers."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)
 
 
 def checked_rate(rate: ArrayLike) -> Array:
-    """A read-only float64 copy of the `rate` of natural adaptation, one number, or m of them (m,): one for each link
-    with a body and then for each parameter of a drive, as `require_rates` checks; in 1/J. Raises `InputError` for other
-    shapes and what is not positive and finite."""
+    """A read-only float64 copy of the `rate` of natural adaptation, in 1/J: one number (), or m of them (m,), one for
+    each link with a body and then one for each parameter of a drive. Raises `InputError` for more axes than one, and
+    for entries that are no numbers, not positive or not finite; that m fits a model is for `require_rates` to check."""
     array = numbers(rate, "natural adaptation: rate").copy()
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")
@@ -144,7 +144,7 @@ def checked_rate(rate: ArrayLike) -> Array:
 
 def require_rates(rate: ArrayLike, model: ReducedModel) -> None:
     """Raise `InputError` unless the `rate` of natural adaptation, in 1/J, is one number, or an array of one for each of
-    the model's links with a body and then for each drive's parameter. The numbers themselves are not looked at."""
+    the `model`'s links with a body and then one for each drive's parameter. The values of the rates are not checked."""
     bodies, count = _bodies_and_rates(model)
     if np.shape(rate) not in ((), (count,)):
         raise InputError(
@@ -154,8 +154,9 @@ def require_rates(rate: ArrayLike, model: ReducedModel) -> None:
 
 
 def require_whole_links(model: ReducedModel, law: str) -> None:
-    """Raise `InputError` where linear constraints take away parameters of the model's links, whose ten make a
-    pseudo-inertia (4, 4) together; those of drives may be. `law` names the adaptation law in the message."""
+    """Raise `InputError` where linear constraints remove some of the ten inertial parameters of a link of the `model`,
+    of which its pseudo-inertia (4, 4) is made. Parameters of drives may be removed. `law` names the adaptation law in
+    the message."""
     mechanism = model.mechanism
     names = mechanism.description.parameter_names[: 10 * len(mechanism.description.bodies)]
     if missing := [name for name in names if name not in mechanism.parameter_names]:
@@ -166,9 +167,9 @@ def require_whole_links(model: ReducedModel, law: str) -> None:
 
 
 def require_consistent(model: ReducedModel, parameters: Array, law: str, what: str) -> None:
-    """Raise `InputError` unless `parameters` (P,), all P of a model's mechanism, in SI units, are physically
-    consistent: those of rigid bodies, whose pseudo-inertias (4, 4) are positive definite, and of drives, which are
-    positive. `law` and `what` name the adaptation law and the parameters in the message."""
+    """Raise `InputError` unless `parameters` (P,), all P of the `model`'s mechanism in SI units, are physically
+    consistent: the pseudo-inertia (4, 4) of each link with a body is positive definite, and the parameters of drives
+    are positive. `law` and `what` name the adaptation law and the parameters in the message. Shapes are not checked."""
     mechanism = model.mechanism
     links = [mechanism.links[i] for i in mechanism.description.bodies]
     for i, link in enumerate(links):
@@ -184,8 +185,8 @@ def require_consistent(model: ReducedModel, parameters: Array, law: str, what: s
 
 
 def each_rate(rate: Any, model: ReducedModel) -> Column:
-    """The rate (P,), in 1/J, of each of a model's P parameters in natural adaptation: from `rate`, one number, or one
-    for each link with a body, which its ten inertial parameters share, and then for each drive's parameter. Raises
+    """The rates (P,) of natural adaptation, in 1/J, of each of the `model`'s P parameters. `rate` is one number, or one
+    for each link with a body, which its ten inertial parameters share, and then one for each drive's parameter. Raises
     `ValueError` for another number of rates."""
     bodies, count = _bodies_and_rates(model)
     rates = each(rate, count).of
@@ -200,8 +201,9 @@ def _bodies_and_rates(model: ReducedModel) -> tuple[int, int]:
 
 def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
     """All P parameters (P,) of bodies and drives, in SI units, after one step of natural adaptation from `parameters`
-    (P,): the ten inertial parameters of each of `bodies` links along the geodesic of their pseudo-inertia, each
-    drive's, which come after them, along that of a positive number.
+    (P,). The first 10 `bodies` of them are the ten inertial parameters of each of `bodies` links, which move along the
+    geodesic of the link's pseudo-inertia; the drives' parameters, which come after them, move along that of a positive
+    number.
 
     `slope` (P,), in the parameters' inverse units, is each one's rate in 1/J times the integral over the period of the
     gradient Y's, in J per unit, Y' being the transpose of the torque regressor Y and s the sliding variable. Nothing is
@@ -222,10 +224,10 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
 
 def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
     """The natural gradient (P,) of all P parameters of bodies and drives, in their SI units, of a `slope` (P,) in the
-    inverse units, at `parameters` (P,): for each of `bodies` links the ten inertial parameters of P_i L_i P_i, with its
-    pseudo-inertia P_i (4, 4) and the slope's symmetric matrix L_i (4, 4), and for each drive's parameter x, which come
-    after them, x^2 times its slope. A step of natural adaptation begins along it, its sign turned. Nothing is
-    checked."""
+    inverse units, at `parameters` (P,). For each of `bodies` links, which come first, it has the ten inertial
+    parameters of P_i L_i P_i, with the link's pseudo-inertia P_i (4, 4) and the slope's symmetric matrix L_i (4, 4);
+    for each drive's parameter x, which come after them, x^2 times its slope. A step of natural adaptation begins along
+    minus this gradient. Nothing is checked."""
     links = 10 * bodies
     entries: list[Any] = []
     for i in range(0, links, 10):
@@ -236,14 +238,14 @@ def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
-    """A link's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2)
-    after one step of natural adaptation from `ten`, along the geodesic of its pseudo-inertia; `slope` (10,), in the
-    inverse units, is the rate times the integral of the gradient over the period.
+    """A link's ten inertial parameters after one step of natural adaptation from `ten`, along the geodesic of its
+    pseudo-inertia: a list of m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in kg, kg m and kg m^2. `slope`
+    (10,), in the inverse units, is the rate times the integral of the gradient over the period.
 
     With the pseudo-inertia G G', G lower triangular and G' its transpose, the step goes to G Q Q G', Q positive
-    definite. What is added to G G' is computed by itself, so that small steps are rounded as small numbers are, and
-    many of them do not wear an estimate away. A `ten` that no rigid body has raises `ValueError` or `ZeroDivisionError`
-    in floats, and gives NaN in arrays.
+    definite. The difference from G G' is computed by itself and added to `ten`, so that many small steps do not add up
+    round-off. A `ten` that no rigid body has raises `ValueError` or `ZeroDivisionError` in floats, and gives NaN in
+    arrays.
     """
     root = cholesky(pseudo(ten))
     X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
@@ -267,27 +269,28 @@ def _decay_less_one(X: Matrix) -> Matrix:
 
 
 def pseudo(ten: Sequence[Scalar]) -> Matrix:
-    """The pseudo-inertia (4, 4), as rows of scalars, of a link's `ten` inertial parameters (m, mc_x, mc_y, mc_z, I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2): the integral over its mass of x x', x = (position in metres, 1) in
-    the link's frame and x' its transpose. The I_.. are the inertia tensor's entries about that frame's origin, I_xy =
-    -integral of x y dm. Raises `ValueError` for another number of them."""
+    """The pseudo-inertia (4, 4), as rows of scalars, of a link's `ten` inertial parameters: the integral over its mass
+    of x x', x = (position in metres, 1) in the link's frame and x' its transpose. `ten` are m, mc_x, mc_y, mc_z, I_xx,
+    I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), the I_.. being the inertia tensor's entries about that frame's
+    origin, I_xy = -integral of x y dm. Raises `ValueError` for another number of them."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     half = 0.5 * (xx + yy + zz)
     return [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]
 
 
 def the_ten(P: Matrix) -> list[Any]:
-    """The ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz; kg, kg m, kg m^2; about the
-    frame's origin, I_xy = -integral of x y dm) of a pseudo-inertia `P` (4, 4), given by rows, of which the upper
-    triangle is read. Raises `ValueError` for another shape."""
+    """The ten inertial parameters of a pseudo-inertia `P` (4, 4), given by rows, of which the upper triangle is read: a
+    list of m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in kg, kg m and kg m^2. The inertia tensor is about
+    the frame's origin, I_xy = -integral of x y dm. Raises `ValueError` for another shape."""
     (xx, xy, xz, x), (_, yy, yz, y), (_, _, zz, z), (_, _, _, m) = P
     return [m, x, y, z, yy + zz, -xy, xx + zz, -xz, -yz, xx + yy]
 
 
 def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
-    """The symmetric matrix L (4, 4), as rows of scalars, of a `slope` (10,) per unit of each of a link's ten inertial
-    parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), such that tr(L P) is the inner product of the
-    slope and the ten of P for every pseudo-inertia P (4, 4). Raises `ValueError` for another number of entries."""
+    """The symmetric matrix L (4, 4), as rows of scalars, of a `slope` (10,), such that tr(L P) is the inner product of
+    the slope and the ten inertial parameters of P for every pseudo-inertia P (4, 4). The slope is per unit of m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), in this order. Raises `ValueError` for another
+    number of entries."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = (0.5 * g for g in slope)
     row = (2.0 * (yy + zz), -xy, -xz, x), (2.0 * (xx + zz), -yz, y), (2.0 * (xx + yy), z), (2.0 * m,)
     return [[row[min(i, j)][max(i, j) - min(i, j)] for j in range(4)] for i in range(4)]
@@ -295,7 +298,7 @@ def slope_matrix(slope: Sequence[Scalar]) -> Matrix:
 
 def cholesky(P: Matrix) -> Matrix:
     """The lower triangular Cholesky factor G (n, n), as rows of scalars of any kind, of a symmetric positive definite
-    matrix `P` (n, n) of any size n, given by rows: G G' = P, G' the transpose of G. A matrix that is not positive
+    matrix `P` (n, n) of any size n, given by rows. G G' = P, G' being the transpose of G. A matrix that is not positive
     definite raises `ValueError` or `ZeroDivisionError` in floats, and gives NaN or infinity in arrays."""
     G: Matrix = [[0.0] * len(P) for _ in P]
     for j in range(len(P)):
@@ -307,7 +310,7 @@ def cholesky(P: Matrix) -> Matrix:
 
 def matrix_product(A: Matrix, B: Matrix) -> Matrix:
     """The product A B (l, n) of matrices A (l, m) and B (m, n), of any sizes, as rows of scalars of any kind. Raises
-    `ValueError` where their shapes do not fit."""
+    `ValueError` where A has not as many columns as B has rows."""
     return [
         [sum((a * b for a, b in zip(row, column, strict=True)), 0.0) for column in zip(*B, strict=True)] for row in A
     ]
@@ -320,17 +323,18 @@ def transposed(A: Matrix) -> Matrix:
 
 
 def pseudos(tens: Array) -> Array:
-    """The pseudo-inertias (..., 4, 4) of bodies with the inertial parameters `tens` (..., 10): m, mc_x, mc_y, mc_z,
-    I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about the origin of each link's frame, in whose axes the
-    pseudo-inertias are, I_xy = -integral of x y dm. Raises `ValueError` for another number of them."""
+    """The pseudo-inertias (..., 4, 4) of bodies with the inertial parameters `tens` (..., 10), each in the axes of its
+    link's frame. The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about that
+    frame's origin, I_xy = -integral of x y dm. Raises `ValueError` for another number of them."""
     rows = pseudo(list(np.moveaxis(tens, -1, 0)))
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def divergence(true: Matrix, estimate: Matrix) -> Scalar:
-    """The log-det divergence, without a unit, log(det estimate / det true) + tr(estimate^-1 true) - 4 of two
-    pseudo-inertias (4, 4), given by rows of scalars of any kind: 0 where they are equal, else positive. Where one is
-    not positive definite, arrays give NaN, and floats raise `ValueError` or `ZeroDivisionError`."""
+    """The log-det divergence log(det estimate / det true) + tr(estimate^-1 true) - 4, without a unit, of two
+    pseudo-inertias (4, 4), `true` and `estimate`, given by rows of scalars of any kind. It is 0 where they are equal,
+    else positive. Where one is not positive definite, arrays give NaN, and floats raise `ValueError` or
+    `ZeroDivisionError`."""
     shares = (solve_symmetric([list(row) for row in estimate], Column(column)) for column in transposed(true))
     trace: Scalar = sum((share[i] for i, share in enumerate(shares)), 0.0)
     return trace - 4.0 + 2.0 * (_log_root(estimate) - _log_root(true))

@@ -18,10 +18,10 @@ from adaptctl.scalars import Column, column, spread
 
 
 class Filtered(NamedTuple):
-    """The memory of the torque filters between control periods: `regressor` (e,) has the filters' states for those e
-    entries of the torque regressor (r, k), k parameters, that are not always zero, joint by joint, in N m (N for a
-    prismatic joint) per SI unit of each parameter, `torque` (r,) the filtered torques of r joints in N m (N). Nothing
-    is checked."""
+    """Internal state of the torque filters between control periods. `regressor` (e,) has the filters' states for those
+    e entries of the torque regressor (r, k), k parameters, that are not always zero, joint by joint, in N m (N for a
+    prismatic joint) per SI unit of each parameter; `torque` (r,) are the filtered torques of r joints in N m (N).
+    Nothing is checked."""
 
     regressor: Any
     """rows of F[lambda H + N], as far as it is known before the next sample, without what is always zero"""
@@ -34,8 +34,8 @@ class Prediction(NamedTuple):
     units, fulfil as far as nothing disturbs.
 
     `rows` are the r rows (k,) of W, the filtered torque regressor of r joints, in N m (N for a prismatic joint) per
-    unit of each of k parameters, `torque` (r,) the filtered torques in N m (N), `after` the filters' memory after the
-    period. Nothing is checked.
+    unit of each of k parameters, `torque` (r,) the filtered torques in N m (N), `after`, a `Filtered`, the filters'
+    internal state after the control period. Nothing is checked.
     """
 
     rows: list[Column]
@@ -47,29 +47,30 @@ class Prediction(NamedTuple):
 
 @dataclass(frozen=True)
 class TorqueFilter:
-    """The filter F = lambda/(d/dt + lambda) of the equations of motion, tau = Y(p, v, a) beta, which gives the filtered
-    torque regressor W = F[Y] without accelerations a (Slotine and Li 1989). `cutoff` is lambda in rad/s, `period` the
-    control period T_c in s. Nothing is checked at construction.
+    """First-order low-pass filter F = lambda/(d/dt + lambda) of both sides of the equations of motion tau = Y(p, v, a)
+    beta. It gives the filtered torque regressor W = F[Y] without accelerations a (Slotine and Li 1989). `cutoff` is
+    lambda in rad/s, `period` the control period T_c in s. Nothing is checked at construction.
 
     tau (r,) is the torque of r joints, Y (r, k) the torque regressor at positions p and velocities v, beta (k,) are the
-    k parameters. With tau = d/dt (H beta) - N beta, H (r, k) the momenta's regressor and N (r, k) that of the other
-    forces, W = lambda H - F[lambda H + N] when F[H] starts at H: positions and velocities are enough. The torque is
-    held over each period, for which its filter is exact; lambda H + N goes in by the trapezium between samples, with an
-    error of the order of T_c^2.
+    k parameters. With tau = d/dt (H beta) - N beta, H (r, k) the momenta's regressor and N (r, k) that of all
+    generalised forces but tau, W = lambda H - F[lambda H + N] when F[H] starts at H: positions and velocities are
+    enough. The torque is held over each period, for which its filter is exact; lambda H + N goes in by the trapezium
+    between samples, with an error of the order of T_c^2.
     """
 
     cutoff: float
     period: float
 
     def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
-        """The torque filters' memory before the first control period, for a model of k parameters: the filtered
-        regressor W (r, k) and the filtered torques (r,) of r joints are zero there.
+        """The internal state of the torque filters before the first control period, a `Filtered`, from which the
+        filtered torque regressor W (r, k) and the filtered torques (r,) of the r joints begin at zero.
 
-        q (..., n) are positions of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the
-        velocities of the r primary (independent) ones in rad/s (m/s), arrays or columns; the result's `regressor`, the
-        states of e filters, is then (..., e) or a `Column` of e scalars, its `torque` (r,). Raises `InputError` for a
-        mechanism whose linear constraints fix parameters at values other than zero, which have no column in the
-        regressor.
+        q (..., n) are the positions of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the
+        velocities of the r primary (independent) ones in rad/s (m/s), arrays or columns, at which the `model`, of k
+        parameters, starts. The state's field `regressor` has one number for each of the e entries of W that are not
+        always zero, N m (N) per SI unit of the parameter: (..., e), or a `Column` of e scalars where q is one. Its
+        field `torque` (r,), in N m (N), is zero. Raises `InputError` for a model whose linear constraints fix
+        parameters at values other than zero: torques of these have no column in W.
         """
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         kept: list[Any] = []
@@ -81,13 +82,13 @@ class TorqueFilter:
         return Filtered(first_rows, np.zeros(model.mechanism.dof))
 
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
-        """The linear equation W beta = torque, a `Prediction`, for the model's k parameters beta at the end of a
-        control period: W (r, k) is the filtered torque regressor of r joints, from positions and velocities at the
+        """The linear equation W beta = torque for the `model`'s k parameters beta at the end of a control period, a
+        `Prediction`. W (r, k) is the filtered torque regressor of r joints, from positions and velocities at the
         period's end, and torque (r,) the filtered torque, N m (N for a prismatic joint), from that held over the
         period.
 
-        `period` has these data, `memory` is the filters' before it. Raises `InputError` for a mechanism whose linear
-        constraints fix parameters at values other than zero.
+        `period`, a `Period`, has these data; `memory` is the filters' internal state before it. Raises `InputError` for
+        a mechanism whose linear constraints fix parameters at values other than zero.
         """
         momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns)
         k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
@@ -119,8 +120,9 @@ class TorqueFilter:
 
 
 def decayed(x: Any) -> tuple[Any, Any]:
-    """Two scalars, exp(-x) and (1 - exp(-x))/x, its mean from 0 to x, for a scalar x without a unit, 0 < x <= 1, of any
-    kind, to a double's round-off; beyond that range they are less exact.
+    """Two scalars of a scalar x without a unit, 0 < x <= 1, of any kind: exp(-x), and (1 - exp(-x))/x, the mean of
+    exp(-u) over u from 0 to x. Both are right to a double's round-off; beyond that range, which is not checked, they
+    are less exact.
 
     They come from the Pade approximant of order (5, 5) at x/4, doubling x twice.
     """
@@ -137,9 +139,10 @@ def decayed(x: Any) -> tuple[Any, Any]:
 
 @lru_cache(maxsize=64)
 def momentum_columns(model: ReducedModel) -> list[list[int]]:
-    """Lists, one for each of a mechanism's r joints, of the indices, from 0, of those of the model's k parameters that
-    the joint's filtered torque ever depends on: those of the links that it moves, and its own drive's. Raises
-    `InputError` for a mechanism whose linear constraints fix parameters at values other than zero."""
+    """Lists of indices, from 0, among the `model`'s k parameters, one list for each of its mechanism's r joints: the
+    parameters on which the joint's filtered torque ever depends. In a tree these are the parameters of the links that
+    the joint moves, and of its own drive. Raises `InputError` for a mechanism whose linear constraints fix parameters
+    at values other than zero."""
     equations, r = model.mechanism.equations, model.mechanism.dof
 
     def terms(q: Column, v: Column) -> list[Column]:
@@ -167,9 +170,10 @@ def require_cutoff(cutoff: float, period: float) -> None:
 
 
 def require_no_known_share(model: ReducedModel, law: str) -> None:
-    """Raise `InputError` where linear constraints fix parameters of the model's mechanism at values other than zero,
-    for which filtered torques have no column: the message has these parameters, and `law`, the adaptation law's
-    name."""
+    """Raise `InputError` where a linear constraint fixes a parameter of the `model`'s mechanism at a value other than
+    zero. The torque of such a parameter is known and has no column in the regressor, so that laws which predict
+    filtered torques would leave it out. The message begins with `law`, the adaptation law's name, and lists these
+    parameters with their values."""
     mechanism = model.mechanism
     if mechanism.equations.has_known_share:
         fixed = mechanism.with_parameters(np.zeros(len(mechanism.parameter_names))).description

@@ -31,12 +31,13 @@ RANGES = {
 
 @dataclass(frozen=True)
 class PriorRanges:
-    """Prior ranges of parameters by kind, their greatest plausible distances from a first guess, from which adaptation
-    gains are made: `mass` in kg, `first_moment` in kg m, `inertia` in kg m^2, `viscous` friction in N m s/rad (N s/m
-    for a prismatic joint) and `coulomb` friction in N m (N). Raises `InputError` unless all are positive and finite.
+    """Prior ranges of parameters by kind: the greatest plausible magnitudes of the initial estimate's error, from which
+    adaptation gains are made. `mass` is in kg, 5 by default; `first_moment` in kg m, 2; `inertia` in kg m^2, 0.6;
+    `viscous` friction in N m s/rad (N s/m for a prismatic joint), 5; and `coulomb` friction in N m (N), 10. Raises
+    `InputError` unless all are positive and finite.
 
-    A kilogram and a kilogram square metre are not alike: one gain for both would learn one of them far too slowly or
-    far too fast.
+    Parameters of different kinds need gains of different size: one gain for a mass in kg and an inertia in kg m^2 would
+    learn one of them far too slowly or far too fast.
     """
 
     mass: float = 5.0
@@ -56,8 +57,8 @@ class PriorRanges:
 
     @lru_cache(maxsize=64)  # noqa: B019  # a few numbers each, asked for by every controller of a sweep
     def of(self, names: tuple[str, ...]) -> Array:
-        """The ranges (k,), in the parameters' SI units, of the k parameters with these full names, such as `link1.m`,
-        in their order; read-only.
+        """The prior ranges (k,), in the parameters' SI units and read-only, of the k parameters with the full `names`,
+        such as `link1.m`, in their order.
 
         What follows the last dot counts: `m` has the range `mass`, `mc_...` the range `first_moment`, `viscous` and
         `square_root` the range `viscous`, `coulomb`, `stribeck` and `offset` the range `coulomb`, `I_...` and
@@ -82,20 +83,19 @@ def adaptation_gain(
     period: float = 1e-3,
     workspace: Workspace | None = None,
 ) -> Array:
-    """The diagonal (k,) of the adaptation gain Gamma for a model's k parameters, in units of the parameters squared per
-    J: `rate`, in 1/J, times the square of each parameter's prior range (its greatest plausible error) in `ranges`,
-    `PriorRanges()` where None.
+    """The diagonal (k,) of the adaptation gain Gamma for the `model`'s k parameters, in units of the parameters squared
+    per J: `rate`, in 1/J, 0.6 by default, times the square of each parameter's prior range. A prior range, its greatest
+    plausible error, is taken from `ranges`, `PriorRanges()` where None.
 
-    In the Lyapunov function an error of a whole range then weighs 1/(2 rate), 0.83 J by default, whatever the
-    parameter.
+    In the Lyapunov function an error of a whole range then counts 1/(2 rate), 0.83 J by default, for every parameter.
 
     With the `gains` of a control law, its bandwidth Lambda (1/s) and damping K (N m s/rad, N s/m for a prismatic
-    joint), no range is taken greater than 0.2 (2 - h)/u: a light wrist whose inertia is learned a hundred times too
-    large would ring, and its prior range allows that. The hold number h = T_c lambda_max(M^-1 (K + M Lambda)) of these
+    joint), no range is taken greater than 0.2 (2 - h)/u: otherwise a light wrist, whose inertia a prior range lets be
+    learned a hundred times too large, would ring. The hold number h = T_c lambda_max(M^-1 (K + M Lambda)) of these
     gains has no unit and is stable below 2, with the largest eigenvalue lambda_max, the mass matrix M and the control
-    `period` T_c in s; u is what an error of 1 SI unit in the parameter adds to it (`parameter_holds`). Both are the
-    greatest over the positions in `workspace`, all that the joints' limits allow where None. `period` and `workspace`
-    have no part where `gains` is None, the default.
+    `period` T_c in s, 1 ms by default; u is what an error of 1 SI unit in the parameter adds to it (`parameter_holds`).
+    Both are the greatest over the set of joint positions `workspace`, all that the joints' limits allow where None: h
+    by a local search, u over its samples. `period` and `workspace` are not used where `gains` is None, the default.
 
     Raises `GainError` where h is 2 or more, and `InputError` for a rate that is not positive and finite and, with
     gains, for a period or damping that is not positive and for gains of another number of joints.
@@ -114,9 +114,9 @@ def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
     """The adaptation gain Gamma_beta = K_r Gamma_D K_r' (k, k) of a model's k fundamental (base) parameters, for a
     diagonal gain Gamma_D, `gain` (P,), on all P parameters; both in units of the parameters squared per J.
 
-    K_r (k, P) is the model's `regrouping`, K_r' its transpose: K_r times all P parameters gives the k fundamental ones.
-    With this gain, adapting the k fundamental parameters is the same controller as adapting all P, to round-off. It is
-    symmetric to the last bit. Raises `InputError` unless the gain is P finite numbers.
+    K_r (k, P) is the model's attribute `regrouping`, K_r' its transpose: K_r times all P parameters gives the k
+    fundamental ones. With Gamma_beta, adapting the k fundamental parameters is the same controller as adapting all P,
+    to round-off. Gamma_beta is symmetric to the last bit. Raises `InputError` unless the gain is P finite numbers.
     """
     full = frozen_array(gain, (model.regrouping.shape[1],), "gain on all parameters")
     mapped = (model.regrouping * full) @ model.regrouping.T

@@ -23,17 +23,17 @@ class Projection(AdaptationLaw[Memory]):
     """Projection of another adaptation law's estimate (k,) of k parameters: it is clipped to [lower, upper] after each
     control period.
 
-    `of` is that law, one that weighs each parameter's error by itself; `lower` and `upper` (k,), in the parameters' SI
-    units, may be infinite; `limits` makes them from parameters' names. Raises `InputError` for bounds that are NaN or
-    of different shapes, unless lower < upper everywhere, and for a law that weighs errors together (`by_parameter`
-    false), as one with a gain (k, k).
+    `of` is that law, whose Lyapunov function must be a sum over the single parameters' errors; `lower` and `upper`
+    (k,), in the parameters' SI units, may be infinite; `limits` makes them from parameters' names. Raises `InputError`
+    for bounds that are NaN or of different shapes, unless lower < upper everywhere, and for a law whose Lyapunov
+    function is no such sum (its property `by_parameter` is False), as one with a gain (k, k).
 
     Guarantees, where the truth is within the bounds: the estimate stays within, whatever disturbs; and what the law
     itself guarantees, because with a diagonal gain clipping is the projection in the distance of the law's Lyapunov
     function, which brings the estimate no farther from anything within (Goodwin and Mayne 1987).
 
-    Gives up: nothing that is within the bounds. Bounds on fundamental (base) parameters are no guarantee of a positive
-    definite mass matrix: the set of physically consistent parameters is a cone, not a box.
+    Gives up: nothing while the estimate is within the bounds. Bounds on fundamental (base) parameters are no guarantee
+    of a positive definite mass matrix: the set of physically consistent parameters is a cone, not a box.
     """
 
     tunable = ("lower", "upper")
@@ -58,11 +58,9 @@ class Projection(AdaptationLaw[Memory]):
             )
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` where the wrapped adaptation law does, for bounds of another number than the model's k
-        parameters, and for a first estimate outside them.
-
-        `initial` is the first estimate (k,), in SI units, `period` the control period in s.
-        """
+        """Raise `InputError` where the wrapped adaptation law does, for bounds of another number than the `model`'s k
+        parameters, and for an initial estimate outside the bounds. `initial` is the initial estimate (k,), in SI units,
+        `period` the control period in s."""
         self.of.require(model, initial, period)
         require_size(self.lower, model, "projection: bounds")
         outside = np.flatnonzero((initial < self.lower) | (initial > self.upper))
@@ -75,45 +73,45 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True always: a projection wraps only adaptation laws that measure each parameter's error by itself, and clips
-        each parameter by itself."""
+        """True always: the wrapped adaptation law's Lyapunov function is a sum over the single parameters' errors, and
+        the projection clips each parameter by itself."""
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
-        """The wrapped adaptation law's memory, a named tuple of arrays, before the first control period.
+        """The wrapped adaptation law's internal state, a named tuple of arrays, before the first control period.
 
-        `initial` is the first estimate (k,) of the `model`'s k parameters, in SI units, q (..., n) are the positions of
-        the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
+        `initial` is the initial estimate (k,) of the `model`'s k parameters, in SI units, q (..., n) are the positions
+        of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
         (independent) joints in rad/s (m/s), with leading axes for arms, `period` is the control period in s. Raises
-        what the wrapped law's `start` does.
+        what the wrapped law's method `start` does.
         """
         return self.of.start(model, initial, q, v, period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """The estimate (k,) of the `model`'s k parameters after a step of the wrapped adaptation law, clipped to the
-        projection's bounds, `lower` and `upper` (k,); and that law's memory.
+        projection's bounds, its attributes `lower` and `upper` (k,); and the wrapped law's internal state after the
+        step.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
-        describes. Nothing is checked here.
+        `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
+        period that `period` describes. Nothing is checked here.
         """
         moved, after = self.of.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
-        """The parameters' term, in J, of the wrapped adaptation law's Lyapunov function at an estimate (k,) of the
-        `model`'s k parameters whose true values are `true` (k,), both in SI units; None where that law has no term that
-        depends on the estimate alone."""
+        """The parameters' term, in J, of the wrapped adaptation law's Lyapunov function at an `estimate` (k,) of the
+        `model`'s k parameters whose true values are `true` (k,), both in SI units. None where that law has no term that
+        depends on the estimate alone. Nothing is checked here."""
         return self.of.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Lower and upper bounds, (k,) each, on a model's k parameters, from the bounds of those that are named; -infinity
-    and infinity for the others.
+    """Lower and upper bounds, (k,) each, on the `model`'s k parameters, in their SI units: those in `bounds` for the
+    parameters named there, -infinity and infinity for the others.
 
-    `bounds` gives (lower, upper) by a parameter's full name, such as `link1.m`; all are in the parameters' SI units.
-    Raises `NotFoundError` for a parameter that is not one of the model's k, also where the model regroups it into other
-    fundamental (base) parameters; `NonFiniteError` for NaN, and `InputError` for bounds that are no pair of numbers
-    with lower < upper.
+    `bounds` maps a parameter's full name, such as `link1.m`, to its pair (lower, upper). Raises `NotFoundError` for a
+    parameter that is not one of the model's k, also where the model regroups it into other fundamental (base)
+    parameters; `NonFiniteError` for NaN, and `InputError` for bounds that are no pair of numbers with lower < upper.
     """
     lower, upper = np.full(len(model.names), -np.inf), np.full(len(model.names), np.inf)
     for name, pair in bounds.items():

@@ -19,8 +19,8 @@ from adaptctl.scalars import Column, Scalar, maximum
 
 
 class Normaliser(NamedTuple):
-    """The memory of normalised gradient adaptation between control periods: `n` (1,), the normaliser, at least 1 and
-    without a unit, by which steps of the estimate are divided. Nothing is checked."""
+    """Internal state of normalised gradient adaptation between control periods: `n` (1,), the normaliser, at least 1
+    and without a unit, by which steps of the estimate are divided. Nothing is checked."""
 
     n: Any
     """(1,) at least 1"""
@@ -34,17 +34,17 @@ class ReleasedGradient(Descent[Normaliser]):
         estimate -= (T_c/n_j) Gamma Y_j' s_(j+1)
         n_j = max(1, share T_c tr(K^-1 Y_j Gamma Y_j'), n_(j-1)/(1 + release T_c))
 
-    j counts the control periods (ticks); `release` is in 1/s, `share` without a unit. s (r,) is the sliding variable of
-    r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor, K (r,) the control law's damping in N
-    m s/rad (N s/m), T_c the control period in s; `gain` is Gamma, (k,) its diagonal or (k, k), in units of the
-    parameters squared per J. The theorem below does not cover every `release` and `share`, nor the defaults:
-    `ReleasedGradient.certified` makes those that it covers. A prime is the transpose. Raises `InputError` for a gain
-    that is not finite, symmetric and positive definite and a release or share that is not positive and finite.
+    j counts the control periods; `release`, 1 by default, is in 1/s, `share`, 4 by default, without a unit. s (r,) is
+    the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor, K (r,) the
+    control law's damping in N m s/rad (N s/m), T_c the control period in s; `gain` is Gamma, (k,) its diagonal or (k,
+    k), in units of the parameters squared per J. The theorem below does not cover every `release` and `share`, nor the
+    defaults: `ReleasedGradient.certified` makes those that it covers. A prime is the transpose. Raises `InputError` for
+    a gain that is not finite, symmetric and positive definite and a release or share that is not positive and finite.
 
-    Guarantees, sampled, with the mass matrix M constant over the ticks considered, for any Gamma and any Y from tick to
-    tick: V = s'Ms/(2n) + error' Gamma^-1 error/2, error the estimate less the truth, never rises where share > 1/(2 -
-    h), h = T_c lambda_max(M^-1 K) < 2, and release <= 2 (1 - h/2 - 1/(2 share)) lambda_min(M^-1 K), with the largest
-    and the least eigenvalue lambda_max and lambda_min. As T_c goes to zero n goes to 1, and this to `Gradient`. The
+    Guarantees, sampled, with the mass matrix M constant, for any Gamma and any Y that varies from one control period to
+    the next: V = s'Ms/(2n) + error' Gamma^-1 error/2, error the estimate less the truth, never rises where share > 1/(2
+    - h), h = T_c lambda_max(M^-1 K) < 2, and release <= 2 (1 - h/2 - 1/(2 share)) lambda_min(M^-1 K), with the largest
+    and the least eigenvalue lambda_max and lambda_min. As T_c goes to zero n goes to 1, and this law to `Gradient`. The
     derivation: docs/discrete_adaptation.md.
 
     Gives up: an M that changes, as every such theorem here does; speed, while n is large; and the operations of r
@@ -67,16 +67,18 @@ class ReleasedGradient(Descent[Normaliser]):
     def certified(
         cls, model: ReducedModel, gain: ArrayLike, damping: ArrayLike, period: float, workspace: Workspace | None = None
     ) -> ReleasedGradient:
-        """The normalised gradient law whose Lyapunov function never rises, for a control law's damping K in N m s/rad
-        (N s/m), one number or (r,) for r joints, and a control `period` T_c in s: its `share` is 2/(2 - h), without a
-        unit, and its `release` (1 - h/2) lambda_min(M^-1 K) in 1/s.
+        """Normalised gradient adaptation law, a `ReleasedGradient`, whose Lyapunov function never rises under a control
+        law's `damping` K and a control `period` T_c (s). Its field `share` is 2/(2 - h), without a unit, and its field
+        `release` (1 - h/2) lambda_min(M^-1 K) in 1/s.
 
         h = T_c lambda_max(M^-1 K) is the hold number, without a unit, lambda_min and lambda_max the least and the
-        largest eigenvalue and M the mass matrix of the model, taken as constant from one control period to the next;
-        both extremes are searched over `workspace`, all that the joints' limits allow where None. `gain` is Gamma, (k,)
-        its diagonal or (k, k) for k parameters, in units of the parameters squared per J. Raises `GainError` where h is
-        2 or more, and `InputError` for a gain that is not finite, symmetric and positive definite or of another size, a
-        damping that is not positive and finite or of another size and a period that is not positive and finite.
+        largest eigenvalue and M the mass matrix of the `model`, taken as constant from one control period to the next.
+        Both extremes are sought by a local search over the set of joint positions `workspace`, all that the joints'
+        limits allow where None. K is in N m s/rad (N s/m if prismatic), one number or (r,) for r joints. `gain` is
+        Gamma, (k,) its diagonal or (k, k) for k parameters, in units of the parameters squared per J. Raises
+        `GainError` where h is 2 or more, and `InputError` for a gain that is not finite, symmetric and positive
+        definite or of another size, a damping that is not positive and finite or of another size and a period that is
+        not positive and finite.
         """
         gamma = checked_gain(gain)
         require_size(gamma, model, "adaptation gain")
@@ -87,26 +89,23 @@ class ReleasedGradient(Descent[Normaliser]):
         return cls(gamma, 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Normaliser:
-        """The memory before the first control period: the normaliser (1,) by which steps are divided, without a unit,
-        which is 1.
-
-        `initial` is the first estimate (k,) of the `model`'s k parameters, in SI units, q (..., n) are the positions of
-        the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
-        (independent) joints in rad/s (m/s), with leading axes for arms, `period` is the control period in s; none is
-        looked at.
-        """
+        """The internal state before the first control period: the normaliser (1,), without a unit, by which steps of
+        the estimate are divided, which is 1. All arguments are ignored: the `model`, the initial estimate `initial`
+        (k,) of its k parameters, positions q (..., n) of the spanning tree's n joints in rad (m for a prismatic joint),
+        velocities v (..., r) of the r primary (independent) joints in rad/s (m/s), leading axes for arms, and the
+        control `period` in s."""
         return Normaliser(np.ones(1))
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate (k,) of the `model`'s k parameters after the step -(T_c/n) Gamma Y's, T_c the control period, s,
-        and n a normaliser of at least 1; and the memory, n (1,), without a unit. Gamma is the adaptation gain, Y' the
-        transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding variable of r joints, rad/s
-        (m/s), at its end.
+        """The estimate (k,) of the `model`'s k parameters after the step -(T_c/n) Gamma Y's, T_c being the control
+        period in s, and the internal state, the normaliser n (1,) of at least 1, without a unit. Gamma is the
+        adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding
+        variable of r joints, rad/s (m/s if prismatic), at its end.
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
-        describes. Nothing is checked here.
+        `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
+        period that `period` describes. Nothing is checked here.
         """
         released = memory.n[0] / (1.0 + self.release * period.elapsed)
         n = maximum(maximum(released, 1.0), (self.share * period.elapsed) * self._trace(period))

@@ -22,15 +22,15 @@ class Subspace(AdaptationLaw[NoMemory]):
     """Gradient adaptation of the estimate (k,) of k parameters along the d columns of W only: estimate' = -W diag(gain)
     W'Y's.
 
-    `directions` is W (k, d), independent columns, d of at most k; `gain` (d,) is positive, in 1/J where W carries the
+    `directions` is W (k, d), independent columns, d of at most k; `gain` (d,) is positive, in 1/J where W is in the
     parameters' SI units. Y (r, k) is the torque regressor and s (r,) the sliding variable of r joints in rad/s (m/s for
     a prismatic joint). A prime is the transpose, but on estimate a derivative in time. Raises `InputError` for
     directions and gains of other shapes or not finite, dependent directions (a singular value of at most 1e-10 of the
-    greatest) and gains that are not positive. With W = K V_d, K (k, P) the model's regrouping of all P parameters and
-    V_d (P, d) some right singular vectors of the matrix of total energies, a column a parameter, it adapts essential
-    parameters of a model reduced as Sheu and Walker (1991, section 3.2) do.
+    greatest) and gains that are not positive. With W = K V_d, K (k, P) the model's regrouping matrix of all P
+    parameters and V_d (P, d) some right singular vectors of the matrix of total energies, a column a parameter, it
+    adapts the essential parameters of a model that is reduced as by Sheu and Walker (1991, section 3.2).
 
-    Guarantees, without disturbance, where the truth is within the first estimate plus the span of W: as with
+    Guarantees, without disturbance, where the truth is within the initial estimate plus the span of W: as with
     `Gradient`, the tracking error goes to zero and the estimate stays bounded.
 
     Gives up: the parameters' error beyond the span acts as a disturbance torque, Y times it, which leaves a tracking
@@ -56,25 +56,25 @@ class Subspace(AdaptationLaw[NoMemory]):
             raise InputError("subspace: the directions are not independent: leave out what others combine to")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
-        """Raise `InputError` unless the adapted directions have one row for each of the model's k parameters;
-        `initial`, the first estimate (k,), and `period`, the control period in s, are not looked at."""
+        """Raise `InputError` unless the adapted directions have one row for each of the `model`'s k parameters.
+        `initial`, the initial estimate (k,), and `period`, the control period in s, are not used."""
         require_size(self.directions, model, "subspace: directions")
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory of an adaptation law that remembers nothing, whatever the `model` and the first estimate
-        `initial` (k,) of its k parameters, in SI units, the positions q (..., n) of the spanning tree's n joints in rad
-        (m for a prismatic joint), the velocities v (..., r) of the r primary (independent) joints in rad/s (m/s),
-        leading axes for arms, and the control `period` in s are."""
+        """The empty internal state, a `NoMemory`, of an adaptation law that keeps nothing besides the estimate. All
+        arguments are ignored: the `model`, the initial estimate `initial` (k,) of its k parameters, positions q (...,
+        n) of the spanning tree's n joints in rad (m for a prismatic joint), velocities v (..., r) of the r primary
+        (independent) joints in rad/s (m/s), leading axes for arms, and the control `period` in s."""
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a step along each of the d adapted directions w (k,):
-        less w times its gain (`gain` (d,)) times w'g; and the empty memory. g (k,) is the integral of the gradient Y's
-        over the control period by the trapezium rule, Y' the transpose of the torque regressor Y (r, k) at the period's
-        start, s (r,) the sliding variable of r joints, rad/s (m/s).
+        """The estimate (k,) of the `model`'s k parameters after a step along each of the d adapted directions w (k,),
+        minus w times its gain times w'g; and the empty internal state. g (k,) is the integral of the gradient Y's over
+        the control period by the trapezium rule, Y' the transpose of the torque regressor Y (r, k) at the period's
+        start, s (r,) the sliding variable of r joints, rad/s (m/s if prismatic).
 
-        `estimate` (k,), in the parameters' SI units, and `memory` are those before the control period that `period`
-        describes. Nothing is checked here.
+        `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
+        period that `period` describes. Nothing is checked here.
         """
         gradient = period.gradient(period.integral)
         for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):
@@ -82,10 +82,11 @@ class Subspace(AdaptationLaw[NoMemory]):
         return estimate, memory
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """The parameters' term, in J, of the adaptation law's Lyapunov function within the adapted subspace: x'
-        diag(gain)^-1 x / 2, with x = W^+ (estimate - true) and x' its transpose, W (k, d) the d adapted directions, W^+
-        its pseudo-inverse and `gain` (d,) theirs, at an estimate (k,) of the `model`'s k parameters whose true values
-        are `true` (k,), both in SI units. An error orthogonal to the columns of W does not count."""
+        """The parameters' term x' diag(g)^-1 x / 2, in J, of the adaptation law's Lyapunov function within the adapted
+        subspace. x = W^+ (estimate - true) and x' is its transpose, W (k, d) the d adapted directions, W^+ its
+        pseudo-inverse and g (d,) their gains. `estimate` (k,) are estimates of the `model`'s k parameters, `true` (k,)
+        their true values, both in SI units. An error orthogonal to the columns of W does not count. Raises `ValueError`
+        for columns of different lengths."""
         error = estimate - true
         along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))
         return 0.5 * (along @ Column(x / g for x, g in zip(along, column(self.gain), strict=True)))

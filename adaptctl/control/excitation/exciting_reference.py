@@ -34,14 +34,15 @@ PENALTY = 30.0
 
 @dataclass(frozen=True, eq=False)
 class ExcitingReference:
-    """An optimised exciting reference and the condition number of the torque regressor on it, beside those of random
-    references.
+    """Optimised exciting reference, with the condition number of the torque regressor along it and those of random
+    references to compare with.
 
-    `reference` is the optimised one, in rad (m for a prismatic joint). `condition` is that of the regressor stacked
-    over a period, its columns scaled by the parameters' prior ranges (greatest plausible errors); `random_conditions`
-    (10,) are the same of references drawn at random within the same limits. `torque_share` is the largest torque over
-    its limit, with the model's parameters. None of these numbers has a unit. `iterations` is how many the search made;
-    `complete` is False where it was interrupted, and then `reference` is the best until there. Nothing is checked.
+    `reference` is the optimised one, in rad (m for a prismatic joint). `condition` is the condition number of the
+    torque regressor stacked over a period of it, its columns scaled by the parameters' prior ranges (greatest plausible
+    errors); `random_conditions` (10,) are the same of ten references drawn at random within the same limits.
+    `torque_share` is the largest ratio, over time and joints, of a torque's magnitude to its limit, with the model's
+    parameters. None of these numbers has a unit. `iterations` is how many the search made; `complete` is False where it
+    was interrupted, and then `reference` is the best until then. Nothing is checked.
     """
 
     reference: Sinusoids
@@ -57,15 +58,17 @@ class ExcitingReference:
 
     @property
     def gain(self) -> float:
-        """Ratio, without a unit, of the median condition number of the random references to that of the optimised one:
-        how many times better conditioned the optimised one is."""
+        """Ratio, without a unit, of two condition numbers: the median of those of ten random references (the field
+        `random_conditions`) over that of the optimised reference (the field `condition`). Each is the condition number
+        of the torque regressor stacked over a period of the reference, its columns scaled by the parameters' prior
+        ranges (greatest plausible errors). Above 1 the optimised reference is the better conditioned one."""
         return float(np.median(self.random_conditions)) / self.condition
 
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of a reference for r joints: positions from `lower` to `upper` (rad, m for a prismatic joint), greatest
-    speeds `velocity` (rad/s or m/s) and torques `torque` (N m or N), (r,) each; the last two infinite where there is
+    """Limits of a reference for r joints: positions from `lower` to `upper` in rad (m for a prismatic joint), greatest
+    speeds `velocity` in rad/s (m/s) and torques `torque` in N m (N), (r,) each; the last two infinite where there is
     none. Nothing is checked here; `exciting_reference` checks them."""
 
     lower: Array
@@ -75,11 +78,12 @@ class MotionLimits:
 
     @classmethod
     def of(cls, model: ReducedModel, share: float) -> MotionLimits:
-        """Motion limits (r,) at a `share`, without a unit, above 0 and up to 1, of the own limits of the r joints in
-        `model`: positions about the middle of their range, in rad (m for a prismatic joint), speeds in rad/s (m/s) and
-        torques in N m (N). A lower position limit that a joint lacks is taken as the lesser of -pi rad (-1 m) and its
-        upper limit less 2 pi rad (2 m), an upper one as the greater of pi rad (1 m) and its lower limit plus 2 pi rad
-        (2 m); speeds and torques without a limit are infinite. Raises `InputError` for another share."""
+        """Motion limits, a `MotionLimits`, at a fraction `share`, without a unit, above 0 and up to 1, of the own
+        limits of the r joints in `model`. Positions (r,) are about the middle of their range, in rad (m for a prismatic
+        joint), speeds in rad/s (m/s) and torques in N m (N). A lower position limit that a joint lacks is taken as the
+        lesser of -pi rad (-1 m) and its upper limit less 2 pi rad (2 m), an upper one as the greater of pi rad (1 m)
+        and its lower limit plus 2 pi rad (2 m); speeds and torques without a limit are infinite. Raises `InputError`
+        for another `share`."""
         _require_share(share)
         joints = model.mechanism.primary_joints
         wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
@@ -93,15 +97,15 @@ class MotionLimits:
 
 @dataclass(frozen=True, eq=False)
 class FourierSearch:
-    """Search for an exciting reference: a periodic motion of the model's r joints, a Fourier series of `harmonics`
-    harmonics of `frequency` (Hz) within `limits`, that tells as much as possible of the model's k parameters.
+    """Search for an exciting reference: a periodic motion of the `model`'s r joints within `limits`, along which the
+    model's k parameters can be identified best. It is a Fourier series of `harmonics` harmonics of `frequency` (Hz).
 
-    It is over vectors x (`size`,) without bounds or units, r (2 h + 2) numbers for h harmonics, in this order:
+    The search is over vectors x (`size`,) without bounds or units, r (2 h + 2) numbers for h harmonics, in this order:
     coefficients of the sines (h, r), row by row, then of the cosines (h, r), both divided by the harmonic's number when
-    used; then r numbers whose logistic function is the share of each joint's limits that is used, and r whose logistic
-    function is the place of the swing between the position limits, from 0 at the lower to 1 at the upper one. The
-    condition number of the torque regressor, its columns scaled by `scale` (k,), the parameters' prior ranges (greatest
-    plausible errors) in SI units, is what is to be small. Nothing is checked here: `exciting_reference` checks, and
+    used; then r numbers whose logistic function is the fraction of each joint's limits that is used, and r whose
+    logistic function is the position of the swing between the position limits, from 0 at the lower to 1 at the upper
+    one. Minimised is the condition number of the torque regressor, its columns scaled by `scale` (k,), the parameters'
+    prior ranges (greatest plausible errors) in SI units. Nothing is checked here: `exciting_reference` checks, and
     searches.
     """
 
@@ -123,24 +127,25 @@ class FourierSearch:
 
     def random(self, rng: np.random.Generator) -> Array:
         """A random vector of the search, r (2 h + 2) numbers without units for r joints and h harmonics, drawn from the
-        generator `rng`, whose reference uses 95 % of what the limits of each joint allow."""
+        generator `rng`. All are standard normal but the r that set the fraction of each joint's limits that is used:
+        these are 3, for 95 %. Nothing is checked."""
         coefficients = rng.normal(size=2 * self.harmonics * self.dof)
         return np.concatenate((coefficients, np.full(self.dof, FULL), rng.normal(size=self.dof)))
 
     def motion(self, x: Array, factor: float = 1.0) -> tuple[Array, Array, Array]:
         """Positions in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2), (n, r)
-        each, of r joints over one period of the reference that a vector `x` of r (2 h + 2) numbers stands for, h the
-        harmonics, at n = 40 h samples, evenly spaced from the period's start on. The swing about the centre is
-        multiplied by `factor`, 1 unless given. Nothing is checked."""
+        each, of r joints over one period of the reference that a vector `x` of the search stands for. `x` has r (2 h +
+        2) numbers for h harmonics; n = 40 h samples are evenly spaced from the period's start on. The swing about the
+        centre is multiplied by `factor`, 1 unless given. Nothing is checked."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
         return center + used * y, used * rate, used * bend
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
-        """The periodic reference of r joints that a vector `x` of r (2 h + 2) numbers of the search stands for, h the
-        harmonics, as `Sinusoids` without fade-in; its swing about the centre is multiplied by `factor`, 1 unless given.
-        For factors up to 1 its positions and speeds are within their limits by construction, at 40 samples a period of
-        the highest harmonic; torques may be beyond theirs. Nothing is checked."""
+        """The periodic reference of r joints that a vector `x` of the search stands for, as `Sinusoids` without
+        fade-in. `x` has r (2 h + 2) numbers for h harmonics; the swing about the centre is multiplied by `factor`, 1
+        unless given. For factors up to 1 positions and speeds are within their limits by construction, at 40 samples a
+        period of the highest harmonic; torques may be beyond theirs. Nothing is checked."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
         used, center = self._fitted(x, y, rate, factor)
@@ -150,35 +155,36 @@ class FourierSearch:
 
     def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
         """Two numbers without units for the reference that a vector `x` of r (2 h + 2) numbers stands for, with r
-        joints and h harmonics: the condition number of the torque regressor stacked over a period, its columns scaled
-        by the parameters' prior ranges (greatest plausible errors), and the largest torque of any joint over its limit,
-        with the model's own parameters. The swing about the centre is multiplied by `factor`, 1 unless given. Nothing
-        is checked."""
+        joints and h harmonics. The first is the condition number of the torque regressor stacked over a period, its
+        columns scaled by the parameters' prior ranges (greatest plausible errors); the second the largest ratio, over
+        time and joints, of a torque's magnitude to its limit, with the model's own parameters. The swing about the
+        centre is multiplied by `factor`, 1 unless given. Nothing is checked."""
         Y = self._along(x, factor)
         eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
         smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))
         return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
 
     def torque_share(self, x: Array, factor: float) -> float:
-        """The largest torque of any joint over its limit, without a unit, along the reference that a vector `x` of r (2
-        h + 2) numbers stands for, r the joints and h the harmonics, with the model's own parameters; the swing about
-        the centre is multiplied by `factor`. Nothing is checked."""
+        """The largest ratio, over time and joints, of a torque's magnitude to its limit, without a unit, along the
+        reference that a vector `x` of the search stands for, with the model's own parameters. `x` has r (2 h + 2)
+        numbers for r joints and h harmonics; the swing about the centre is multiplied by `factor`. Nothing is
+        checked."""
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
         """The cost ln(c) + 30 max(0, t - 1)^2, without a unit, that the search minimises, at a vector `x` of r (2 h +
-        2) numbers for r joints and h harmonics: c is the condition number of the torque regressor on its reference,
-        columns scaled by the parameters' prior ranges (greatest plausible errors), t the largest torque over its limit.
-        Nothing is checked."""
+        2) numbers for r joints and h harmonics. c is the condition number of the torque regressor stacked over a period
+        of the reference, columns scaled by the parameters' prior ranges (greatest plausible errors), and t the largest
+        ratio of a torque's magnitude to its limit. Nothing is checked."""
         condition, share = self.judged(x)
         return float(np.log(condition) + PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
         """The reference that a vector `x` of r (2 h + 2) numbers stands for, r the joints and h the harmonics, as
-        `Sinusoids`, its swing about the centre made smaller where torques would pass their limits; then the condition
-        number of the torque regressor on it, columns scaled by the parameters' prior ranges (greatest plausible
-        errors), and its largest torque over the limit, both without a unit. Raises `InputError` where torques pass
-        their limits even at rest."""
+        `Sinusoids`, its swing about the centre made smaller where torques would pass their limits. Two numbers without
+        a unit come after it: the condition number of the torque regressor stacked over a period, columns scaled by the
+        parameters' prior ranges (greatest plausible errors), and the largest ratio of a torque's magnitude to its
+        limit. Raises `InputError` where torques pass their limits even at rest."""
         factor = 1.0
         if self.torque_share(x, 1.0) > 1.0:
             if self.torque_share(x, 0.0) > 1.0:
@@ -249,18 +255,20 @@ def exciting_reference(
     seed: int = 0,
     progress: Callable[[float], object] | None = None,
 ) -> ExcitingReference:
-    """The periodic reference, of harmonics 1 to `harmonics` of `frequency` (Hz), with the least condition number of the
-    torque regressor that a search finds: an `ExcitingReference`, which has that number too.
+    """The periodic reference of the `model`'s r joints with the least condition number of the torque regressor that a
+    search finds, an `ExcitingReference`. It has harmonics 1 to `harmonics` (5 by default) of `frequency` (Hz, 0.1 by
+    default).
 
     Fourier series within positions, speeds and torques (Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997):
-    within `limits`, or where these are None a `share` (0 to 1) of the joints' own. Torques are those of the model's own
-    parameters; where these are only guessed, give lower torque limits. `scale` (k,), SI units, or one number are the
-    prior ranges (greatest plausible errors) of the model's k parameters, by which the regressor's columns are scaled,
-    those of `PriorRanges` where None. The search (L-BFGS, at most `iterations`) begins at the best of ten random
-    references, drawn by the integer `seed` of at least 0; equal seeds find equal references.
+    within `limits`, or where these are None a fraction `share` (above 0 to 1, 0.8 by default) of the joints' own.
+    Torques are those of the model's own parameters; where these are only guessed, give lower torque limits. `scale`
+    (k,), SI units, or one number are the prior ranges (greatest plausible errors) of the model's k parameters, by which
+    the regressor's columns are scaled, those of `PriorRanges` where None. The search (L-BFGS, at most `iterations`, 100
+    by default) begins at the best of ten random references, drawn by the integer `seed` of at least 0; equal seeds find
+    equal references.
 
-    `progress` is called after each iteration with the share done, 0 to 1; None calls nothing. Ctrl-C ends the search
-    with the best reference so far, marked as not complete. Raises `InputError` unless the frequency is positive,
+    `progress` is called after each iteration with the fraction done, 0 to 1; None calls nothing. Ctrl-C ends the search
+    with the best reference so far, flagged as not complete. Raises `InputError` unless the frequency is positive,
     `harmonics` and `iterations` are whole numbers of at least 1, the seed one of at least 0, the share above 0 and up
     to 1 and the scale positive, finite and of its shape; for `limits` of another shape, with NaN, crossed or infinite
     positions, speeds below 0 or torques not above it; and where torques pass their limits even at rest.

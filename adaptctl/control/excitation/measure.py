@@ -24,17 +24,17 @@ BLOCKS = 2**DOUBLINGS
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """Extreme eigenvalues of the excitation Gram matrix, the integral of (Y S)'(Y S), a prime being the transpose, over
-    each of w windows along a run.
+    """Extreme eigenvalues of the excitation Gram matrix, the integral of (Y S)'(Y S) over time, in each of w windows
+    along a run. A prime is the transpose.
 
     Y (r, k) is Slotine and Li's regressor of r joints on the model's k parameters and S the diagonal matrix of their
     prior ranges (greatest plausible errors), SI units, so that a kilogram and a kilogram square metre can be compared;
     eigenvalues are in (N m)^2 s (N^2 s for prismatic joints). A motion excites persistently when the smallest stays
     above a positive bound, for some window length (Ioannou and Sun 1996, section 4.3): only then do estimates converge.
 
-    `time` (w,) is the end of each window in s, from the run's start; `smallest` and `largest` (w,) its eigenvalues.
-    `weakest` (k,) is the unit vector of parameters over their ranges that the whole run excites least; `window` is the
-    windows' length in s. Nothing is checked.
+    `time` (w,) is the end of each window in s, from the run's start; `smallest` and `largest` (w,) are its extreme
+    eigenvalues. `weakest` (k,) is the unit vector of parameters over their ranges that the whole run excites least;
+    `window` is the windows' length in s. Nothing is checked.
     """
 
     time: Array
@@ -50,17 +50,17 @@ class Excitation:
 
     @property
     def level(self) -> float:
-        """The least eigenvalue of the excitation Gram matrices, the integrals of (Y S)'(Y S) over windows of time along
-        the run, in all windows, in (N m)^2 s (N^2 s for prismatic joints): 0 where some direction of the parameters is
-        not excited in one of them. Y is Slotine and Li's regressor, S the diagonal matrix of the parameters' prior
-        ranges (greatest plausible errors), a prime the transpose."""
+        """The least eigenvalue, over all windows of time along the run, of the excitation Gram matrices, in (N m)^2 s
+        (N^2 s for prismatic joints). Such a matrix is the integral of (Y S)'(Y S) over its window: Y is Slotine and
+        Li's regressor, S the diagonal matrix of the parameters' prior ranges (greatest plausible errors), a prime the
+        transpose. It is 0 where some direction of the parameters is not excited in one of the windows."""
         return float(self.smallest.min())
 
     @property
     def condition(self) -> Array:
-        """Condition number (w,), without a unit, of Slotine and Li's regressor, its columns scaled by the parameters'
-        prior ranges (greatest plausible errors), stacked over each of w windows of time along the run: the root of the
-        ratio of its Gram matrix's largest eigenvalue to the smallest, infinite where the smallest is 0."""
+        """Condition numbers (w,), without a unit, of Slotine and Li's regressor stacked over each of w windows of time
+        along the run, its columns scaled by the parameters' prior ranges (greatest plausible errors). Each is the root
+        of the ratio of the Gram matrix's largest eigenvalue to the smallest, infinite where the smallest is 0."""
         with np.errstate(divide="ignore"):
             return np.sqrt(self.largest / self.smallest)
 
@@ -68,16 +68,16 @@ class Excitation:
 def persistent_excitation(
     model: ReducedModel, run: SampledRun, window: float, *, bandwidth: ArrayLike = 0.0, scale: ArrayLike | None = None
 ) -> Excitation:
-    """The excitation of a model's k parameters by a run: eigenvalues of the regressor's Gram matrix over windows of
-    length `window` (s, rounded to whole samples, down to a multiple of 16), each of which starts a sixteenth of that
-    length after the one before.
+    """The excitation of the `model`'s k parameters by a `run`, an `Excitation`: extreme eigenvalues of the regressor's
+    Gram matrix over windows of length `window` (s). That is rounded to whole samples, down to a multiple of 16; each
+    window starts a sixteenth of it after the one before.
 
     `run` has positions p, velocities v and the reference's p_d, v_d and a_d, (T, r) of r joints in rad, rad/s and
     rad/s^2 (m and s for prismatic joints), at T samples. The regressor is Slotine and Li's, at the reference velocity
     v_r = v_d - bandwidth e, e = p - p_d, and the reference acceleration a_r, its derivative; `bandwidth` is in 1/s, one
     number or (r,), and at zero, the default, v_r and a_r are v_d and a_d. `scale` (k,), SI units, or one number are
     prior ranges of the parameters, their greatest plausible errors, by which the regressor's columns are scaled, those
-    of `PriorRanges` where None. Eigenvalues come from singular values of triangular factors, so that their error,
+    of `PriorRanges` where None. Eigenvalues are squares of singular values of triangular factors, so that their error,
     relative to the largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a
     window shorter than 16 samples or longer than the run, for a bandwidth of another shape or NaN, and for a scale that
     is not finite or of another shape.
@@ -114,15 +114,15 @@ def _triangular(rows: Array) -> Array:
 def scaled_regressor(
     model: ReducedModel, p: Array, v: Array, v_r: Array, a_r: Array, scale: ArrayLike | None = None
 ) -> Array:
-    """The scaled regressor Y_r S (T, r, k), N m (N if prismatic), along T samples of a motion of r joints: Y_r is
-    Slotine and Li's torque regressor on the model's k parameters, S the diagonal matrix of `scale`.
+    """The scaled regressor Y_r S (T, r, k), N m (N if prismatic), along T samples of a motion of r joints. Y_r is
+    Slotine and Li's torque regressor on the `model`'s k parameters, S the diagonal matrix of `scale`.
 
     Positions `p` are in rad (m), velocities `v` and reference velocities `v_r` in rad/s (m/s), reference accelerations
     `a_r` in rad/s^2 (m/s^2), all (T, r). `scale` (k,), SI units, or one number are the parameters' prior ranges, their
     greatest plausible errors, those of `PriorRanges` where None. Mechanisms of up to 100 links are computed in native
     code. Raises `InputError` on a wrong shape and for a scale that is not finite, `NonFiniteError` for positions that
-    are not (velocities and accelerations are checked only above 100 links), `SingularityError` near a configuration
-    that locks kinematic loops.
+    are not finite (velocities and accelerations are checked only above 100 links), `SingularityError` near a
+    singularity of the kinematic loops.
     """
     ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
     ranges = np.broadcast_to(ranges, (len(model.columns),)) if ranges.ndim == 0 else ranges
@@ -130,14 +130,14 @@ def scaled_regressor(
 
 
 def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], Array]:
-    """A function that computes Slotine and Li's torque regressor (T, r, k) of the model's r joints and k parameters, in
-    N m (N if prismatic) per SI unit of each, at T samples: in native code, compiled here, for up to 100 links, else in
-    NumPy.
+    """A function that computes Slotine and Li's torque regressor (T, r, k) of the `model`'s r joints and k parameters
+    at T samples, in N m (N if prismatic) per SI unit of each parameter. It is native code, compiled here, for up to 100
+    links, else NumPy.
 
     Its arguments are positions p in rad (m), velocities v and reference velocities v_r in rad/s (m/s) and reference
     accelerations a_r in rad/s^2 (m/s^2), all (T, r). It raises `InputError` on a wrong shape, `NonFiniteError` for
     positions that are not finite (velocities and accelerations are checked only above 100 links), `SingularityError`
-    near a configuration that locks kinematic loops.
+    near a singularity of the kinematic loops.
     """
     mechanism, r = model.mechanism, model.mechanism.dof
     if len(mechanism.links) > LARGEST_COMPILED:

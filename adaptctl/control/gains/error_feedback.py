@@ -22,14 +22,14 @@ ROUNDING = 0.02
 
 @dataclass(frozen=True)
 class ErrorFeedback:
-    """Linear feedback of one joint's error e (rad or m): the acceleration e'' = -stiffness e - rate e', primes being
-    derivatives in time, held over `period` (s).
+    """Linear feedback of one joint's error e (rad, m for a prismatic joint): the acceleration e'' = -stiffness e - rate
+    e' of the error, held over `period` (s). Primes are derivatives in time.
 
     `stiffness` is in 1/s^2, `rate` in 1/s; the joint's inertia, taken as known, turns the acceleration into a torque.
-    The class methods find both gains by a bandwidth, by poles or as the linear-quadratic regulator, for the double
+    The class methods find both gains from a bandwidth, from poles or as the linear-quadratic regulator, for the double
     integrator behind a zero-order hold (Astrom and Wittenmark 1997, chapter 4), with python-control. Raises
     `InputError` unless all three numbers are positive and finite, and `GainError` where the sampled loop would not be
-    stable.
+    stable, that is, where one of its poles has a magnitude of 1 or more.
     """
 
     stiffness: float
@@ -50,9 +50,17 @@ class ErrorFeedback:
 
     @classmethod
     def from_bandwidth(cls, bandwidth: float, damping_ratio: float, period: float) -> ErrorFeedback:
-        """Error feedback that gives a joint's error the continuous-time poles at which s^2 + 2 zeta omega s + omega^2
-        is zero: omega is the `bandwidth` (rad/s) and zeta the `damping_ratio` (no unit; 1 is critical). The torque is
-        held over `period` (s). Raises `InputError` unless all three are positive and finite."""
+        """Linear error feedback of one joint, an `ErrorFeedback`, designed by the poles of a second-order loop: omega
+        is the `bandwidth` (rad/s), zeta the `damping_ratio` (no unit; 1 is critical). Found are the gains `stiffness`
+        (1/s^2) and `rate` (1/s) of e'' = -stiffness e - rate e', primes being derivatives in time of the joint's error
+        e.
+
+        The plant is the double integrator from acceleration to e, and the acceleration is held over `period` T_c (s).
+        The closed loop, sampled every T_c, has the poles exp(s T_c) for the two roots s of s^2 + 2 zeta omega s +
+        omega^2 = 0, so that at its samples e decays as in continuous time with the poles s. As T_c goes to zero the
+        gains go to omega^2 and 2 zeta omega. Raises `InputError` unless all three numbers are positive and finite, and
+        where round-off leaves no such poles or gains, as for a damping ratio of 1e8.
+        """
         given = real_number(bandwidth, "bandwidth"), real_number(damping_ratio, "damping ratio")
         if not all(0.0 < number < math.inf for number in given):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
@@ -61,9 +69,15 @@ class ErrorFeedback:
 
     @classmethod
     def from_poles(cls, poles: Sequence[complex], period: float) -> ErrorFeedback:
-        """Error feedback that gives a joint's error two continuous-time poles (1/s), real or a conjugate pair, at its
-        samples, one each `period` (s): the sampled poles are exp(pole period). Raises `InputError` for poles that are
-        no such pair with negative real parts, and for a period that is not positive."""
+        """Linear error feedback of one joint, an `ErrorFeedback`, designed by two continuous-time `poles` (1/s), real
+        or a conjugate pair with negative real parts. Found are the gains `stiffness` (1/s^2) and `rate` (1/s) of e'' =
+        -stiffness e - rate e', primes being derivatives in time of the joint's error e.
+
+        The plant is the double integrator from acceleration to e, and the acceleration is held over `period` T_c (s).
+        The closed loop, sampled every T_c, has the poles exp(pole T_c), so that at its samples e decays as in
+        continuous time with the given poles. Raises `InputError` for other poles, and for a period that is not positive
+        and finite.
+        """
         try:
             given = np.asarray(poles, dtype=np.complex128)
         except (TypeError, ValueError, OverflowError):
@@ -84,14 +98,15 @@ class ErrorFeedback:
 
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
-        """Error feedback by the linear-quadratic regulator: it minimises the sum of position e^2 + velocity e'^2 +
-        effort e''^2 over all samples, without end, of a joint's error e (rad or m), one each `period` (s), primes being
-        derivatives in time.
+        """Linear error feedback of one joint, an `ErrorFeedback`, by the discrete-time linear-quadratic regulator with
+        an infinite horizon. It minimises the sum of `position` e^2 + `velocity` e'^2 + `effort` e''^2 over all samples
+        of the joint's error e (rad, m if prismatic), one each `period` (s), primes being derivatives in time.
 
-        The weights `position`, `velocity` and `effort` are in 1/rad^2, s^2/rad^2 and s^4/rad^2 (m for rad at a
-        prismatic joint); only their ratios count. By Bryson's rule each is one over the square of the largest value
-        that is acceptable. Raises `InputError` for a `position` or `effort` that is not positive, a negative
-        `velocity`, weights too far apart for the period, and a period that is not positive.
+        The plant is the double integrator from the acceleration e'', held over a period, to e. The weights are in
+        1/rad^2, s^2/rad^2 and s^4/rad^2 (m for rad); only their ratios count. By Bryson's rule each is one over the
+        square of the largest value that is acceptable. Raises `InputError` for a `position` or `effort` that is not
+        positive, a negative `velocity`, weights too far apart for the Riccati equation to be solved at this period, and
+        a period that is not positive.
         """
         for name, weight in (("position", position), ("velocity", velocity), ("effort", effort)):
             real_number(weight, f"weights: {name}")
@@ -116,7 +131,7 @@ class ErrorFeedback:
     @property
     def sampled_poles(self) -> tuple[complex, complex]:
         """The two poles in the z plane, without a unit, of a joint's error loop, sampled once a control period with the
-        torque held in between, for a loop without delay: the greater first or, of a conjugate pair, that of positive
+        acceleration held in between and no delay. The greater comes first or, of a conjugate pair, that of positive
         imaginary part."""
         k, c = self.stiffness * self.period**2, self.rate * self.period
         half, product = 1.0 - 0.5 * c - 0.25 * k, 1.0 - c + 0.5 * k
@@ -125,15 +140,16 @@ class ErrorFeedback:
 
     @property
     def poles(self) -> tuple[complex, complex]:
-        """The two poles (1/s) of the continuous-time loop whose error has the same samples as the sampled loop's:
-        log(z) / period, z being each of the sampled loop's two poles in the z plane, in their order: the greater z
-        first or, of a conjugate pair, that of positive imaginary part."""
+        """The two continuous-time poles (1/s) that correspond to the sampled error loop: log(z)/T_c, T_c being the
+        control period and z each of the loop's two poles in the z plane. A continuous-time loop with these poles has
+        the same samples. They are in the order of z, the greater first or, of a conjugate pair, that of positive
+        imaginary part."""
         first, second = (cmath.log(pole) / self.period for pole in self.sampled_poles)
         return first, second
 
     def faster(self, factor: float) -> ErrorFeedback:
-        """Error feedback at the same period whose continuous-time poles (1/s) are those of this one times a factor (no
-        unit). Raises `InputError` unless the factor is positive and finite."""
+        """Linear error feedback, an `ErrorFeedback`, at the same control period, whose continuous-time poles (1/s) are
+        those of this one times a `factor` (no unit). Raises `InputError` unless the factor is positive and finite."""
         positive_number(factor, "factor: expected a positive finite number")
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
@@ -142,24 +158,25 @@ class ErrorFeedback:
 
     @property
     def bandwidth(self) -> float:
-        """Undamped natural frequency (rad/s), the square root of the stiffness, of the continuous-time loop e'' =
-        -stiffness e - rate e' of the joint's error e, primes being derivatives in time, with the stiffness in 1/s^2 and
-        the rate in 1/s."""
+        """Undamped natural frequency (rad/s) of the continuous-time error loop e'' = -stiffness e - rate e': the square
+        root of the stiffness (1/s^2). e is the joint's error, primes are derivatives in time, and the rate is in
+        1/s."""
         return math.sqrt(self.stiffness)
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio, without a unit, of the continuous-time loop e'' = -stiffness e - rate e' of the joint's error
-        e, primes being derivatives in time, with the stiffness in 1/s^2 and the rate in 1/s: 1 for two equal real
-        poles."""
+        """Damping ratio, without a unit, of the continuous-time error loop e'' = -stiffness e - rate e': rate/(2
+        sqrt(stiffness)), 1 for two equal real poles. e is the joint's error, primes are derivatives in time, the
+        stiffness is in 1/s^2 and the rate in 1/s."""
         return self.rate / (2.0 * self.bandwidth)
 
     @property
     def is_cascade(self) -> bool:
-        """True if the continuous-time loop e'' = -stiffness e - rate e' of the joint's error e, primes being
-        derivatives in time, with the stiffness in 1/s^2 and the rate in 1/s, has two real poles: it is then a cascade
-        of two first-order loops. A damping ratio zeta a little below 1, such as sampling makes of 1, counts too:
-        1/zeta^2 - 1 up to the bandwidth times the period, and round-off."""
+        """True if the continuous-time error loop e'' = -stiffness e - rate e' counts as one of two real poles, which is
+        a cascade of two first-order loops. The criterion is 1/zeta^2 - 1 <= 0.02 + omega T_c: zeta is the loop's
+        damping ratio, omega (rad/s) its bandwidth and T_c (s) the control period, so that a zeta a little below 1, such
+        as sampling makes of 1, counts too. e is the joint's error, primes are derivatives in time, stiffness is in
+        1/s^2 and rate in 1/s."""
         return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.period
 
     @property
@@ -168,7 +185,8 @@ class ErrorFeedback:
         of e' = -Lambda e + s, and K/M of s' = -(K/M) s. There e is the joint's error, s the sliding variable, K the
         damping, M the inertia and a prime a derivative in time.
 
-        Raises `InputError` where the feedback's poles are complex: no cascade of first-order loops has these.
+        Raises `InputError` where the feedback's poles are complex (its property `is_cascade` is False): no cascade of
+        first-order loops has these.
         """
         squared = 1.0 - 1.0 / self.damping_ratio**2
         if not self.is_cascade:
@@ -180,10 +198,10 @@ class ErrorFeedback:
         return 0.5 * self.rate * (1.0 - root), 0.5 * self.rate * (1.0 + root)
 
     def loop(self, delay: int = 0) -> control.StateSpace:
-        """The open loop, cut at the torque and to be closed by negative feedback, as a discrete-time python-control
-        system from the commanded to the fed-back acceleration (rad/s^2 or m/s^2), sampled at the control period.
-        `delay` is its delay in whole control periods, none by default. Raises `InputError` unless it is a whole number
-        from 0 to 1000."""
+        """The open loop of one joint's error feedback, cut at the torque and to be closed by negative feedback, as a
+        discrete-time python-control system sampled at the control period. Its input is the commanded and its output the
+        fed-back acceleration (rad/s^2, m/s^2 if prismatic). `delay` is its delay in whole control periods, none by
+        default. Raises `InputError` unless it is a whole number from 0 to 1000."""
         import control
 
         whole_number(delay, "delay in periods", 0, 1000)

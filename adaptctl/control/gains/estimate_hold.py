@@ -15,15 +15,17 @@ from adaptctl.identifiability import ReducedModel
 def parameter_holds(
     model: ReducedModel, bandwidth: ArrayLike, period: float, workspace: Workspace | None = None
 ) -> Array:
-    """Hold numbers (k,) of estimate errors: what an error of 1 SI unit in each of the model's k parameters beta_i adds
-    to the hold number at most, T_c max_q |M^-1/2 (dM/dbeta_i) Lambda M^-1/2|, in 1 over the parameter's unit.
+    """Hold numbers (k,) of estimate errors: the most that an error of 1 SI unit in each of the `model`'s k parameters
+    beta_i adds to the hold number, in 1 over the parameter's unit. They are T_c max_q |M^-1/2 (dM/dbeta_i) Lambda
+    M^-1/2|.
 
     The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
     the estimated one and K the damping of Slotine and Li's law: a torque held over the control period T_c is stable
     while it is below 2. `bandwidth` is Lambda in 1/s, one number or one for each of r joints (r,), and `period` T_c in
-    s. The positions q are the samples of `workspace`, by default of all that the joints' limits allow. The norm is
-    Frobenius', which is never below the spectral one. A friction parameter has no part in M: its number is 0. Raises
-    `InputError` for a bandwidth of another shape, below 0 or not finite and a period that is not positive.
+    s. The maximum is over the positions q that are the samples of `workspace`, a set of joint positions, None for 200
+    random ones that the joints' limits allow. The norm is Frobenius', which is never below the spectral one. A friction
+    parameter is not in M: its number is 0. Raises `InputError` for a bandwidth of another shape, below 0 or not finite
+    and a period that is not positive.
     """
     mechanism = model.mechanism
     place = workspace or everywhere(mechanism)
@@ -39,10 +41,10 @@ def parameter_holds(
 
 
 def inertia_shares(model: ReducedModel, p: Array) -> Array:
-    """Derivatives (samples, k, r, r) of the mass matrix of the model's r joints by each of its k parameters, at
-    positions `p` (samples, r), rad (m if prismatic): kg m^2 (kg between prismatic joints) per SI unit of the parameter.
-    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near a configuration
-    that locks kinematic loops."""
+    """Derivatives (samples, k, r, r) of the mass matrix (r, r) of the `model`'s r joints by each of its k parameters,
+    at positions `p` (samples, r), rad (m if prismatic). They are in kg m^2 (kg between prismatic joints) per SI unit of
+    the parameter. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near a
+    singularity of the kinematic loops."""
     rest, r = np.zeros_like(p), p.shape[-1]
     still = model.torque_regressor(p, rest, rest)
     columns = [model.torque_regressor(p, rest, np.broadcast_to(unit, p.shape)) - still for unit in np.eye(r)]
@@ -59,18 +61,19 @@ def estimate_hold(
     kinetic: float = 0.0,
 ) -> float:
     """The upper bound H, without a unit, of what the error of the parameter estimate can ever add to the hold number: H
-    = sqrt(2 V_0 u'|Gamma|u), |.| entry by entry; a prime is the transpose.
+    = sqrt(2 V_0 u'|Gamma|u). |.| is entry by entry, a prime the transpose.
 
     The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
     the estimated one and K the damping of Slotine and Li's law: a torque held over the control period T_c is stable
     while it is below 2. Lambda is the `bandwidth` in 1/s, one number or one for each of r joints (r,), and T_c the
     `period` in s.
 
-    u (k,) are the hold numbers per unit of error in each of the model's k parameters, from `parameter_holds`, in the
-    `workspace`, None for all that the joints' limits allow. Gamma is the adaptation `gain`, its diagonal (k,) or whole
-    (k, k), in units of the parameters squared per J. V_0 = `kinetic` + prior'|Gamma^-1|prior/2 (J) bounds the first
-    value of the law's Lyapunov function, which never rises: `prior` (k,), SI units, is the largest error of each
-    parameter at the start, and `kinetic` (J) is s'Ms/2 there, 0 by default, with the sliding variable s.
+    u (k,) are the hold numbers per unit of error in each of the `model`'s k parameters, from `parameter_holds`, over
+    the samples of `workspace`, a set of joint positions, None for 200 random ones that the joints' limits allow. Gamma
+    is the adaptation `gain`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J. V_0 =
+    `kinetic` + prior'|Gamma^-1|prior/2 (J) bounds the initial value of the law's Lyapunov function, which never rises:
+    `prior` (k,), SI units, is the greatest magnitude of each parameter's error at the start, and `kinetic` (J) is
+    s'Ms/2 then, 0 by default, with the sliding variable s.
 
     While h + H < 2, h the hold number with the true M for M^, no estimate on the way can ring. H is conservative: above
     2 most arms are stable all the same. Raises `InputError` for numbers of another shape or not finite, a gain that is

@@ -29,16 +29,16 @@ SEARCHED = (1e-3, 30.0)
 
 @dataclass(frozen=True, eq=False)
 class GainDesign:
-    """Gain design: linear feedback of the error of each of the r joints of a `mechanism`, for a control `period` (s)
+    """Gain design for a `mechanism`: linear feedback of the error of each of its r joints, for a control `period` (s)
     and a `delay` of the torque in whole control periods, 0 by default.
 
     `from_bandwidth`, `from_poles` and `from_lqr` make one; the constructor itself checks nothing. `method` is
-    "bandwidth", "poles" or "lqr"; `feedback` and `margins` have one entry a joint. `inertia` (r,), in kg m^2 (kg), is
-    each joint's typical inertia, for which its loop is designed: the median of its entry of the mass matrix's diagonal
-    over 200 random configurations. The margins are those of each loop alone, with the delay. `least_inertia` (r,),
-    without a unit, is a ratio: the least inertia, in these configurations, that a joint has while all others are free,
-    divided by its typical inertia. 1/`least_inertia` is the factor by which the loop's gain grows there, and the loop's
-    gain margin must be above it.
+    "bandwidth", "poles" or "lqr"; `feedback` and `margins` have an `ErrorFeedback` and a `Margins` for each joint.
+    `inertia` (r,), in kg m^2 (kg if prismatic), is each joint's typical inertia, for which its loop is designed: the
+    median of its entry of the mass matrix's diagonal over 200 random configurations. The margins are those of each
+    joint's sampled loop alone, with the delay. `least_inertia` (r,), without a unit, is a ratio: the least inertia, in
+    these configurations, that a joint has while all others are free, divided by its typical inertia. 1/`least_inertia`
+    is the factor by which the loop's gain grows there, and the loop's gain margin must be above it.
     """
 
     mechanism: Mechanism
@@ -62,12 +62,14 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design that gives the error loop of every joint of a `mechanism` an undamped natural frequency,
-        `bandwidth` (rad/s), and a `damping_ratio` (no unit; 1 is critical), each one number or one for each of r joints
-        (r,). `period` is the control period in s, `delay` that of the torque in whole periods.
+        """Gain design for a `mechanism`, a `GainDesign`, in which each joint's sampled error loop has the poles of a
+        second-order loop. Its undamped natural frequency is `bandwidth` (rad/s), its damping ratio `damping_ratio` (no
+        unit; 1, the default, is critical), each one number or one for each of r joints (r,). `period` is the control
+        period in s, 1 ms by default, `delay` that of the torque in whole periods, 0 by default.
 
-        Raises `InputError` for numbers that are not positive or of another shape, for a delay other than 0 to 1000, and
-        where a joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.
+        Raises `InputError` for numbers that are not positive or of another shape, for a delay other than a whole number
+        from 0 to 1000, and where a joint's typical inertia, the median of its entry of the mass matrix's diagonal over
+        200 random configurations, is not positive.
         """
         rates, ratios = (
             positive_per_joint(values, mechanism.dof, what)
@@ -81,12 +83,13 @@ class GainDesign:
     def from_poles(
         cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """Gain design with the same two continuous-time poles (1/s) at the error loop of every joint of a `mechanism`,
-        real or a conjugate pair, with negative real parts. `period` is the control period in s, `delay` that of the
-        torque in whole periods.
+        """Gain design for a `mechanism`, a `GainDesign`, with the same two continuous-time `poles` (1/s) at each
+        joint's error loop, real or a conjugate pair, with negative real parts. `period` is the control period in s, 1
+        ms by default, `delay` that of the torque in whole periods, 0 by default.
 
-        Raises `InputError` for other poles, a period that is not positive, a delay other than 0 to 1000, and where a
-        joint's typical inertia, the median of its entry of the mass matrix's diagonal, is not positive.
+        Raises `InputError` for other poles, a period that is not positive, a delay other than a whole number from 0 to
+        1000, and where a joint's typical inertia, the median of its entry of the mass matrix's diagonal over 200 random
+        configurations, is not positive.
         """
         feedback = ErrorFeedback.from_poles(poles, period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
@@ -102,79 +105,83 @@ class GainDesign:
         period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design by the linear-quadratic regulator at every joint of a `mechanism`, with weights `position` of e^2
-        in 1/rad^2, `velocity` of e'^2 in s^2/rad^2 and `effort` of e''^2 in s^4/rad^2 (m for rad at a prismatic joint),
-        e the joint's error and primes derivatives in time; only their ratios count. `period` is the control period in
-        s, `delay` that of the torque in whole periods.
+        """Gain design for a `mechanism`, a `GainDesign`, by the linear-quadratic regulator (infinite horizon) at each
+        joint. The weights are `position` of e^2 in 1/rad^2, `velocity` of e'^2 in s^2/rad^2, 0 by default, and `effort`
+        of e''^2 in s^4/rad^2, 1 by default (m for rad at a prismatic joint), e the joint's error and primes derivatives
+        in time; only their ratios count. `period` is the control period in s, 1 ms by default, `delay` that of the
+        torque in whole periods, 0 by default.
 
         Raises `InputError` for a `position` or `effort` that is not positive, a negative `velocity`, weights too far
-        apart for the period, a period that is not positive, a delay other than 0 to 1000, and where a joint's typical
-        inertia, the median of its entry of the mass matrix's diagonal, is not positive.
+        apart for the Riccati equation to be solved at this period, a period that is not positive, a delay other than a
+        whole number from 0 to 1000, and where a joint's typical inertia, the median of its entry of the mass matrix's
+        diagonal over 200 random configurations, is not positive.
         """
         feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
         return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
 
     @property
     def gains(self) -> Gains:
-        """Slotine and Li's gains of this design for r joints: the bandwidth Lambda (r,) in 1/s, the slower of the two
-        decay rates of each joint's loop, and the damping K (r,) in N m s/rad (N s/m), the faster one times the joint's
-        typical inertia, for which the loop is designed. Raises `InputError` where poles are complex."""
+        """Slotine and Li's gains of this design for r joints, a `Gains`. Its bandwidth Lambda (r,) in 1/s is the slower
+        of the two decay rates of each joint's error loop; its damping K (r,) in N m s/rad (N s/m if prismatic) is the
+        faster one times the joint's typical inertia, for which the loop is designed. Raises `InputError` where a
+        joint's poles are complex, that is, where the property `damped_enough` is False."""
         rates = np.array([feedback.cascaded for feedback in self.feedback])
         return Gains(rates[:, 0], rates[:, 1] * self.inertia)
 
     @property
     def damped_enough(self) -> bool:
-        """True if the poles of every joint's error loop are real, so that the property `gains`, Slotine and Li's gains,
-        exists."""
+        """True if every joint's error loop counts as one of two real poles, so that the property `gains`, Slotine and
+        Li's gains, exists. The criterion is 1/zeta^2 - 1 <= 0.02 + omega T_c, with a loop's damping ratio zeta, its
+        undamped natural frequency omega (rad/s) and the control period T_c (s)."""
         return all(feedback.is_cascade for feedback in self.feedback)
 
     @property
     def bandwidth(self) -> Array:
-        """Undamped natural frequencies (r,), rad/s, of the r joints' continuous-time error loops, as `ComputedTorque`
-        takes them."""
+        """Undamped natural frequencies (r,), rad/s, of this design's continuous-time error loops of r joints, as
+        `ComputedTorque` takes them."""
         return np.array([feedback.bandwidth for feedback in self.feedback])
 
     @property
     def damping_ratio(self) -> Array:
-        """Damping ratios (r,), without a unit, of the r joints' continuous-time error loops; 1 is critical."""
+        """Damping ratios (r,), without a unit, of this design's continuous-time error loops of r joints; 1 is
+        critical."""
         return np.array([feedback.damping_ratio for feedback in self.feedback])
 
     @property
     def damping(self) -> Array:
-        """Velocity gains (r,), N m s/rad (N s/m for a prismatic joint), of the r joints' error loops: the rate (1/s) of
-        the feedback e'' = -stiffness e - rate e' of a joint's error e (primes are derivatives in time), times its
-        typical inertia, for which the loop is designed."""
+        """Velocity gains (r,), N m s/rad (N s/m for a prismatic joint), of this design's error loops of r joints. Each
+        is the rate (1/s) of the feedback e'' = -stiffness e - rate e' of a joint's error e, primes being derivatives in
+        time, times the joint's typical inertia, for which the loop is designed."""
         return self.inertia * np.array([feedback.rate for feedback in self.feedback])
 
     @property
     def sampled_gain(self) -> float:
-        """The greatest sampled gain T_c lambda_max(M^-1 K), without a unit, over all positions within the joints'
-        limits, as far as a search finds, with T_c the control period, lambda_max the largest eigenvalue, M the mass
-        matrix and K the velocity gains `damping`: a torque held over T_c is stable below 2, and below 1 with a delay of
-        one period."""
+        """The greatest sampled gain T_c lambda_max(M^-1 K), without a unit, that a local search over all positions
+        within the joints' limits finds. T_c is the control period, lambda_max the largest eigenvalue, M the mass matrix
+        and K the velocity gains, the property `damping`: a torque held over T_c is stable below 2, and below 1 with a
+        delay of one period. The search starts from the worst of 200 random positions."""
         return sampled_gain(self.mechanism, self.damping, self.period)
 
     @property
     def largest_sampled_gain(self) -> float:
-        """The largest sampled gain T_c lambda_max(M^-1 K), without a unit, that is allowed, three quarters of the limit
-        of stability of a held torque: 1.5 without delay, 0.75 with a delay of one period, less with more. T_c is the
-        control period, lambda_max the largest eigenvalue, M the mass matrix and K the damping."""
+        """The largest sampled gain T_c lambda_max(M^-1 K), without a unit, that is allowed: three quarters of the limit
+        of stability of a held torque. It is 1.5 without delay, 0.75 with a delay of one period, less with more. T_c is
+        the control period, lambda_max the largest eigenvalue, M the mass matrix and K the damping."""
         return largest_with_delay(self.delay)
 
     @property
     def highest(self) -> float:
-        """The magnitude (1/s) of the fastest continuous-time pole of all joints' error loops."""
+        """The greatest magnitude (1/s) of the continuous-time poles of all joints' error loops."""
         return max(abs(pole) for feedback in self.feedback for pole in feedback.poles)
 
     @property
     def fastest(self) -> float:
-        """The largest factor, without a unit, by which all poles may be multiplied while the control period still
-        carries the gains: below 1 where it does not carry the gains as they are.
+        """The largest factor, without a unit, by which all poles may be multiplied with the sampled gain still allowed:
+        below 1 where it is too large already.
 
-        It carries them while the sampled gain T_c lambda_max(M^-1 K) is at most `largest_sampled_gain`, 1.5 without
-        delay: T_c is the control period, lambda_max the largest eigenvalue, M the mass matrix and K the damping.
-        Infinite where it carries even the gains of a deadbeat loop, 0 where it carries none, as where M is not positive
-        definite.
+        The sampled gain T_c lambda_max(M^-1 K), with the control period T_c, the largest eigenvalue lambda_max, the
+        mass matrix M and the damping K, is allowed up to the property `largest_sampled_gain`, 1.5 without delay. The
+        factor is infinite where even a deadbeat loop is allowed, 0 where none is, as where M is not positive definite.
         """
 
         def excess(logarithm: float) -> float:
@@ -189,10 +196,10 @@ class GainDesign:
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def require_carried(self) -> GainDesign:
-        """This gain design itself, if the control period can carry its gains: its `sampled_gain`, T_c lambda_max(M^-1
-        K), is at most `largest_sampled_gain`, 1.5 without delay; T_c is the control period, lambda_max the largest
-        eigenvalue, M the mass matrix and K the damping. Raises `GainError` otherwise, whose message says which gains
-        the period can carry."""
+        """This gain design itself, if its sampled gain T_c lambda_max(M^-1 K), without a unit, is allowed: at most the
+        property `largest_sampled_gain`, 1.5 without delay. T_c is the control period, lambda_max the largest
+        eigenvalue, M the mass matrix and K the damping; the gain is the property `sampled_gain`. Raises `GainError`
+        otherwise, whose message says which gains the period allows."""
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(
@@ -206,8 +213,8 @@ class GainDesign:
 
 def largest_with_delay(delay: int) -> float:
     """The largest sampled gain T_c lambda_max(M^-1 K), without a unit, that is allowed where the torque comes `delay`
-    whole control periods late, 0 or more: three quarters of the limit of stability, 1.5 without delay, 0.75 with one
-    period. T_c is the control period, M the mass matrix, K the velocity gains, lambda_max the largest eigenvalue.
+    whole control periods late, 0 or more. It is three quarters of the limit of stability: 1.5 without delay, 0.75 with
+    one period. T_c is the control period, M the mass matrix, K the velocity gains, lambda_max the largest eigenvalue.
     Nothing is checked.
 
     A velocity that is held and fed back d periods late, with the characteristic equation z^(d+1) - z^d + g = 0, is

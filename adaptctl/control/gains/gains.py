@@ -16,8 +16,9 @@ from adaptctl.errors import InputError
 
 
 def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """Positive finite numbers (dof,), one a joint, read-only, in the unit of `values`: one number for all `dof` joints,
-    or one each. Raises `InputError` on a wrong shape and for any other numbers; the message names them by `what`."""
+    """Positive finite numbers (dof,), one a joint, as a read-only float64 array in the unit of `values`: one number for
+    all `dof` joints, or (dof,), one each. Raises `InputError` on a wrong shape and for numbers that are not positive
+    and finite, `NonFiniteError` for NaN; the message names them by `what`."""
     array = per_joint(values, dof, what)
     if not ((array > 0.0) & np.isfinite(array)).all():
         raise InputError(f"{what}: expected positive numbers, got {array.tolist()}")
@@ -25,9 +26,9 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def typical_inertia(mechanism: Mechanism) -> Array:
-    """The typical inertia (r,) of each of the r joints of a `mechanism`, in kg m^2 (kg if prismatic): the median of its
-    entry of the mass matrix's diagonal over 200 random configurations within the joints' limits. Raises `InputError`
-    where kinematic loops reach none of these."""
+    """The typical inertia (r,) of each of the r joints of a `mechanism`, in kg m^2 (kg if prismatic). It is the median,
+    over 200 random configurations within the joints' limits, the same in every call, of the joint's entry of the mass
+    matrix's diagonal. Raises `InputError` where kinematic loops can be closed at none of these."""
     return np.median(np.diagonal(everywhere(mechanism).mass_matrices, axis1=-2, axis2=-1), axis=0)
 
 
@@ -42,16 +43,16 @@ class Gains:
 
     @classmethod
     def from_bandwidth(cls, mechanism: Mechanism, bandwidth: ArrayLike, ratio: float = 1.0) -> Gains:
-        """Slotine and Li's gains from a `bandwidth` (1/s), one number or one for each of the r joints of a `mechanism`
-        (r,): with a `ratio` of 1, the default, both poles of the error of a joint of typical inertia are at minus the
-        bandwidth.
+        """Slotine and Li's gains, a `Gains`, for the r joints of a `mechanism` from a `bandwidth` (1/s), one number or
+        one for each joint (r,). With a `ratio` of 1, the default, both poles of the error of a joint of typical inertia
+        are at minus the bandwidth.
 
         Lambda is the bandwidth; the damping K is the bandwidth times the joint's typical inertia times `ratio` (no
         unit). The typical inertia is the median of the joint's entry of the mass matrix's diagonal over 200 random
-        configurations. With the true parameters the error e and the sliding variable s obey e' + Lambda e = s and M s'
-        + (C + K) s = 0, M the mass matrix, C that of Coriolis torques and a prime the derivative in time. A larger
-        ratio is stiffer against unknown torques. Raises `InputError` for numbers that are not positive or of another
-        shape, and where a joint's typical inertia is not positive.
+        configurations. With the true parameters the error e, measured less desired positions, and the sliding variable
+        s obey e' + Lambda e = s and M s' + (C + K) s = 0, M the mass matrix, C that of Coriolis torques and a prime the
+        derivative in time. A larger ratio is stiffer against unknown torques. Raises `InputError` for numbers that are
+        not positive or of another shape, and where a joint's typical inertia is not positive.
         """
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         inertia = typical_inertia(mechanism)
@@ -61,12 +62,13 @@ class Gains:
 
 
 def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, workspace: Workspace | None = None) -> float:
-    """The greatest sampled gain T_c lambda_max(M(q)^-1 K), without a unit, over a workspace: 2 is the limit of
-    stability of a torque -K v held over the `period` T_c (s).
+    """The greatest sampled gain T_c lambda_max(M^-1 K), without a unit, that a local search over `workspace` finds: 2
+    is the limit of stability of a torque -K v held over the `period` T_c (s).
 
-    lambda_max is the largest eigenvalue, M(q) the mass matrix of the `mechanism` at positions q and v the joints'
-    velocities; `damping` is K in N m s/rad (N s/m), one number or one for each of r joints (r,). It is found by local
-    search. A `workspace` of None is all that the joints' limits allow. Raises `InputError` unless damping and period
-    are positive and finite, and on a wrong shape.
+    lambda_max is the largest eigenvalue, M the mass matrix of the `mechanism` and v (r,) the velocities of its r
+    joints; `damping` is K in N m s/rad (N s/m if prismatic), one number or (r,). The search starts from the worst
+    samples of `workspace`, a set of joint positions, None for 200 random ones within the joints' limits. Viscous
+    friction is taken into account as in `hold_number`. Raises `InputError` unless damping and period are positive and
+    finite, and on a wrong shape.
     """
     return hold_number(mechanism, damping, period, workspace=workspace).value

@@ -26,20 +26,25 @@ DEFINITE = 1e-12
 
 @sent_as_made
 class HoldNumber(NamedTuple):
-    """Record of the greatest hold number T_c lambda_max(M^-1 (K + M^ Lambda)) found: its `value`, without a unit, the
-    positions `p` (r,), rad or m, of the r joints where it is reached, and the name of the `joint` that moves most
-    there.
+    """Record of the greatest hold number that a search over a set of joint positions found. `value` is that number,
+    without a unit, `p` (r,), rad (m if prismatic), the positions of the r joints where it was found, and `joint` the
+    name of the joint that rings most there.
 
-    A held torque is stable while the number is below 2. T_c is the control period in s, lambda_max the largest
-    eigenvalue, M the mass matrix, M^ the estimated one, K the damping in N m s/rad (N s/m if prismatic) and Lambda the
-    bandwidth in 1/s. Nothing is checked.
+    The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), and a held torque is stable while it is below 2. T_c is the
+    control period in s, M the mass matrix, M^ the estimated one, K the damping in N m s/rad (N s/m), Lambda the
+    bandwidth in 1/s and lambda_max the largest eigenvalue; where eigenvalues l are complex, the greatest |l|^2/Re l.
+    The search (`Workspace.highest`) is a local one that starts at the worst samples of the set, by default 200 random
+    positions within the joints' limits. `joint` has the largest entry of sqrt(K) x, x being the eigenvector of the
+    eigenvalue with the greatest real part; where `value` is infinite, it has the least diagonal entry of M, if that is
+    not positive, or else the largest entry of the eigenvector of the least eigenvalue of M, scaled to a unit diagonal.
+    Nothing is checked.
     """
 
     value: float
     p: Array
     """(r,) the positions where it is reached"""
     joint: str
-    """the joint that moves most in the motion that rings first"""
+    """name of the joint with the largest entry in the eigenvector, scaled by sqrt(K)"""
 
 
 def hold_number(
@@ -51,17 +56,19 @@ def hold_number(
     estimate: ArrayLike | None = None,
     workspace: Workspace | None = None,
 ) -> HoldNumber:
-    """The greatest hold number T_c lambda_max(M^-1 (K + M^ Lambda)), without a unit, and where it is, by local search
-    over a `workspace`, None for all that the joints' limits allow: a torque held over T_c is stable while it is below
-    2.
+    """The greatest hold number T_c lambda_max(M^-1 (K + M^ Lambda)), without a unit, and the positions where it is, a
+    `HoldNumber`, by a local search over `workspace`. A torque held over the control period T_c is stable while the
+    number is below 2.
 
-    lambda_max is the largest eigenvalue, M the mass matrix, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
-    1/s, 0 by default, each one number or one for each of r joints (r,); `period` is T_c in s. Slotine and Li's law
-    feeds back -K v, v the joints' velocities, and within its reference acceleration -M^ Lambda v, where M^ is the mass
-    matrix of the `estimate` (P,) of all P inertial and friction parameters, SI units, None for the mechanism's own.
-    From one period to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with alternating signs, where
-    the number is above 2. The number is infinite where M is not positive definite, and where K + M^ Lambda drives
-    instead of damps.
+    lambda_max is the largest eigenvalue (where eigenvalues l are complex, the greatest |l|^2/Re l), M the mass matrix
+    of the `mechanism`, `damping` K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default, each
+    one number or one for each of r joints (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v, v the
+    joints' velocities, and within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the
+    `estimate` (P,) of all P inertial and friction parameters, SI units, None for the mechanism's own. From one period
+    to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with alternating signs, where the number is
+    above 2. The number is infinite where M is not positive definite, and where an eigenvalue has a real part of 0 or
+    less. The search starts at the worst samples of `workspace`, a set of joint positions, None for 200 random ones
+    within the joints' limits.
 
     Viscous friction with coefficients B acts within the period: M is then replaced by M (X/2) coth(X/2), X = T_c M^-1
     B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
@@ -150,16 +157,18 @@ def hold_numbers(
     *,
     estimate: ArrayLike | None = None,
 ) -> Array:
-    """Hold numbers T_c lambda_max(M^-1 (K + M^ Lambda)) (...), without a unit, at given positions `p` (..., r) of r
-    joints, rad (m if prismatic): a torque held over the control period T_c is stable while the number is below 2.
+    """Hold numbers T_c lambda_max(M^-1 (K + M^ Lambda)) (...), without a unit, at given positions `p` (..., r) of the r
+    joints of a `mechanism`, rad (m if prismatic). A torque held over the control period T_c is stable while the number
+    is below 2.
 
-    M is the mass matrix, lambda_max the largest eigenvalue, `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in
-    1/s, 0 by default, each one number or (r,); `period` is T_c in s. M^ is the mass matrix of the `estimate`, (P,) or
-    (..., P), of all P inertial and friction parameters, SI units, None for the mechanism's own. The number is infinite
-    where M is not positive definite, and where K + M^ Lambda drives instead of damps. Where there is viscous friction
-    B, M (X/2) coth(X/2) stands in place of the inverted M, X = T_c M^-1 B. Raises `InputError` on a wrong shape of `p`,
-    damping or bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a configuration
-    that locks kinematic loops; signs, `period` and `estimate` are not checked.
+    M is the mass matrix, lambda_max the largest eigenvalue (where eigenvalues l are complex, the greatest |l|^2/Re l),
+    `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in 1/s, 0 by default, each one number or (r,); `period` is
+    T_c in s. M^ is the mass matrix of the `estimate`, (P,) or (..., P), of all P inertial and friction parameters, SI
+    units, None for the mechanism's own. The number is infinite where M is not positive definite, and where an
+    eigenvalue has a real part of 0 or less. Where there is viscous friction B, M (X/2) coth(X/2) stands in place of the
+    inverted M, X = T_c M^-1 B. Raises `InputError` on a wrong shape of `p`, damping or bandwidth, `NonFiniteError` on
+    NaN in these and infinity in `p`, `SingularityError` near a singularity of the kinematic loops; signs, `period` and
+    `estimate` are not checked.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
@@ -213,32 +222,34 @@ def _viscous(mechanism: Mechanism) -> tuple[tuple[int, ...], Array]:
 
 
 def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
-    """The mass matrix M (..., r, r) of a mechanism's r joints, kg m^2 (kg between prismatic joints), at positions `p`
-    (..., r), rad (m), with other `parameters` than its own: all P inertial and friction ones, (P,) or (..., P), in SI
-    units, also impossible ones, for which M is not positive definite. Raises `InputError` on a wrong shape of `p`,
-    `NonFiniteError` on NaN or infinity in it, `SingularityError` near a configuration that locks kinematic loops; the
-    parameters are not checked."""
+    """The mass matrix M (..., r, r) of the r joints of a `mechanism`, kg m^2 (kg between prismatic joints), for given
+    `parameters`. Positions `p` are (..., r), rad (m). The parameters are all P inertial and friction ones, (P,) or
+    (..., P), in SI units; for such as no rigid body has, M need not be positive definite. Raises `InputError` on a
+    wrong shape of `p`, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a singularity of the
+    kinematic loops; the parameters are not checked."""
     rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), column(parameters))
     return stacked_rows(rows, p.shape[:-1])
 
 
 def scaled_eigenvalues(M: Array) -> Array:
     """Eigenvalues (..., r), rising, without a unit, of symmetric matrices `M` (..., r, r), such as mass matrices of r
-    joints, whose rows and columns are scaled so that the diagonal has magnitude 1. All are above 0 where M is positive
-    definite. NaN and infinity are not looked for; matrices that are not square raise `ValueError`."""
+    joints, scaled to a diagonal of magnitude 1. Row and column i are divided by sqrt|M_ii|, but not where that is 0.
+    All eigenvalues are above 0 where M is positive definite. NaN and infinity are not looked for; matrices that are not
+    square raise `ValueError`."""
     diagonal = np.sqrt(np.abs(np.diagonal(M, axis1=-2, axis2=-1)))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
     return np.asarray(np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :])))
 
 
 def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None) -> Worst:
-    """The least eigenvalue of a mass matrix over a workspace, its diagonal scaled to 1: a record of this `value`,
-    without a unit, and the positions `p` (r,) of the r joints, rad or m, where it is found.
+    """The least eigenvalue of a mass matrix, its diagonal scaled to 1, that a local search over `workspace` finds: a
+    `Worst` with this `value`, without a unit, and the positions `p` (r,) of the r joints, rad (m if prismatic), where
+    it is.
 
-    The mass matrix is that of `parameters` (P,), all P inertial and friction parameters of the mechanism in SI units;
-    it is positive definite in the workspace if the value is above 0, as far as a local search from the worst samples
-    finds. A `workspace` of None is all that the joints' limits allow, in 200 random samples. Raises `InputError` for
-    parameters of another shape or not finite.
+    The mass matrix is that of `parameters` (P,), all P inertial and friction parameters of the `mechanism` in SI units;
+    a value above 0 means that it is positive definite wherever the search looked. The search starts from the worst
+    samples of `workspace`, a set of joint positions, None for 200 random ones within the joints' limits. Raises
+    `InputError` for parameters of another shape or not finite.
     """
     D = _all_parameters(mechanism, parameters)
     found = (workspace or everywhere(mechanism)).highest(
@@ -248,11 +259,11 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
 
 
 def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace | None = None) -> float:
-    """The least eigenvalue of M^-1 K over a workspace, 1/s: under the torque -K v all velocities v of the r joints
-    decay at least as fast. M is the mass matrix of the `mechanism`, `damping` K in N m s/rad (N s/m if prismatic), one
-    number or (r,). It is found by local search from the worst samples of `workspace`, None for all positions that the
-    joints' limits allow. Raises `InputError` for a damping of another shape or NaN; that it is positive is not
-    checked."""
+    """The least eigenvalue of M^-1 K, in 1/s, that a local search over `workspace` finds: under the torque -K v all
+    velocities v of the r joints decay at least as fast. M is the mass matrix of the `mechanism`, `damping` K in N m
+    s/rad (N s/m if prismatic), one number or (r,). The search starts from the worst samples of `workspace`, a set of
+    joint positions, None for 200 random ones within the joints' limits. Raises `InputError` for a damping of another
+    shape and `NonFiniteError` for NaN in it; that it is positive is not checked."""
     root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
     found = (workspace or everywhere(mechanism)).highest(
         lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
@@ -267,13 +278,15 @@ def require_hold(
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> None:
-    """Raise `GainError`, with what the period can carry, where the control `period` (s) cannot carry the gains: the
-    hold number T_c lambda_max(M^-1 (K + M Lambda)), no unit, lambda_max being the largest eigenvalue, is above 1.5
-    somewhere in the workspace, or the mass matrix M of the `mechanism` is not positive definite there. A torque held
-    over the period T_c is stable below 2. `damping` is K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in
-    1/s, 0 by default, each one number or (r,) for r joints; `workspace` is None for all positions that the joints'
-    limits allow. Raises `InputError` unless damping and period are positive, the bandwidth at least 0 and all finite,
-    and on a wrong shape.
+    """Raise `GainError` where the hold number T_c lambda_max(M^-1 (K + M Lambda)), no unit, is above 1.5 at some
+    position that a local search over `workspace` finds, or the mass matrix M of the `mechanism` is not positive
+    definite there. The message says which gains the period allows.
+
+    T_c is the control `period` (s), over which a held torque is stable below 2, and lambda_max the largest eigenvalue.
+    `damping` is K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default, each one number or
+    (r,) for r joints. The search starts from the worst samples of `workspace`, a set of joint positions, None for 200
+    random ones within the joints' limits. Raises `InputError` unless damping and period are positive, the bandwidth at
+    least 0 and all finite, and on a wrong shape.
 
     Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, similar to S + Lambda with
     S = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and

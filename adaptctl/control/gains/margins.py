@@ -23,7 +23,7 @@ LOWEST = 1e-6
 
 @dataclass(frozen=True)
 class Margins:
-    """Gain, phase and delay margins of one stable sampled loop. Nothing is checked.
+    """Gain, phase and delay margins of one sampled loop, stable when closed. Nothing is checked.
 
     `gain` is the factor, without a unit, by which the loop's gain may grow (its inertia fall), infinite if it may grow
     without limit; `gain_reduction` is the factor, without a unit, to which it may fall (its inertia grow), 0 if it may
@@ -47,14 +47,15 @@ class Margins:
 def margins(loop: control.LTI) -> Margins:
     """The gain, phase and delay margins of a `loop`, a `Margins`: gains as factors without a unit (not dB), the phase
     in rad, the delay in s. `loop` is a discrete-time python-control system with one input, one output and its sampling
-    time in s, open, to be closed by negative feedback, and then stable, which is not checked. Raises `InputError` for a
-    loop in continuous time or without a stated sampling time, and for one with more inputs or outputs.
+    time in s. It is open, to be closed by negative feedback, and must then be stable, which is not checked. Raises
+    `InputError` for a loop in continuous time or without a stated sampling time, and for one with more inputs or
+    outputs.
 
     Of several crossings the tightest counts: `gain` is the least factor above 1, and `gain_reduction` the largest of at
     most 1, that brings a crossing of the negative real axis to -1; `phase` is the least lag, and `delay` the least lag
     over frequency, of the crossings of gain 1. Without such a crossing `gain`, `phase` and `delay` are infinite,
     `gain_reduction` 0 and `crossover` NaN. Crossings are sought on python-control's frequency response from 1e-6 of
-    half the sampling rate to all of it, that end included, where a sampled loop often crosses;
+    half the sampling rate up to half the sampling rate, included, where a sampled loop often crosses;
     `control.stability_margins` of version 0.10 looks only below it.
     """
     _require_sampled(loop)

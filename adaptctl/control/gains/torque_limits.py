@@ -13,13 +13,14 @@ SPEED, ACCELERATION, MARGIN = 2.0, 10.0, 4.0
 
 
 def finite_torque_limits(mechanism: Mechanism) -> Array:
-    """Finite torque limits (r,) of the mechanism's r primary (independent) joints, N m (N if prismatic), as a learner's
-    actions need them: each joint's own effort limit, or a generous bound where it has none.
+    """Finite torque limits (r,) of the `mechanism`'s r primary (independent) joints, N m (N if prismatic), for the
+    actions of a learner: each joint's own effort limit, or a bound from inverse dynamics where it has none.
 
-    The bound is 4 times the largest torque that inverse dynamics asks of the joint in 200 random states within its
-    limits, at speeds up to 2 rad/s (m/s) and accelerations up to 10 rad/s^2 (m/s^2), and at least 1 N m (N); it is the
-    same in every call. With kinematic loops, states out of their reach are left out. Raises `InputError` where a joint
-    has no limit and loops reach none of the states.
+    That bound is 4 times the largest torque that inverse dynamics asks of the joint in 200 random states, and at least
+    1 N m (N). Positions are uniform within the joint's limits, speeds up to 2 rad/s (m/s) and accelerations up to 10
+    rad/s^2 (m/s^2) of either sign; the states are the same in every call. With kinematic loops, states where these
+    cannot be closed are left out. Raises `InputError` where a joint has no limit and loops can be closed in none of the
+    states.
     """
     limits = np.array(mechanism.effort_limits)
     unlimited = np.isinf(limits)

@@ -26,12 +26,12 @@ APART = 0.2
 
 
 def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Array:
-    """Random positions (S, r) of the mechanism's r joints within their limits, rad (m if prismatic): `samples` of them,
-    drawn uniformly by `seed`, without those that kinematic loops cannot reach, so that S are left. A missing lower
-    limit counts as the lesser of -pi rad (-1 m) and the upper one less pi rad (1 m), a missing upper one as the greater
-    of pi rad (1 m) and the lower one plus pi rad (1 m), and limits more than 4 pi rad (m) apart as missing. Equal seeds
-    draw equal positions. Raises `InputError` where loops reach none of them; `samples`, at least 1, and `seed` are not
-    checked."""
+    """Random positions (S, r) of the `mechanism`'s r joints within their limits, rad (m if prismatic). `samples` of
+    them, 200 by default, are drawn uniformly by `seed`, 0 by default; those where kinematic loops cannot be closed are
+    left out, so that S remain. A missing lower limit counts as the lesser of -pi rad (-1 m) and the upper one less pi
+    rad (1 m), a missing upper one as the greater of pi rad (1 m) and the lower one plus pi rad (1 m), and limits more
+    than 4 pi rad (m) apart as missing. Equal seeds draw equal positions. Raises `InputError` where loops can be closed
+    at none of them; `samples`, at least 1, and `seed` are not checked."""
     p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
     p = p[reachable(mechanism, p)]
     if not len(p):
@@ -46,7 +46,7 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
     """The least and the greatest position of each of the r joints of a `mechanism`, two arrays (r,), rad (m if
     prismatic): its limits. A missing lower one is min(-pi, upper - pi) rad (min(-1, upper - 1) m), a missing upper one
     max(pi, lower + pi) rad (max(1, lower + 1) m), so that a joint without limits has -pi and pi rad (-1 and 1 m).
-    Limits that are more than two turns (4 pi rad, or m) apart count as missing. Nothing is checked."""
+    Limits that are more than 4 pi rad (m) apart count as missing. Nothing is checked."""
     lower, upper = _limits(mechanism)
     wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints])
     return np.where(np.isinf(lower), np.minimum(-wide, upper - wide), lower), np.where(
@@ -63,9 +63,10 @@ def _limits(mechanism: Mechanism) -> Array:
 
 
 def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
-    """Mask (samples,) of bools, True where the mechanism's kinematic loops can be closed, within the bounds on weighted
-    sums of joint positions that their description states, at positions p (samples, r) of its r primary (independent)
-    joints, rad (m if prismatic); True everywhere without loops. Shapes and numbers of p are not checked."""
+    """Mask (samples,) of bools: True where the mechanism's kinematic loops can be closed at positions p (samples, r) of
+    its r primary (independent) joints, rad (m if prismatic). They can if the straight path to p from the mechanism's
+    reference configuration comes to no singularity, and p is within the bounds on weighted sums of joint positions that
+    the mechanism's description states. It is True everywhere without loops. Shapes and numbers of p are not checked."""
     if mechanism.continuation is None:
         return np.ones(len(p), dtype=np.bool_)
     allowed = np.asarray(mechanism.description.within_conditions(p))
@@ -74,9 +75,9 @@ def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
 
 
 class Worst(NamedTuple):
-    """Record of an extreme number that a search over positions found: the number `value`, in the unit of the function
-    that was searched, and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. It is the
-    greatest, or the least where the function that returns it says so. Nothing is checked."""
+    """Record of the extreme value of a function that a search over joint positions found: `value`, in the unit of the
+    function, and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. It is the greatest value,
+    or the least where the function that returns it says so. Nothing is checked."""
 
     value: float
     p: Array
@@ -84,9 +85,9 @@ class Worst(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """A workspace: `samples` (S, r), S positions of the r joints of a `mechanism`, and `lower` and `upper` (S, r), the
-    bounds about each sample within which a search that starts there looks, all in rad (m if prismatic). Nothing is
-    checked."""
+    """Set of joint positions of a `mechanism` of r joints, given by samples and a box about each, over which the worst
+    case of gains is sought. `samples` (S, r) are S positions; `lower` and `upper` (S, r) are the bounds within which a
+    search that starts at each sample stays; all in rad (m if prismatic). Nothing is checked."""
 
     mechanism: Mechanism
     samples: Array
@@ -95,11 +96,19 @@ class Workspace:
 
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
-        """The workspace of all that the joints' limits of a `mechanism` allow, with a number of random `samples`, drawn
-        by `seed`, equal for equal seeds. A joint without limits is sampled pi rad (1 m) to each side of zero; a search
-        goes pi rad farther on each side on which a joint that turns has no limit. Samples that kinematic loops cannot
-        reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one
-        from 0 to 2^32 - 1, and where loops reach none of the samples."""
+        """Set of all joint positions that the limits of a `mechanism` of r joints allow, a `Workspace`, sampled at
+        random. `samples` positions, 200 by default, are drawn uniformly by `seed`, 0 by default, equal for equal seeds;
+        those at which kinematic loops cannot be closed are left out.
+
+        Samples are within [low, high] of each joint: its limits, in rad (m if prismatic), of which a missing low is
+        min(-pi, high - pi) rad (min(-1, high - 1) m) and a missing high max(pi, low + pi) rad (max(1, low + 1) m).
+        Limits more than 4 pi rad (m) apart count as missing. A search, such as that of the method `highest`, may leave
+        a sample for any position in [low, high], which for a revolute joint is widened by pi rad on each side without a
+        limit, so that it does not stop at the end of the sampled turn.
+
+        Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one from 0 to 2^32 - 1,
+        and where loops can be closed at none of the samples.
+        """
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
@@ -110,12 +119,14 @@ class Workspace:
 
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
-        """The workspace about a reference: its S positions `p` (S, r) of the r joints, rad or m, and `margin` rad (m),
-        0.2 by default, to each side of every joint. Positions that kinematic loops cannot reach are left out.
+        """Set of joint positions near a reference, a `Workspace`: its samples are S positions `p` (S, r) on the
+        reference, in rad (m if prismatic), and a search stays within `margin` rad (m), 0.2 by default, of a sample in
+        each of the r joints of the `mechanism`. Positions at which kinematic loops cannot be closed are left out.
 
-        Gains that a gimbal lock or a folded arm would not bear are accepted where the reference keeps clear of it.
-        Raises `InputError` for a negative margin or a wrong shape, and where the mechanism reaches none of the
-        positions, `NonFiniteError` for positions that are not finite.
+        Gains that would be too large near a singularity of the wrist or with the arm folded are accepted where the
+        reference keeps clear of these. Raises `InputError` for a margin that is negative or not finite and for a wrong
+        shape, and where loops can be closed at none of the positions, `NonFiniteError` for positions that are not
+        finite.
         """
         if not (np.isfinite(margin) and margin >= 0.0):
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
@@ -127,19 +138,22 @@ class Workspace:
 
     @cached_property
     def mass_matrices(self) -> Array:
-        """Mass matrices M (S, r, r) at the workspace's S samples of r joints, in kg m^2 (kg between prismatic joints);
-        computed once, since with kinematic loops they take seconds."""
+        """Mass matrices M (S, r, r) at the S samples of this set of positions of r joints, in kg m^2 (kg between
+        prismatic joints). They are computed once, since with kinematic loops they take seconds. Raises
+        `SingularityError` near a singularity of the loops."""
         return frozen(self.mechanism.mass_matrix(self.samples))
 
     def highest(self, value: Callable[[Array], Array]) -> Worst:
-        """The greatest value of a function within the workspace's bounds: a record of this `value` and the positions
-        `p` (r,) of the r joints, rad or m, where it is found. The argument `value` is the function, from m positions
-        (m, r), rad or m, to m numbers (m,), finite or infinite; a pattern search starts at the samples where it is
-        greatest.
+        """The greatest value of the function `value` that a pattern search over this set of joint positions finds, a
+        `Worst`: this value and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. The function
+        maps m positions (m, r), rad (m), to m numbers (m,), finite or infinite. What it raises goes through; nothing
+        else is checked.
 
-        The samples alone do not tell. Take the greatest eigenvalue of M^-1 K, M the mass matrix and K the damping: the
-        largest of some hundred samples is nine tenths of the maximum in the median case, and less than half of it for
-        an arm whose wrist folds.
+        The search starts at 6 samples (2 with kinematic loops) of greatest value, where possible apart by more than a
+        fifth of some joint's range, and takes up to 14 rounds of steps, each joint by itself and 12 random directions,
+        within the bounds of these samples. The samples alone do not tell: take the greatest eigenvalue of M^-1 K, M the
+        mass matrix and K the damping. The largest of some hundred samples is nine tenths of the maximum in the median
+        case, and less than half of it for an arm whose wrist folds.
         """
         found = value(self.samples)
         start = self._apart(np.argsort(found)[::-1])
@@ -188,7 +202,8 @@ class Workspace:
 
 @lru_cache(maxsize=8)
 def everywhere(mechanism: Mechanism) -> Workspace:
-    """The workspace of all positions that the joints' limits of a mechanism allow, in 200 random samples of its r
-    joints, less those that kinematic loops cannot reach. Workspaces of the last 8 mechanisms are kept, so that the next
-    call returns the same one at once. Raises `InputError` where loops reach none of the samples."""
+    """Set of all joint positions that the limits of a `mechanism` of r joints allow, a `Workspace`, in 200 random
+    samples, the same in every call, less those at which kinematic loops cannot be closed. The sets of the last 8
+    mechanisms are kept, so that the next call returns the same object at once. Raises `InputError` where loops can be
+    closed at none of the samples."""
     return Workspace.within_limits(mechanism)

@@ -20,21 +20,25 @@ X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class Base(msgspec.Struct, forbid_unknown_fields=True):
-    """The pose, in a Denavit-Hartenberg file, of the chain's first frame in the ground's frame: the place `xyz` (m) and
-    the fixed-axis roll, pitch and yaw `rpy` (rad), all zero by default. Nothing is checked at construction."""
+    """The pose, in a Denavit-Hartenberg file, of the chain's first frame in the ground's frame: the position `xyz` (m),
+    and roll, pitch and yaw `rpy` (rad), turns about the fixed axes x, y and z in this order; all zero by default.
+    Nothing is checked at construction."""
 
     xyz: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
 
 
 class Step(LinkEntry, kw_only=True):
-    """An entry of a Denavit-Hartenberg file: one link with the joint before it. The parameters are length `a` and
-    offset `d` (m), twist `alpha` and angle `theta` (rad; or `alpha_deg`, `theta_deg` in degrees), by default 0, save
-    that one of the two twists must be given. The file's `convention` says how they place the link: "standard" leads
-    from the frame of the link before to this link's by Rz(theta) Tz(d) Tx(a) Rx(alpha), turns R about and shifts T
-    along the axes z and x (Denavit and Hartenberg 1955), "modified" by Rx(alpha) Tx(a) Rz(theta) Tz(d) (Craig 1986).
-    The coordinate of a turning joint is added to theta, that of a prismatic one to d. The other fields are those of
-    `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is checked at construction."""
+    """An entry of a Denavit-Hartenberg file: one link with the joint before it.
+
+    Its parameters are length `a` and offset `d` (m), twist `alpha` and angle `theta` (rad; or `alpha_deg`, `theta_deg`
+    in degrees), by default 0, save that one of the two twists must be given. The file's convention says how they place
+    the link: "standard" leads from the frame of the link before to this link's by Rz(theta) Tz(d) Tx(a) Rx(alpha),
+    turns R about and shifts T along the axes z and x (Denavit and Hartenberg 1955), "modified" by Rx(alpha) Tx(a)
+    Rz(theta) Tz(d) (Craig 1986). The coordinate of a turning joint is added to theta, that of a prismatic one to d. The
+    other fields are those of `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is checked at
+    construction.
+    """
 
     a: float = 0.0
     d: float = 0.0
@@ -45,13 +49,15 @@ class Step(LinkEntry, kw_only=True):
 
 
 class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them: `schema` names the
-    file format, `convention` says where links' frames are, "standard" at their far ends, "modified" at their joints:
-    "standard" leads from the frame of the link before to this link's by Rz(theta) Tz(d) Tx(a) Rx(alpha), turns R about
-    and shifts T along the axes z and x (Denavit and Hartenberg 1955), "modified" by Rx(alpha) Tx(a) Rz(theta) Tz(d)
-    (Craig 1986). `links` has 1 to 256 entries, from the ground on; `source` says where the numbers come from, `gravity`
-    (3,) is in m/s^2, by default (0, 0, -9.81), `base` is the pose of the chain's first frame in the ground's. Without a
-    `name` the file's is taken. Nothing is checked at construction."""
+    """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them.
+
+    `schema` names the file format. `convention` says where links' frames are: "standard" at their far ends, leading
+    from the frame of the link before to this link's by Rz(theta) Tz(d) Tx(a) Rx(alpha), turns R about and shifts T
+    along the axes z and x (Denavit and Hartenberg 1955); "modified" at their joints, by Rx(alpha) Tx(a) Rz(theta) Tz(d)
+    (Craig 1986). `links` has 1 to 256 entries, from the ground on; `source` says where the values come from; `gravity`
+    (3,) is in m/s^2, by default (0, 0, -9.81); `base` is the pose of the chain's first frame in the ground's. The
+    `name` is the mechanism's; without one the file's is taken. Nothing is checked at construction.
+    """
 
     schema: Literal["adaptctl/denavit-hartenberg/1"]
     convention: Literal["standard", "modified"]
@@ -63,8 +69,8 @@ class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_denavit_hartenberg(path: str | Path) -> Description:
-    """The description of the serial chain that a TOML file gives by Denavit-Hartenberg parameters (m, rad), named after
-    the file unless it gives a name.
+    """The description of the serial chain that the TOML file at `path` gives by Denavit-Hartenberg parameters (m, rad),
+    named after the file unless it gives a name.
 
     The file has ``schema = "adaptctl/denavit-hartenberg/1"``, a convention, and ``[[links]]`` with length a and offset
     d (m), twist alpha and angle theta (rad; or alpha_deg, theta_deg), the joint's type and limits, the inertia and the
@@ -73,7 +79,7 @@ def read_denavit_hartenberg(path: str | Path) -> Description:
     Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d), a and alpha being those
     before the joint (Craig 1986). Raises `FileError` for a file that cannot be read and, naming the element, for wrong
     contents. Warns (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and
-    carry no link that has one.
+    whose descendants have none.
     """
     chain = read_toml(path, Chain)
     try:

@@ -23,9 +23,10 @@ Triple = tuple[float, float, float]
 
 
 class Tensor(msgspec.Struct, forbid_unknown_fields=True):
-    """An entry of a TOML file: an inertia tensor (kg m^2) by its six different entries, those left out being zero;
-    off-diagonal ones are -integral xy dm. It is along the link frame's axes, about that frame's origin or the centre of
-    mass, as the field of the `LinkEntry` says that it stands in. Nothing is checked at construction."""
+    """An entry of a TOML file: an inertia tensor (kg m^2) by its six independent components `xx`, `xy`, `yy`, `xz`,
+    `yz` and `zz`, those left out being zero; off-diagonal ones are -integral xy dm. It is along the link frame's axes,
+    about that frame's origin in the field `inertia` of a link's entry, about the centre of mass in the field
+    `inertia_at_center`. Nothing is checked at construction."""
 
     xx: float = 0.0
     xy: float = 0.0
@@ -35,21 +36,26 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
     zz: float = 0.0
 
     def matrix(self) -> Array:
-        """The inertia tensor as a symmetric matrix (3, 3), kg m^2."""
+        """The symmetric matrix (3, 3), kg m^2, of the inertia tensor whose six components this entry gives."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
 
 class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: the pose of a frame in another, by its place `position` (m) and fixed-axis roll, pitch
-    and yaw, `rpy` (rad) or `rpy_deg` (degrees); by default the same frame. Nothing is checked at construction."""
+    """An entry of a TOML file: the pose of a frame in the frame of a link or joint.
+
+    `position` is the frame's origin (m), by default zero; its attitude is roll, pitch and yaw, turns about the fixed
+    axes x, y and z in this order, as `rpy` (rad) or `rpy_deg` (degrees), by default none. Nothing is checked at
+    construction.
+    """
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple | None = None
     rpy_deg: Triple | None = None
 
     def pose(self) -> Pose:
-        """The pose of the frame in the one it is given in (m). Raises `InputError` where `rpy` and `rpy_deg` are both
-        given, for what is not finite, and for lengths above 1e9 m."""
+        """The pose (m) of a frame in the frame of the link or joint on which a TOML file places it, from this entry's
+        properties `position` and `rpy` or `rpy_deg`. Raises `InputError` where both `rpy` and `rpy_deg` are given, for
+        values that are not finite, and for lengths above 1e9 m."""
         if self.rpy is not None and self.rpy_deg is not None:
             raise InputError("rpy is given twice: keep rpy (rad) or rpy_deg")
         degrees = [math.radians(angle) for angle in self.rpy_deg or (0.0, 0.0, 0.0)]
@@ -57,13 +63,15 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: the drive of a joint, as `Drive` has it: `rotor_inertia`, seen at the joint (kg m^2),
-    and the friction terms `viscous` (N m s/rad), `square_root` (N m (s/rad)^(1/2)), `coulomb`, `stribeck` and `offset`
-    (N m); for a prismatic joint kg, and N for N m, m for rad. `turns_with` gives, by the names of other joints that
-    turn the same motor shaft, their ratios: the shaft's velocity is the joint's own plus ratio times each of theirs.
+    """An entry of a TOML file: the rotor inertia and friction of a joint's drive.
 
-    A term that is left out, None, is not modelled; one that is given, zero too, is a parameter. Nothing is checked at
-    construction.
+    `rotor_inertia` is that seen at the joint, through the gears (kg m^2). The friction terms are `viscous` (N m s/rad),
+    `square_root` (N m (s/rad)^(1/2)), `coulomb`, `stribeck` and `offset` (N m); for a prismatic joint read kg for kg
+    m^2, N for N m and m for rad. `turns_with` gives, by the names of other joints that turn the same motor shaft, their
+    ratios: the shaft's velocity is the joint's own plus ratio times each of theirs.
+
+    A term that is left out, None, is not modelled; one that is given, even as zero, is a parameter. Nothing is checked
+    at construction.
     """
 
     rotor_inertia: float | None = None
@@ -75,24 +83,25 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     turns_with: dict[Name, float] = {}
 
     def drive(self) -> Drive:
-        """The `Drive` (rotor inertia and friction) of this entry. Raises `InputError` for a term that is not finite or
-        above 1e20 in size, for rotor inertia, viscous and Coulomb friction below 0, and for a ratio that is 0 or not
-        finite."""
+        """The rotor inertia and friction of a joint as a `Drive`, built from the terms that a TOML file's entry gives
+        (SI units); terms left out are None, not modelled. Raises `InputError` for a term that is not finite or above
+        1e20 in size, for rotor inertia, viscous or Coulomb friction below 0, and for a ratio of `turns_with` that is 0
+        or not finite."""
         terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
         return Drive(*terms, turns_with=tuple(self.turns_with.items()))
 
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: one link with the joint before it. `name` is the link's, `joint` the joint's, by default
-    by the entry's number in the file, from 1, as in ``link2`` and ``joint2``; `type` is the joint's, by default
-    revolute.
+    """An entry of a TOML file: one link with the joint before it.
 
-    Position limits are `range` (rad or m), `range_deg` (degrees), or `lower` and `upper` (rad or m), of which one alone
-    may be given; `velocity` is the greatest speed (rad/s or m/s), `effort` the greatest torque or force (N m or N);
-    those left out do not limit. The inertia is `mass` (kg), `first_moment`, mass times centre of mass (kg m), and
-    `inertia` (kg m^2) about the link frame's origin, or `mass`, `center_of_mass` (m) and `inertia_at_center` (kg m^2),
-    or nothing for a link without mass; all in the link's frame. `drive` has the joint's rotor inertia and friction.
-    Nothing is checked at construction.
+    `name` is the link's and `joint` the joint's name, by default ``linkN`` and ``jointN`` with the entry's number N in
+    the file, from 1; `type` is the joint's, by default revolute. Position limits are `range` (rad, m if prismatic),
+    `range_deg` (degrees), or `lower` and `upper` (rad, m if prismatic), of which one alone may be given; `velocity` is
+    the greatest speed (rad/s, or m/s), `effort` the greatest torque or force (N m, or N); those left out do not limit.
+    The inertia is `mass` (kg), `first_moment`, mass times centre of mass (kg m), and `inertia` (kg m^2) about the link
+    frame's origin, or `mass`, `center_of_mass` (m) and `inertia_at_center` (kg m^2), or nothing for a link without
+    mass; all in the link's frame. `drive` has the joint's rotor inertia and friction. Nothing is checked at
+    construction.
     """
 
     name: Name | None = None
@@ -112,24 +121,26 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     drive: DriveEntry = msgspec.field(default_factory=DriveEntry)
 
     def moving(self, name: str, axis: Triple) -> Joint:
-        """The joint of this entry, called `name`, about or along `axis` (3,) in the joint's frame, of any length, with
-        the entry's type, limits and drive. Raises `InputError` for an axis that is zero or not finite, a range that is
-        given twice, does not rise or does not fit the joint's type, a velocity or effort that is not positive, and
-        drive terms that `Drive` refuses (not finite, above 1e20 in size, inertia or friction below 0)."""
+        """The joint before the link of a TOML file's entry, called `name`, about or along `axis` (3,) in the joint's
+        frame, of any length, with the type, limits and drive that the entry gives. Raises `InputError` for an axis that
+        is shorter than 1e-9 or not finite, a range that is given twice, does not rise or does not fit the joint's type,
+        a velocity or effort that is not positive, and drive terms that `Drive` refuses (not finite, above 1e20 in size,
+        rotor inertia, viscous or Coulomb friction below 0)."""
         return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:
-        """The limits of this entry's joint (rad or m; rad/s or m/s; N m or N), infinite where not given. Raises
-        `InputError` for a range given twice, of a continuous joint or in degrees of a prismatic one, unless its lower
-        end is below its upper one, and for a velocity or effort that is not positive."""
+        """The limits of the joint that a TOML file's entry gives: positions (rad, m if prismatic), greatest speed
+        (rad/s, or m/s) and effort (N m, or N), infinite where not given. Raises `InputError` for a range given twice,
+        of a continuous joint or in degrees of a prismatic one, unless its lower end is below its upper one, and for a
+        velocity or effort that is not positive."""
         lower, upper = self._range()
         return Limits(lower, upper, _or_unlimited(self.velocity), _or_unlimited(self.effort))
 
     def ten(self) -> Array:
-        """The link's ten inertial parameters (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in
-        kg, first moment in kg m, inertia tensor in kg m^2), about its frame's origin; zero where nothing is given.
-        Raises `InputError` where the inertia is incomplete or given twice, where the mass is negative, and for inertia
-        without mass."""
+        """The ten inertial parameters (10,) of the link of a TOML file's entry, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+        I_xz, I_yz, I_zz (mass in kg, first moment in kg m, inertia tensor in kg m^2), about its frame's origin; zero
+        where nothing is given. Raises `InputError` where the inertia is incomplete or given twice, where the mass is
+        negative, and for inertia without mass."""
         about_origin = (self.first_moment, self.inertia)
         about_center = (self.center_of_mass, self.inertia_at_center)
         self._require_mass()

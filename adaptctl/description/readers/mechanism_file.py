@@ -25,11 +25,12 @@ Part = TypeVar("Part")
 class TreeLink(LinkEntry, kw_only=True):
     """An entry of a mechanism file in TOML: one link of a tree with the joint before it.
 
-    `parent` names the link that carries it, None the ground. `position` (m) and `rpy` (fixed-axis roll, pitch and yaw,
-    rad; or `rpy_deg`, degrees) place the joint's frame in the parent link's frame, by default on it; `axis` (3,), by
-    default z, is in the joint's frame. `far` places the link's frame in the joint's moved frame, by default on it. A
-    `massless` link only joins two joints: it has no inertia and owns no parameters. The other fields are those of
-    `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is checked at construction.
+    `parent` names the link on which the joint sits, None the ground. `position` (m) and `rpy`, roll, pitch and yaw
+    about the fixed axes x, y and z in this order (rad; or `rpy_deg`, degrees), place the joint's frame in the parent
+    link's frame, by default on it; `axis` (3,), by default z, is in the joint's frame. `far` places the link's frame in
+    the joint's moved frame, by default on it. A `massless` link only joins two joints: it has no inertia and owns no
+    parameters. The other fields are those of `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is
+    checked at construction.
     """
 
     parent: Name | None = None
@@ -42,17 +43,25 @@ class TreeLink(LinkEntry, kw_only=True):
 
 
 class LinkFrame(FrameEntry, kw_only=True):
-    """An entry of a mechanism file in TOML: a frame on the link that `link` names, None being the ground, at `position`
-    (m) and roll, pitch and yaw `rpy` (rad) or `rpy_deg` (degrees) in that link's frame. Nothing is checked at
-    construction."""
+    """An entry of a mechanism file in TOML: a frame on the link that `link` names or, where that is None, the default,
+    on the ground.
+
+    `position` is the frame's origin (m) in the link's frame, by default zero; its attitude there is roll, pitch and
+    yaw, turns about the fixed axes x, y and z in this order, as `rpy` (rad) or `rpy_deg` (degrees), by default none.
+    Nothing is checked at construction.
+    """
 
     link: Name | None = None
 
 
 class NamedFrameEntry(LinkFrame, kw_only=True):
-    """An entry of a mechanism file in TOML: a frame with a `name` on the link that `link` names, None being the ground,
-    at `position` (m) and roll, pitch and yaw `rpy` (rad) or `rpy_deg` (degrees) in that link's frame; `kind` is that of
-    a `NamedFrame`, by default operational. Nothing is checked at construction."""
+    """An entry of a mechanism file in TOML: a frame called `name`, such as a tool's, on the link that `link` names or,
+    where that is None, the default, on the ground.
+
+    `position` is the frame's origin (m) in the link's frame, by default zero; its attitude there is roll, pitch and
+    yaw, turns about the fixed axes x, y and z in this order, as `rpy` (rad) or `rpy_deg` (degrees), by default none.
+    `kind` is that of the frame in Pinocchio's terms, by default operational. Nothing is checked at construction.
+    """
 
     name: Name
     kind: Literal["operational", "fixed joint", "body", "sensor"] = "operational"
@@ -60,8 +69,8 @@ class NamedFrameEntry(LinkFrame, kw_only=True):
 
 class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """An entry of a mechanism file in TOML: a loop closure called `name`, by which two frames on links, `first` and
-    `second`, coincide. `kind` says in what: their origins ("point", the default), their origins and z axes ("axis") or
-    as a whole ("weld"). Nothing is checked at construction."""
+    `second`, coincide. `kind` says in which part: their origins ("point", the default), their origins and z axes
+    ("axis") or their whole poses ("weld"). Nothing is checked at construction."""
 
     name: Name
     first: LinkFrame
@@ -70,9 +79,12 @@ class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio leader + offset (rad
-    or m), by the joints' names. `ratio` has no unit, or m/rad or rad/m; without a `name` it is called "FOLLOWER follows
-    LEADER", with their names. Nothing is checked at construction."""
+    """An entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio * leader + offset.
+
+    `follower` and `leader` are the joints' names. `ratio` is 1 by default (no unit, or m/rad or rad/m), `offset` 0
+    (rad, m if the follower is prismatic); without a `name` the coupling is called "FOLLOWER follows LEADER", with the
+    joints' names. Nothing is checked at construction.
+    """
 
     follower: Name
     leader: Name
@@ -82,9 +94,12 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML: a condition called `name`, a bound on where the mechanism may work, lower <
-    sum of weight times position < upper (rad or m). `weights`, without unit, go by the names of primary (independent)
-    joints; a bound that is None does not limit. Nothing is checked at construction."""
+    """An entry of a mechanism file in TOML: a condition called `name`, a bound on primary (independent) joints'
+    positions, lower < sum of weight times position < upper.
+
+    `weights`, without unit, go by the names of primary joints; `lower` and `upper` are in rad, m if prismatic, and one
+    that is None does not limit. Nothing is checked at construction.
+    """
 
     name: Name
     weights: dict[Name, float]
@@ -95,11 +110,12 @@ class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """The contents of a mechanism file in TOML, as `read_mechanism_file` reads them.
 
-    `links` has 1 to 256 entries in any order; `source` says where the numbers come from; `gravity` (3,) is in m/s^2, by
-    default (0, 0, -9.81). `closures`, `couplings` and `conditions` make loops, by default none. `primary` names the
-    primary (independent) joints, None being all that follow no other; `reference` gives the positions (rad or m by
-    joint, zero where not given) of the configuration from which motion is followed, loops closed. `frames` are named
-    frames on links, by default none. Without a `name` the file's is taken. Nothing is checked at construction.
+    `schema` names the file format. `links` has 1 to 256 entries in any order; `source` says where the values come from;
+    `gravity` (3,) is in m/s^2, by default (0, 0, -9.81). `closures`, `couplings` and `conditions` make loops, by
+    default none. `primary` names the primary (independent) joints, None being all that follow no other; `reference`
+    gives the positions (rad, m if prismatic, by joint, zero where not given) of the configuration from which motion is
+    followed, loops closed. `frames` are named frames on links, by default none. The `name` is the mechanism's; without
+    one the file's is taken. Nothing is checked at construction.
     """
 
     schema: Literal["adaptctl/mechanism/1"]
@@ -116,16 +132,17 @@ class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_mechanism_file(path: str | Path) -> Description:
-    """The description of the mechanism in a TOML file, named after the file unless it gives a name.
+    """The description of the mechanism in the TOML file at `path`, named after the file unless it gives a name.
 
-    The file has ``schema = "adaptctl/mechanism/1"`` and ``[[links]]``, each with its parent's name (the ground without
-    one), its joint's place, axis, type and limits (m, rad), its inertia and its drive, in any order; ``[[closures]]``,
-    ``[[couplings]]`` and ``[[conditions]]`` make loops. `primary` names the driven joints, the independent ones;
-    without closures it may be left out, and all joints that follow no other are primary. `reference` gives the
-    configuration (rad or m by joint) from which motion is followed, loops closed. ``[[frames]]`` are named frames on
-    links. Raises `FileError` for a file that cannot be read and, naming the element, for wrong contents; loops that do
-    not close are found only when equations are made of the description. Warns (`SimplificationWarning`) of angles that
-    look like degrees and of links that move without mass and carry no link that has one.
+    The file has ``schema = "adaptctl/mechanism/1"`` and ``[[links]]``, in any order, each with its parent's name (the
+    ground without one), its joint's frame, axis, type and limits (m, rad), its inertia and its drive; ``[[closures]]``,
+    ``[[couplings]]`` and ``[[conditions]]`` make loops. The file's `primary` names the driven joints, the independent
+    ones; without closures it may be left out, and all joints that follow no other are primary. Its `reference` gives
+    the configuration (rad, m if prismatic, by joint) from which motion is followed, loops closed. ``[[frames]]`` are
+    named frames on links. Raises `FileError` for a file that cannot be read and, naming the element, for wrong
+    contents; loops that cannot be closed are found only when equations are made of the description. Warns
+    (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and whose descendants
+    have none.
     """
     content = read_toml(path, MechanismFile)
     try:

@@ -32,17 +32,17 @@ WORLD = 0
 
 
 def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
-    """The description of the mechanism that consists of a `body` of a MuJoCo model and of all bodies on it; nothing
-    that moves may carry it. None stands for the one root body on which joints turn or slide; bodies that only float are
+    """The description of the mechanism that is a `body` of a MuJoCo `model`, by name, with all bodies on it. What it
+    stands on must not move. None stands for the one root body on which joints turn or slide; bodies that only float are
     objects of the scene.
 
     Link frames stand at the joints, turned as their bodies; a link is named after its body, and a body with several
     joints becomes as many links, massless but the last. Armature, damping and frictionloss become the joint's drive,
-    where they are not zero; effort limits are those of the actuators, and position limits of at least 1e9 rad (m) in
-    size are none. Raises `InputError` for ball and free joints, no joint or several root bodies that move, nonlinear
-    damping, more than 256 links, and active equalities of these bodies, `NotFoundError` for an unknown body. Warns
-    (`SimplificationWarning`) of actuators that are no torques, and of springs and gravity compensation, which are left
-    out.
+    where they are not zero; effort limits are those of the actuators, and position limits of at least 1e9 rad (m if
+    prismatic) in size count as none. Raises `InputError` for ball and free joints, no joint, a body that stands on one
+    that moves, several root bodies that move (for None), nonlinear damping, more than 256 links, and active equalities
+    of these bodies, `NotFoundError` for an unknown body. Warns (`SimplificationWarning`) of actuators that command no
+    torque, and of springs and gravity compensation, which are left out.
     """
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
@@ -55,11 +55,12 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
 
 @dataclass(frozen=True, eq=False)
 class MujocoArm:
-    """The part of a MuJoCo model that is one mechanism: `root`, the index of its first body, and the indices of its
-    bodies, parents first, and of its joints, one for each link, all as in `model`.
+    """The part of a MuJoCo model that is one mechanism: its bodies and joints as zero-based indices in `model`. `root`
+    is its first body, `bodies` all of its bodies, parents first, `joints` its joints, one for each link.
 
     `carriers` has, by body, the index of the link that it is part of, -1 for the ground, and `places` its frame's pose
-    in that link, or in the world; `links` fills both. `MujocoArm.of` finds an arm; nothing is checked at construction.
+    (m) in that link, or in the world; both are empty until the method `links` fills them. `MujocoArm.of` finds an arm;
+    nothing is checked at construction.
     """
 
     model: mujoco.MjModel
@@ -69,7 +70,7 @@ class MujocoArm:
     carriers: dict[int, int] = field(default_factory=dict)
     """Of each body that moves, the link that it is part of."""
     places: dict[int, Pose] = field(default_factory=dict)
-    """Of each body, its frame in the link that carries it, or in the world."""
+    """Of each body, its frame's pose in the link that it is part of, or in the world."""
 
     @classmethod
     def of(cls, model: mujoco.MjModel, body: str | None = None) -> MujocoArm:
@@ -94,10 +95,10 @@ class MujocoArm:
         return cls(model, root, bodies, joints)
 
     def links(self) -> Iterator[Link]:
-        """The links of the arm in depth-first order, one for each joint, with the inertia of all bodies that they
-        carry. The call also fills `carriers` and `places`, the links that carry the bodies and the bodies' poses there.
-        Raises `InputError` for a range that does not rise, lengths above 1e9 m, inertias above 1e20, numbers that are
-        not finite, drive terms below 0, and nonlinear damping."""
+        """The links of the arm in depth-first order, one for each joint, with the summed inertia of all bodies fixed to
+        them. The call also fills this object's `carriers` and `places`, the links that bodies are part of and the
+        bodies' poses there. Raises `InputError` for a range that does not rise, lengths above 1e9 m, inertias above
+        1e20, values that are not finite, drive terms below 0, and nonlinear damping."""
         links: list[Link] = []
         tens: list[Array] = []
         for i in self.bodies:
@@ -135,12 +136,13 @@ class MujocoArm:
         return len(links) - 1, to_joint.inverse
 
     def body_name(self, i: int) -> str:
-        """The name of the body of index `i` in the model, such as "body3" where it has none."""
+        """The name of the model's body of zero-based index `i`, such as "body3" where it has none. Nothing is
+        checked."""
         return self.model.body(i).name or f"body{i}"
 
     @property
     def actuators(self) -> list[int]:
-        """Indices in the model, from 0, of the actuators that act on the arm's joints directly, not by tendons or
+        """Zero-based indices in the model of the actuators that act on the arm's joints directly, not by tendons or
         sites."""
         joints = set(self.joints)
         return [i for i in range(self.model.nu) if self.model.actuator_trntype[i] in (0, 1)
@@ -149,29 +151,31 @@ class MujocoArm:
     @property
     def servos(self) -> list[str]:
         """Names of the arm's actuators whose force is not a multiple of their control, each with its kind, as in
-        "'elbow' (a position servo)"; empty where all are torques."""
+        "'elbow' (a position servo)"; empty where all actuators are torque motors."""
         return [
             f"{_name_of_actuator(self.model, i)} ({kind})" for i in self.actuators if (kind := servo(self.model, i))
         ]
 
 
 def body_ten(model: mujoco.MjModel, i: int) -> Array:
-    """The ten inertial parameters (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first
-    moment in kg m, inertia tensor in kg m^2), of the body of index `i` in a MuJoCo model, without the bodies on it,
-    about the origin of its frame."""
+    """The ten inertial parameters (10,) of the body of zero-based index `i` in a MuJoCo model, about its frame's
+    origin, without the bodies on it: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment
+    in kg m, inertia tensor in kg m^2). Raises `InputError` for a centre of mass above 1e9 m or not finite; nothing else
+    is checked."""
     at = pose(model.body_ipos[i], model.body_iquat[i])
     return transformed(from_center_of_mass(float(model.body_mass[i]), np.zeros(3), np.diag(model.body_inertia[i])), at)
 
 
 def pose(position: Array, quaternion: Array) -> Pose:
-    """The pose of a `position` (3,), m, and a `quaternion` (4,), w, x, y, z, of any length but zero. Raises
-    `InputError` for a zero quaternion, and for positions above 1e9 m or not finite."""
+    """The pose of a frame at `position` (3,), m, with the attitude of a `quaternion` (4,), w, x, y, z, of any length
+    from 1e-12. Raises `InputError` for a shorter quaternion, and for positions above 1e9 m or not finite."""
     return Pose(from_quaternion(np.array(quaternion), "MuJoCo model"), np.array(position))
 
 
 def servo(model: mujoco.MjModel, i: int) -> str:
-    """The kind, in words such as "a position servo", of the actuator of index `i` in a MuJoCo model where its force is
-    not a multiple of its control; the empty text where it is, a torque."""
+    """The kind, in words such as "a position servo", of the actuator of zero-based index `i` in a MuJoCo model whose
+    force is not a multiple of its control; the empty text for one whose force is, a torque motor. Nothing is
+    checked."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
     if model.actuator_dyntype[i]:
         return "it has dynamics of its own"

@@ -18,8 +18,8 @@ def to_pinocchio_constraints(description: Description, model: pinocchio.Model) -
     A common point is a contact of three rows (scalar constraints) and a weld one of six. Pinocchio knows no common
     axis: that becomes two models, common points 1 m apart on it, one of whose six rows is dependent. Rows are in the
     frame of the first link's joint. Where a loop is planar some rows depend on others, as in the mechanism itself:
-    solve with a proximal method. Couplings, joints that follow others, have no such model: raises `InputError` for
-    them. The `model` is not checked.
+    solve with a proximal method. Raises `InputError` for couplings (joints that follow others), which have no such
+    model. The `model` is not checked.
     """
     if description.loops is None:
         return []

@@ -25,15 +25,16 @@ _LEFT_OUT = "friction other than viscous and Coulomb is left out"
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
-    """The Pinocchio model of a description, with the same coordinates in the same order, the same limits, gravity and
-    drives; with loops, that of the open tree.
+    """Pinocchio's rigid-body model (`pinocchio.Model`) of the mechanism that a `description` gives: the same
+    coordinates in the same order, limits, gravity and drives; for a mechanism with loops, the tree without its closures
+    and couplings.
 
-    A rotor is Pinocchio's armature, which its algorithms use; viscous friction is its damping and Coulomb friction its
-    dry friction, which it holds but its inverse dynamics leaves out. Joints stand at the joints' frames and carry the
-    links' names as body frames at the links' frames; named frames are there too. Continuous joints become revolute ones
-    without limits, so that Pinocchio's q keeps one number a joint. Raises `InputError` for a link without mass that has
-    a first moment (mass times centre of mass), which Pinocchio cannot hold, and for a drive that turns with several
-    joints. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out.
+    Rotor inertias become the model's armature, viscous friction its damping and Coulomb friction its dry friction;
+    Pinocchio's inverse dynamics uses the armature alone. Each joint is at the joint's frame and has a body frame, named
+    after the link, at the link's frame; named frames are added. Continuous joints become revolute ones without limits,
+    so that Pinocchio's q has one coordinate for each joint. Raises `InputError` for a link without mass that has a
+    first moment (mass times centre of mass), which Pinocchio cannot hold, and for a drive that turns with several
+    joints. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, which is left out.
     """
     _require_own_shafts(description)
     model = pinocchio.Model()
@@ -68,11 +69,11 @@ def _bent(description: Description) -> list[str]:
 
 
 def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:
-    """The description of a Pinocchio model's mechanism, its joints put in depth-first order.
+    """The description of the mechanism that a Pinocchio `model` holds, its joints put in depth-first order.
 
     `name` is the mechanism's, None for the model's own, or "mechanism" where that is empty. Link frames are the joints'
     frames, in which the ten inertial parameters of each link are given. A link has the name of the first body frame on
-    its joint, or the joint's. The coordinates follow the joints of the description: look up a joint's place in the
+    its joint, or the joint's. The coordinates follow the joints of the description: look up a joint's index in the
     model by its name (``model.getJointId``). An unbounded revolute joint, which has (cos, sin) in Pinocchio's q,
     becomes a continuous one, with the angle. Bodies fixed to the universe do not move and are left out. Armature,
     damping and dry friction become the joint's drive; where they are zero they are not modelled. Raises `InputError`
@@ -111,9 +112,9 @@ _KINDS = {
 
 
 def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio.Model:
-    """A copy of a Pinocchio `model` with the inertias and drives of a description of the same joints, matched by name:
-    rotor inertia as armature, viscous friction as damping, Coulomb friction as dry friction. Raises `InputError` for
-    another number of joints, for a drive whose shaft turns with other joints, and for a first moment without mass,
+    """A copy of a Pinocchio `model` with the inertias and drives of a `description` of the same joints, matched by
+    name: rotor inertia as armature, viscous friction as damping, Coulomb friction as dry friction. Raises `InputError`
+    for another number of joints, for a drive whose shaft turns with other joints, and for a first moment without mass,
     `NotFoundError` for a joint that the model does not have. Warns (`SimplificationWarning`) of friction other than
     viscous and Coulomb's, left out."""
     _require_own_shafts(description)

@@ -42,7 +42,8 @@ _ASSIGNED = {
 
 
 def builtin_names() -> tuple[str, ...]:
-    """Names of the robots that come with the package, in alphabetical order, as `read` and `load` take them."""
+    """Names of the robots that come with adaptctl, in alphabetical order, which `read` and `load` accept instead of a
+    file."""
     return tuple(sorted(path.stem for path in _ROBOTS.glob("*.toml")))
 
 
@@ -56,8 +57,8 @@ def read_toml_mechanism(path: str | Path) -> Description:
     """The description of the mechanism in the TOML file at `path`, read by the `schema` that it names:
     Denavit-Hartenberg parameters (``adaptctl/denavit-hartenberg/1``) or a tree with loops (``adaptctl/mechanism/1``).
     Raises `FileError` for a file that cannot be read, an unknown schema and, naming the element, wrong contents. Warns
-    (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and carry no link
-    that has one."""
+    (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and whose descendants
+    have none."""
     schema = read_toml(path, _Head).schema
     if schema not in SCHEMAS:
         known = ", ".join(map(repr, SCHEMAS))
@@ -73,7 +74,7 @@ def read(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The description of a built-in robot, by its name, or of the mechanism in a file, read by its suffix: .toml,
+    """The description of a mechanism, from the name of a built-in robot or from a file, read by its suffix: .toml,
     .urdf, .xml or .mjcf (MJCF).
 
     `root` names the body of an MJCF scene that the mechanism begins with, all bodies on it included; None is the one
@@ -81,11 +82,11 @@ def read(
     instead of being fixed to the ground; its meshes are shown from its package and from `mesh_folders`, by default
     none. With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3
     rad of a multiple of 90 degrees are made exact. Raises `NotFoundError` for an unknown name, `FileError` for a file
-    that cannot be used, `InputError` for a floating base or mesh folders of what is no URDF file, one folder not in a
-    list, or a root of what is no MJCF file. Warns (`PhysicalConsistencyWarning`) of links whose inertia no rigid body
-    can have, and (`SimplificationWarning`) of what a file's reader leaves out (springs, tendons, gravity compensation,
-    meshes outside the folders), takes otherwise (limits of zero, mimic joints without a moving leader, actuators that
-    command no torque) or doubts (angles that look like degrees, links that move without mass).
+    that cannot be used, and `InputError` for a floating base or mesh folders where `source` is no URDF file, one folder
+    not in a list, or a `root` where it is no MJCF file. Warns (`PhysicalConsistencyWarning`) of links whose inertia no
+    rigid body can have, and (`SimplificationWarning`) of what a file's reader leaves out (springs, tendons, gravity
+    compensation, meshes outside the folders), takes otherwise (limits of zero, mimic joints without a moving leader,
+    actuators that command no torque) or doubts (angles that look like degrees, links that move without mass).
     """
     suffix = Path(source).suffix.lower()
     if floating_base and suffix != ".urdf":
@@ -114,8 +115,9 @@ def read_model(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The description of the mechanism of `model`, a `pinocchio.Model`, or a `mujoco.MjModel`: there, of the body that
-    `root` names and all bodies on it, None being the one root body on which joints turn or slide.
+    """The description of the mechanism in a loaded `model`, a `pinocchio.Model` or a `mujoco.MjModel`. Of a MuJoCo
+    model it is the body that `root` names and all bodies on it, None being the one root body on which joints turn or
+    slide.
 
     With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3 rad of a
     multiple of 90 degrees are made exact. Raises `InputError` for another object, for `floating_base` or

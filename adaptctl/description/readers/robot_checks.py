@@ -29,14 +29,14 @@ A_TURN = 2.02 * math.pi
 
 
 def require_at_most(count: int, most: int, what: str) -> None:
-    """Raise `InputError` if `count` is above `most`, the greatest number of parts that are read; `what` names the parts
-    in the message, as in "links that move"."""
+    """Raise `InputError` if `count` is above `most`, the greatest number of parts of one kind that a robot's file may
+    have; `what` names the parts in the message, as in "links that move"."""
     if count > most:
         raise InputError(f"{count} {what}: at most {most} are read")
 
 
 def require_mass_of_inertia(link: Link) -> Link:
-    """The `link` itself, as it is. Raises `InputError` where its mass is zero, but its first moment or inertia tensor
+    """The `link` itself, unchanged. Raises `InputError` where its mass is zero, but its first moment or inertia tensor
     is not."""
     if link.inertia[0] == 0.0 and np.any(link.inertia):
         raise InputError(f"link {link.name!r}: inertia without mass: give the mass that has it, or leave both out")
@@ -44,34 +44,34 @@ def require_mass_of_inertia(link: Link) -> Link:
 
 
 def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, stacklevel: int = 3) -> None:
-    """Warn, by a `SimplificationWarning` that names them, of links of a file at `path` that move without mass or rotor
-    and carry none that has either. There is no warning where the mechanism has `loops`, or where no link of the file
-    has mass. `stacklevel` is that of `warnings.warn`, by default 3, the caller's caller."""
+    """Warn, by a `SimplificationWarning` that names them, of links of a file at `path` that move without inertia or
+    rotor and whose descendants have neither. There is no warning where the mechanism has `loops`, or where no link of
+    the file has inertia. `stacklevel` is that of `warnings.warn`, 3 by default, the caller's caller."""
     if loops is None and any(np.any(link.inertia) for link in links) and (names := weightless_ends(links)):
         text = "links move without mass and carry none, so that no torque says how they accelerate"
         warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
 
 
 def unknown_body(name: str, known: Sequence[str]) -> str:
-    """The message, as text, that there is no body of this `name` in a scene: it has the nearest of the `known` names,
-    and the first 20 of them."""
+    """The text of a message that a scene has no body of this `name`: it has the nearest of the `known` names, and the
+    nonempty ones among the first 20. Nothing is raised."""
     guess = nearest_name(name, known)
     listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)
     return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MOST_NAMED)}"
 
 
 def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
-    """True where one of the `angles` of a frame, one or several numbers in rad, is above 1.01 turns in size, so that
-    degrees may be meant; False for none."""
+    """True where one of the `angles` of a frame, one or several numbers in rad, is above 2.02 pi in size, so that
+    degrees may be meant; False for no angles, None. Nothing is raised."""
     given = (angles,) if isinstance(angles, int | float) else angles or ()
     return any(abs(angle) > A_TURN for angle in given)
 
 
 def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], stacklevel: int = 3) -> None:
     """Warn, by a `SimplificationWarning` that names them, of angles in a file at `path` that are read as rad but look
-    like degrees: position limits of `links`' turning joints above 3 turns and up to 3600 rad in size, and those of
-    `frames`, the names of frames in which the caller found such angles. `stacklevel` is that of `warnings.warn`, by
-    default 3, the caller's caller."""
+    like degrees. These are position limits of `links`' turning joints above 6 pi and up to 3600 rad in size, and angles
+    of `frames`, names of elements in which the caller found such angles. `stacklevel` is that of `warnings.warn`, 3 by
+    default, the caller's caller."""
     joints = [f"limits of {link.joint.name}" for link in links if _may_be_degrees(link)]
     if names := [*joints, *frames]:
         text = "angles are read as radians, and these look like degrees"

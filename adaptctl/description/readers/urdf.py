@@ -49,19 +49,20 @@ UNREAD_KINDS = ("floating", "planar")
 
 
 def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Sequence[str | Path] = ()) -> Description:
-    """The description of the tree that moves in a URDF file, its root link fixed to the ground or, with
-    `floating_base`, floating on six joints: three slides and the hinges yaw, pitch and roll, named after it.
+    """The description of the mechanism in the URDF file at `path`, its root link fixed to the ground or, with
+    `floating_base`, floating on six joints. These are three slides and the hinges yaw, pitch and roll, named after the
+    root link.
 
     Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints become part
-    of the link that carries them. Links without <inertial> have no mass. Damping and friction of <dynamics> become the
-    joint's viscous and Coulomb friction; where they are zero, as exporters write when nobody knows, none is modelled.
-    <visual> says what is drawn, as far as its meshes are found in the file's package or in `mesh_folders`, by default
-    none; collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints that
-    follow none are primary (independent); a mimic joint whose leader is fixed or does not exist is taken as
+    of the link that they are fixed to. Links without <inertial> have no mass. Damping and friction of <dynamics> become
+    the joint's viscous and Coulomb friction; where they are zero, as exporters write when the values are unknown, none
+    is modelled. <visual> says what is drawn, as far as its meshes are found in the file's package or in `mesh_folders`,
+    by default none; collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints
+    that follow none are primary (independent); a mimic joint whose leader is fixed or does not exist is taken as
     independent. Raises `FileError` for a file that cannot be read and, naming the element and its line, for wrong
     contents. Warns (`SimplificationWarning`) of mimic joints taken as independent, of limits of zero, taken as no
-    limits, of angles that look like degrees, of links that move without mass and carry no link that has one, and of
-    meshes outside these folders.
+    limits, of angles that look like degrees, of links that move without mass and whose descendants have none, and of
+    meshes outside the package and these folders.
     """
     try:
         robot = _robot(read_text(path))
@@ -227,10 +228,10 @@ def _shown(
 
 
 def link_inertia(link: Element) -> Array:
-    """The ten inertial parameters (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first
-    moment in kg m, inertia tensor in kg m^2), about the frame's origin, of a URDF <link> element; zero without
-    <inertial>. Raises `ElementError`, with the line, for a missing part, what is no finite number, and a negative
-    mass."""
+    """The ten inertial parameters (10,) of a URDF <link> element, `link`, about the origin of its frame; zero without
+    <inertial>. They are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment in kg m,
+    inertia tensor in kg m^2). Raises `ElementError`, with the line, for a missing part, a value that is not a finite
+    number, and a negative mass."""
     with located(link):
         return _inertia_of(link, named(link))
 

@@ -23,13 +23,14 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class ElementError(InputError):
-    """Error of a wrong element of an XML file: the message says what is wrong and ends with the line where the element
-    begins, where that is known."""
+    """Error of a wrong element of an XML file, made of its message, a text: it says what is wrong and ends with the
+    line where the element begins, where that is known."""
 
 
 class LineElement(Element):
-    """An XML element with the attribute `line`, the line of its file where it begins, from 1. It is made as `Element`
-    is, of a tag and attributes; then `line` is 0, for no file, until the parser sets it."""
+    """An XML element with the attribute `line`, the line of its file where it begins, from 1. It is made as
+    ElementTree's `Element` is, of a tag (text) and attributes (texts by name); then `line` is 0, for no file, until the
+    parser sets it."""
 
     line = 0
 
@@ -92,28 +93,29 @@ def parsed(text: str, tag: str, *others: str) -> Element:
 
 
 def line_of(element: Element) -> int:
-    """The line, from 1, of the file where an element begins; 0 where that is not known."""
+    """The line number, from 1, at which an `element` begins in its XML file; 0 where that is not known. Nothing is
+    raised."""
     return getattr(element, "line", 0)
 
 
 def like(element: Element, attributes: Mapping[str, str], tag: str = "") -> Element:
-    """A new element with other `attributes`, without children, that stands at the line of `element`; it has the same
-    tag unless `tag` is given."""
+    """A new XML element with the given `attributes`, no children, the line of `element` and, unless `tag` is given, its
+    tag. Nothing is checked."""
     copy = LineElement(tag or element.tag, dict(attributes))
     copy.line = line_of(element)
     return copy
 
 
 def refuse(element: Element, message: str) -> NoReturn:
-    """Raise an `ElementError` of the given `message`, with the line where the element begins at its end, where that is
-    known. It never returns."""
+    """Raise an `ElementError` with the given `message`, and at its end the line at which `element` begins in its file,
+    where that is known. It never returns."""
     raise ElementError(f"{message} (line {line})" if (line := line_of(element)) else message)
 
 
 @contextmanager
 def located(element: Element) -> Iterator[None]:
-    """Context in which an `InputError` becomes an `ElementError` with the line where `element` begins, where that is
-    known; errors that are an `ElementError` already, and all others, pass as they are."""
+    """Context manager in which an `InputError` becomes an `ElementError` with the line at which `element` begins, where
+    that is known. Errors that are an `ElementError` already, and all others, pass as they are."""
     try:
         yield
     except ElementError:
@@ -123,14 +125,14 @@ def located(element: Element) -> Iterator[None]:
 
 
 def named(element: Element) -> str:
-    """The name of an element for messages: its tag and its attribute `name`, as in ``joint 'hinge'``, or, where it has
-    none, as in ``<option>``."""
+    """The name of an `element` for messages: its tag and its attribute `name`, as in ``joint 'hinge'``, or its tag
+    alone where it has none, as in ``<option>``. Nothing is raised."""
     return f"{element.tag} {element.attrib['name']!r}" if "name" in element.attrib else f"<{element.tag}>"
 
 
 def attribute(element: Element, name: str, where: str) -> str:
-    """The text of the element's attribute `name`. Raises `ElementError`, with the element's line, where it is missing
-    or empty; `where` begins the message."""
+    """The text of the attribute `name` of an `element`. Raises `ElementError`, with the element's line, where it is
+    missing or empty; `where` begins the message."""
     value = element.get(name)
     if not value:
         refuse(element, f"{where}: <{element.tag}> needs the attribute {name}")
@@ -138,17 +140,17 @@ def attribute(element: Element, name: str, where: str) -> str:
 
 
 def number(element: Element, name: str, where: str, largest: float = LARGEST) -> float:
-    """The finite number of the element's attribute `name`, in the unit of the file. Raises `ElementError`, with the
-    element's line, where it is missing, not one finite number, or above `largest` in size, by default 1e30; `where`
+    """The finite number in the attribute `name` of an `element`, in the unit of the file. Raises `ElementError`, with
+    the element's line, where it is missing, not one finite number, or above `largest` in size, 1e30 by default; `where`
     begins the message."""
     return numbers(element, name, 1, where, largest)[0]
 
 
 def numbers(element: Element, name: str, count: int | range, where: str, largest: float = LARGEST) -> list[float]:
-    """The finite numbers of the element's attribute `name`, separated by spaces, in the unit of the file. `count` is
-    how many there must be, or the range of counts allowed. Raises `ElementError`, with the element's line, where the
-    attribute is missing, holds something else or another count, or a number above `largest` in size, by default 1e30;
-    `where` begins the message."""
+    """The finite numbers in the attribute `name` of an `element`, separated by spaces there, in the unit of the file.
+    `count` is how many there must be, or the range of counts allowed. Raises `ElementError`, with the element's line,
+    where the attribute is missing, holds something else or another count, or a number above `largest` in size, 1e30 by
+    default; `where` begins the message."""
     text = attribute(element, name, where)
     counts = range(count, count + 1) if isinstance(count, int) else count
     readable = len(text) <= LONGEST_NUMBERS and text.isascii() and "_" not in text
@@ -164,8 +166,8 @@ def numbers(element: Element, name: str, count: int | range, where: str, largest
 
 
 def required(element: Element, tag: str, where: str) -> Element:
-    """The one child element of the given `tag`. Raises `ElementError`, with a line, where there is none, or more than
-    one; `where` begins the message."""
+    """The one child of an `element` that has the given `tag`. Raises `ElementError`, with a line, where there is none,
+    or more than one; `where` begins the message."""
     found = only(element, tag, where)
     if found is None:
         refuse(element, f"{where}: <{element.tag}> needs an element <{tag}>")
@@ -173,8 +175,8 @@ def required(element: Element, tag: str, where: str) -> Element:
 
 
 def only(element: Element, tag: str, where: str) -> Element | None:
-    """The one child element of the given `tag`, None where there is none. Raises `ElementError`, with a line, where
-    there is more than one; `where` begins the message."""
+    """The one child of an `element` that has the given `tag`, None where there is none. Raises `ElementError`, with a
+    line, where there is more than one; `where` begins the message."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(found[1], f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")

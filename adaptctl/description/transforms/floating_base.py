@@ -24,14 +24,14 @@ JOINTS = (
 
 
 def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
-    """The description of the same mechanism on a body that floats, instead of on the ground. `inertia` (10,) holds the
-    body's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment in kg m, inertia tensor in
-    kg m^2), about the origin of the frame the ground had and along its axes.
+    """The description of a mechanism that stands on a floating body, called `name`, instead of on the ground.
 
-    `name` is the body's. Six joints carry it: from the ground, the slides ``name_x``, ``name_y`` and ``name_z`` (m) and
-    the hinges ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), the first six of the primary (independent) joints.
-    Frames of loop closures that were on the ground are then on the body. Raises `InputError` for an inertia of another
-    shape, not finite or above 1e20, and for a name that is empty or taken.
+    `inertia` (10,) holds the body's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment
+    in kg m, inertia tensor in kg m^2), about the origin and along the axes of its frame, which replaces the ground's
+    for all that was fixed to the ground. Six joints lead to it: from the ground, the slides ``name_x``, ``name_y`` and
+    ``name_z`` (m) and the hinges ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), the first six of the primary
+    (independent) joints. Raises `InputError` for an inertia of another shape, not finite or above 1e20 in size, and for
+    a name that is empty or, itself or with one of these endings, taken.
     """
     links, loops = floating(description.links, name, inertia), description.loops
     if loops is not None:
@@ -44,13 +44,14 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
     """The links of a mechanism on a floating base: six links for a body that floats, then the given `links`, of which
-    those that hung on the ground hang on that body. `inertia` (10,) holds the body's m, mc_x, mc_y, mc_z, I_xx, I_xy,
-    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about its frame's origin; `name` is the body's.
+    those that stood on the ground stand on that body.
 
-    The body is carried by six joints, from the ground three slides, ``name_x``, ``name_y`` and ``name_z`` (m), and
-    three hinges, ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), so that positions stay plain vectors; the five
-    links between them are massless and own no parameters. At a pitch of 90 degrees yaw and roll turn about the same
-    axis, as with any three angles. Raises `InputError` for an inertia of another shape, not finite or above 1e20.
+    `inertia` (10,) holds the body's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about
+    its frame's origin; `name` is the body's. Six joints lead from the ground to the body, three slides, ``name_x``,
+    ``name_y`` and ``name_z`` (m), and three hinges, ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), so that
+    positions stay plain vectors; the five links between them are massless and own no parameters. At a pitch of 90
+    degrees yaw and roll turn about the same axis, as with any three angles. Raises `InputError` for an inertia of
+    another shape, not finite or above 1e20 in size.
     """
     base = tuple(_base_link(i, name, inertia) for i in range(len(JOINTS)))
     above = len(base)
@@ -59,8 +60,9 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
 
 
 def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
-    """The shapes to draw of a mechanism once six links of a floating base come before its own: each is on the link of
-    an index 6 higher, and those on the ground, -1, are on the floating body, 5."""
+    """The shapes to draw of a mechanism, `visuals`, renumbered for six links of a floating base that come before its
+    own: each link index is 6 higher, so that shapes on the ground, -1, are on the floating body, 5. Nothing is
+    checked."""
     return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
 
 

@@ -19,9 +19,9 @@ def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loop
 
     Links, joints and named frames get their part's label in front, as in ``left.link3``, and `loops`, by default none,
     uses these names: so two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep
-    their order, their parameters and their shapes to draw. Their gravity, the same vector in all, is that of the common
-    ground frame: the poses do not turn it. Raises `InputError` for no parts, parts of different gravity, and parts with
-    loops of their own, `NotFoundError` for unknown names in `loops`.
+    their order, their parameters and their shapes to draw. All parts must have the same gravity vector, which becomes
+    that of the common ground frame: the poses do not turn it. Raises `InputError` for no parts, parts of different
+    gravity, and parts with loops of their own, `NotFoundError` for unknown names in `loops`.
     """
     if not parts:
         raise InputError(f"{name}: at least one part is needed")

@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
 
 def with_joint_frames(description: Description) -> Description:
-    """The description of the same mechanism with the frame of each link at its joint, as in URDF, where equations of
+    """A copy of a mechanism's `description` with the frame of each link at its joint, as in URDF, where equations of
     motion take fewest operations. Inertial parameters and loop closures are given in the new frames; shapes to draw and
-    named frames are left out."""
+    named frames are left out. Raises `InputError` where a length becomes greater than 1e9 m or an inertial parameter
+    than 1e20."""
     far = {link.name: link.far for link in description.links}
     links = tuple(_link(link, description) for link in description.links)
     loops = None if description.loops is None else _loops(description.loops, far)
@@ -28,9 +29,10 @@ def with_joint_frames(description: Description) -> Description:
 
 
 def joint_frame_parameters(description: Description) -> Array:
-    """The matrix (P, P) that multiplies the P inertial parameters (P,) of a mechanism, SI units, in the order of its
-    `parameter_names`, to give those of the same mechanism with link frames at the joints (`with_joint_frames`). Drive
-    parameters, rotors and friction, stay."""
+    """The matrix (P, P) that maps the P inertial parameters of a mechanism to those of the same mechanism with link
+    frames at the joints (`with_joint_frames`), SI units, in the order of the description's property `parameter_names`.
+    They are then about the joint frame's origin and along its axes. Drive parameters, rotor inertia and friction, are
+    the same in both. Nothing is raised."""
     matrix, size = np.eye(len(description.parameter_names)), len(PARAMETERS)
     for k, i in enumerate(description.bodies):
         moved = [transformed(one, description.links[i].far) for one in np.eye(size)]

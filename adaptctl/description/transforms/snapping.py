@@ -20,14 +20,15 @@ WITHIN = 1e-3
 
 
 def snapped(description: Description, within: float = WITHIN) -> Description:
-    """The description of the same mechanism with its nearly right angles made exact: those between successive joint
-    axes, and between gravity and the axes of joints on the ground, that are within `within` (rad, by default 1e-3) of a
+    """A copy of a mechanism's `description` with nearly right angles made exact: those between successive joint axes,
+    and between gravity and the axes of joints on the ground, that are within `within` (rad, 1e-3 by default) of a
     multiple of 90 degrees.
 
-    Frames and axes that are nearly along their parents' are turned onto them; where they are not, the child's joint is
-    turned by the little that is missing. The links it carries turn with it, so that their origins move by at most
-    `within` times the chain's length. Frames of loop closures within `within` of right angles to their links' are made
-    exact too. Limits, inertias in their links' frames and names stay. `within` is not checked.
+    Link and joint frames whose rotation matrix has all entries within `within` of 0 or +-1 get exactly these entries,
+    and joint axes that near to a coordinate axis become that axis. Axes that still meet another at nearly a right
+    angle, or are nearly parallel to it, are turned with their joint, and with the links behind it, whose origins move
+    by at most `within` times the chain's length. Frames of loop closures are made exact like link frames. Limits,
+    inertias in their links' frames and names stay. `within` is not checked.
     """
     links: list[Link] = []
     for link in description.links:
@@ -41,10 +42,10 @@ def snapped(description: Description, within: float = WITHIN) -> Description:
 
 
 def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
-    """Triples (link, name, axes) in the links' order: a link, the name of the joint before its own, and the axes of
-    that joint and of its own, two unit vectors (3,), in the frame of the link's parent, which is between them. For a
-    link on the ground the name is "gravity", the first axis is gravity's direction, and the frame is the ground's;
-    without gravity such a link is left out."""
+    """Triples (link, name, axes) of a mechanism's `description` in the links' order: a link, the name of the joint
+    before its own, and the axes of these two joints, unit vectors (3,), in the frame of the link's parent. For a link
+    on the ground the name is "gravity", the first axis is gravity's direction, and the frame is the ground's; without
+    gravity such a link is left out. Nothing is raised."""
     for link in description.links:
         carrier = _carrier(description, description.links, link)
         if carrier is not None:

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 
 def edited(data: bytes, edits: Iterable[tuple[int, int, bytes]]) -> bytes:
-    """The bytes `data` with pieces replaced: each of `edits` is (start, end, new bytes), the indices counted from 0 in
-    `data`, `end` not included. The pieces must not overlap, which is not checked."""
+    """A copy of the bytes `data` with pieces replaced: each of `edits` is (start, end, new bytes), zero-based indices
+    in `data`, `end` not included. The pieces must not overlap, which is not checked."""
     for start, end, new in sorted(edits, reverse=True):
         data = data[:start] + new + data[end:]
     return data
@@ -15,7 +15,7 @@ def edited(data: bytes, edits: Iterable[tuple[int, int, bytes]]) -> bytes:
 
 def end_of_tag(data: bytes, at: int) -> int:
     """The index in the XML bytes `data` just behind the ">" that ends the tag which begins at index `at`; a ">" within
-    a quoted attribute does not count. The length of `data` where the tag does not end."""
+    a quoted attribute does not count. It is the length of `data` where the tag does not end. Nothing is raised."""
     quote = 0
     for i in range(at, len(data)):
         byte = data[i]

@@ -21,19 +21,19 @@ from adaptctl.files import toml_string, write_text
 
 def write_mechanism(path: str | Path, description: Description) -> None:
     """Write a mechanism's `description` to `path` as a TOML file that `read_mechanism_file` and `load` read, whole or
-    not at all. Numbers come back the same, rotations to round-off, since roll, pitch and yaw stand for them; shapes to
-    draw are not kept. What is written of a link with a negative mass, or with inertia but no mass, is refused by the
-    reader. Raises `FileError` where the file cannot be written, `InputError` for what the file cannot say: position
-    limits of a continuous joint."""
+    not at all. Numbers are read back the same, rotations to round-off, since they are written as roll, pitch and yaw;
+    shapes to draw are not kept. A link with a negative mass, or with inertia but no mass, is written, but refused on
+    reading. Raises `FileError` where the file cannot be written, `InputError` for position limits of a continuous
+    joint, which the format does not have."""
     write_text(path, mechanism_toml(description))
 
 
 def mechanism_toml(description: Description) -> str:
     """The text of the TOML file of a mechanism's `description`, in the schema ``adaptctl/mechanism/1`` that
-    `read_mechanism_file` reads: m, rad and SI units, numbers with all digits. They come back the same, rotations to
-    round-off, since roll, pitch and yaw stand for them; shapes to draw are not kept. What is written of a link with a
-    negative mass, or with inertia but no mass, is refused by the reader. Raises `InputError` for what the file cannot
-    say: position limits of a continuous joint."""
+    `read_mechanism_file` reads: SI units and rad, numbers with all digits. Numbers are read back the same, rotations to
+    round-off, since they are written as roll, pitch and yaw; shapes to draw are not kept. A link with a negative mass,
+    or with inertia but no mass, is written, but refused on reading. Raises `InputError` for position limits of a
+    continuous joint, which the format does not have."""
     _require_sayable(description)
     parts = [
         'schema = "adaptctl/mechanism/1"',

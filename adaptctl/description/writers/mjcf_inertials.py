@@ -20,11 +20,11 @@ from adaptctl.files import read_bytes, write_bytes
 def write_mjcf(
     path: str | Path, original: str | Path, before: Description, after: Description, root: str | None = None
 ) -> None:
-    """Write to `path` the MJCF file `original` with the links' inertias of `after`; all else stays, byte for byte.
-    `before` is the description that the original gives, read with the same `root`, the name of the mechanism's first
-    body, None for the one root body that moves.
+    """Write to `path` a copy of the MJCF file `original` with the links' inertias of the description `after`; all else
+    stays, byte for byte. `before` is the description read from `original` with the same `root`, the name of the
+    mechanism's first body, None for the one root body that moves.
 
-    A link's inertia is that of all bodies fixed to each other: the body at its joint takes the whole change, the others
+    A link's inertia is that of all bodies fixed to each other: the body at its joint gets the whole change, the others
     keep theirs. That body gets an <inertial> where it had geoms only; MuJoCo prefers it to them. Raises `FileError` for
     a file that cannot be read or written, where no rigid body has the inertia that a body would get, where that body
     stands in an included file, and where the compiler setting inertiafromgeom is true, so that inertials are ignored;

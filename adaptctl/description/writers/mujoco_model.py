@@ -25,13 +25,14 @@ FAR = 1e10
 
 
 def to_mujoco(description: Description) -> mujoco.MjModel:
-    """The MuJoCo model of a mechanism without loops: a body at each joint, without shapes and so without collisions, a
-    torque motor for each joint, limited to the joint's effort limit, and a time step of 1 ms. A joint with a single
-    position limit has the other 1e10 rad (m) away, which `from_mujoco` reads as none.
+    """The MuJoCo model of the mechanism of a `description`, which has no loops: a body at each joint, a torque motor
+    for each joint, limited to the joint's effort limit, and a time step of 1 ms. Bodies have no shapes and so no
+    collisions. A joint with a single position limit has the other at 1e10 rad (m if prismatic), which `from_mujoco`
+    reads as none.
 
     Rotor inertia, viscous and Coulomb friction become MuJoCo's armature, damping and frictionloss. Raises `InputError`
     for loops, motor shafts that turn with several joints, other friction terms, inertias that no rigid body has, and
-    all else that MuJoCo refuses; `ImportError` where the package mujoco is not installed.
+    whatever else MuJoCo refuses; `ImportError` where the package mujoco is not installed.
     """
     import mujoco
 
@@ -95,9 +96,10 @@ def _motor(spec: mujoco.MjSpec, link: Link) -> None:
 
 def set_parameters(arm: MujocoArm, before: Description, after: Description) -> None:
     """Change the MuJoCo model of `arm` in place to the inertias, rotor inertias, viscous and Coulomb friction of the
-    description `after`. `before` describes the model as it is; a link whose inertia is the same in both stays as it is.
+    description `after`. `before` describes the model as it is; a link whose inertia is the same in both keeps it.
 
-    The body at a link's last joint gets the link's inertia less that of the other bodies fixed to it, which stay.
+    The body at a link's last joint gets the link's inertia less that of the other bodies fixed to it, which stay. The
+    method `links` of `arm` must have been called before: `KeyError` is raised otherwise where an inertia differs.
     Before anything is changed, raises `InputError` where that difference has no positive mass, and for loops, motor
     shafts that turn with several joints and other friction terms in `after`, `ValueError` for descriptions with other
     numbers of links than the model's.
@@ -132,10 +134,11 @@ def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, A
 
 
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
-    """The mass (kg), centre of mass (3,), m, principal axes as a quaternion w, x, y, z (4,), and moments about them
-    (3,), kg m^2, negative ones made 0, of ten inertial parameters (10,) in the order m, mc_x, mc_y, mc_z, I_xx, I_xy,
-    I_yy, I_xz, I_yz, I_zz; all zero, and the unit quaternion, for ten zeros. Raises `InputError` for other inertias
-    without a positive mass; `name` is the link's, in the message."""
+    """The mass (kg), centre of mass (3,), m, attitude of the principal axes as a quaternion w, x, y, z (4,), and
+    principal moments of inertia about the centre (3,), kg m^2, rising, negative ones made 0, of a rigid body. `ten`
+    (10,) has its inertial parameters in the order m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
+    m^2). For ten zeros all are zero, and the quaternion is (1, 0, 0, 0). Raises `InputError` for other inertias without
+    a positive mass; `name` is the link's, in the message."""
     mass = float(ten[0])
     if mass == 0.0 and not np.any(ten):
         return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)

@@ -13,9 +13,9 @@ from adaptctl.errors import FileError, InputError
 
 
 def write_robot(path: str | Path, original: str | Path, after: Description, root: str | None = None) -> None:
-    """Write to `path` the URDF or MJCF file `original` with the links' inertias of the description `after`; all else
-    stays, byte for byte. `root` names the body of an MJCF scene that the mechanism begins with, None for the one root
-    body that moves.
+    """Write to `path` a copy of the URDF or MJCF file `original` with the links' inertias of the description `after`;
+    all else stays, byte for byte. `root` names the body of an MJCF scene that the mechanism begins with, None for the
+    one root body that moves.
 
     Raises `InputError` for a file of another suffix than .urdf, .xml and .mjcf, and for a `root` of a URDF file,
     `FileError` where a file cannot be read or written, where the original holds another mechanism than `after`

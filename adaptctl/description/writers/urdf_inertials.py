@@ -21,13 +21,14 @@ from adaptctl.files import read_bytes, write_bytes
 
 
 def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
-    """Write to `path` the URDF file `original` with the links' inertias of the description `after`; all else stays,
-    byte for byte. `before` is the description that the original gives.
+    """Write to `path` a copy of the URDF file `original` with the links' inertias of the description `after`; all else
+    stays, byte for byte. `before` is the description read from `original`.
 
-    A moving link's inertia is that of all links fixed to it too. These keep theirs, and it gets the rest, as long as a
-    rigid body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError` for a file that
-    cannot be read or written, and for a first moment or an inertia without mass, which URDF cannot hold; `KeyError` for
-    a link that the file does not have, `ValueError` for descriptions with different numbers of links.
+    A moving link's inertia includes that of all links fixed to it. These keep theirs, and it gets the rest, as long as
+    a rigid body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError` for a file
+    that cannot be read or written, and for a first moment or an inertia without mass, which URDF cannot hold;
+    `KeyError` for a link that the file does not have, `ValueError` for descriptions with different numbers of links and
+    for a file that is not UTF-8.
     """
     data = read_bytes(original)
     try:
@@ -50,10 +51,10 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
 
 
 def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
-    """The bytes `data` of a URDF file with the <inertial> elements of some links replaced: `inertias` has, by link
-    name, the ten inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2,
-    about the link frame's origin), or None to take the element out. All else stays, byte for byte. Raises `KeyError`
-    for a link that the file does not have."""
+    """A copy of the bytes `data` of a URDF file with the <inertial> elements of some links replaced; all else stays,
+    byte for byte. `inertias` has, by link name, the ten inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), or None to take the element out. Raises
+    `KeyError` for a link that the file does not have."""
     spans = _spans(data)
     edits = []
     for name, ten in inertias.items():

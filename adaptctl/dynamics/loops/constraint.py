@@ -19,9 +19,9 @@ class ClosureSide:
     """One side of a loop closure: the chain of links from a common link (or the ground) to the closing frame, which the
     closure makes coincide with that of the other side.
 
-    `links` are the chain's link indices outward, without the common link, empty where the frame is on that; `rotation`
-    (3, 3), whose columns are the closing frame's axes, and `origin` (3), m, place the frame in the chain's last link,
-    in the common one where the chain is empty.
+    `links` are the chain's zero-based link indices outward, without the common link, empty where the closing frame is
+    on that. `rotation` (3, 3), whose columns are the closing frame's axes, and `origin` (3,), m, give that frame's pose
+    in the chain's last link, in the common one where the chain is empty. Nothing is checked.
     """
 
     links: tuple[int, ...]
@@ -33,7 +33,7 @@ class ClosureSide:
 class Loop:
     """A closed kinematic loop of a tree of links: a closure between two sides, `first` and `second`, that part at a
     common link or the ground. `kind` says what coincides of their closing frames: the origins (POINT), origins and z
-    axes (AXIS) or whole poses (WELD)."""
+    axes (AXIS) or whole poses (WELD). Nothing is checked."""
 
     first: ClosureSide
     second: ClosureSide
@@ -42,8 +42,9 @@ class Loop:
 
 class Hinge(NamedTuple):
     """A joint of a loop at one configuration, in the axes and from the origin of the link at which the loop's two sides
-    part: its `link`'s index, True in `turns` if it is revolute (False if prismatic), the unit vector `axis` (3), and
-    `origin` (3), m, its frame's origin before its own motion, a point on the axis."""
+    part. `link` is the index of the joint's link; `turns` is True if it is revolute, False if prismatic; `axis` (3,) is
+    its unit vector, and `origin` (3,), m, the origin of its frame before its own motion, a point on the axis. Nothing
+    is checked."""
 
     link: int
     turns: bool
@@ -53,8 +54,9 @@ class Hinge(NamedTuple):
 
 class Reach(NamedTuple):
     """One side of a loop closure at one configuration, in the axes and from the origin of the link (or the ground) at
-    which the two sides part: `hinges`, its joints from there outward, and its closing frame, which the closure makes
-    coincide with the other side's, by `rotation` (3, 3), whose columns are the frame's axes, and `origin` (3), m."""
+    which the two sides part. `hinges` are its joints from there outward; `rotation` (3, 3), whose columns are the
+    frame's axes, and `origin` (3,), m, give the pose of its closing frame, which the closure makes coincide with the
+    other side's. Nothing is checked."""
 
     hinges: list[Hinge]
     rotation: Mat
@@ -62,9 +64,9 @@ class Reach(NamedTuple):
 
 
 def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
-    """The `Reach` of one side of a loop closure: its joints and its closing frame, which the closure makes coincide
-    with the other side's, in the axes of the link at which the sides part, at the configuration at which the links are
-    placed. `places` has the links' Placements in their parents by link index, those of `side.links` at least. A
+    """The joints and the closing frame of one side of a loop closure at one configuration, as a `Reach`, in the axes of
+    the link at which the closure's two sides part. The closure makes the closing frame coincide with the other side's.
+    `places` has the links' `Placement` objects in their parents by link index, those of `side.links` at least. A
     placement that is missing raises `IndexError`, or `KeyError` in a mapping."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
@@ -77,12 +79,13 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 
 class Constraint:
-    """A loop closure at one configuration: its residual, and how that moves with the loop's joints. Made of `places`,
-    the links' Placements in their parents by link index, and the `loop`.
+    """A loop closure at one configuration: its residual, and how that changes with the loop's joints. Made of `places`,
+    the links' `Placement` objects in their parents by link index, and `loop`, the `Loop` that the closure closes.
 
     It has 3 scalar conditions (of kind POINT: the sides' closing frames have the same origin), 5 (AXIS: the same z
     axis, too) or 6 (WELD: the same pose), those of position, in m, before those of direction, in rad. They are in the
-    axes of the first side's closing frame, so that they do not change when the loop turns as a whole.
+    axes of the first side's closing frame, so that they do not change when the loop turns as a whole. A missing
+    placement raises `IndexError`.
     """
 
     def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
@@ -92,9 +95,9 @@ class Constraint:
 
     def residual(self) -> list[Scalar]:
         """The closure residual, a list of 3 (kind POINT), 5 (AXIS) or 6 (WELD) scalars, zero when the loop is closed,
-        in the axes of the first closing frame: x, y, z of the second closing frame's origin from the first's, in m,
-        then, to first order, the second frame's rotation against the first in rad: about x and y for AXIS, x, y and z
-        for WELD."""
+        in the axes of the first side's closing frame. It has x, y, z of the second closing frame's origin from the
+        first's, in m, then, to first order, the second frame's rotation against the first in rad: about x and y for
+        AXIS, x, y and z for WELD."""
         gap = self._seen @ (self.second.origin - self.first.origin)
         turn = product(self._seen, self.second.rotation)
         attitude = {
@@ -109,20 +112,23 @@ class Constraint:
         return [*gap, *attitude]
 
     def rates(self) -> dict[int, list[Scalar]]:
-        """Derivatives of the closure residual by the loop's joint positions, at a closed configuration: by joint index
-        a list of 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS) or 6 (with the same pose,
-        WELD) scalars, m or rad per rad (or per m of a prismatic joint), the joint's column of the closure Jacobian, in
-        the order and the axes of `residual`."""
+        """Derivatives of the closure residual by the loop's joint positions, at a closed configuration: columns of the
+        closure Jacobian by joint index. Each is a list of 3 (frames with the same origin, POINT), 5 (with the same z
+        axis, too, AXIS) or 6 (with the same pose, WELD) scalars, m or rad per rad (or per m of a prismatic joint), in
+        the order and the axes of the method `residual`."""
         outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
         inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
         return outward | inward
 
     def bias(self, u: Column, w: Column) -> list[Scalar]:
-        """The second derivative of the closure residual along two joint velocities u and w (n,) of the tree's n joints,
-        rad/s (m/s if prismatic): a list of 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS)
-        or 6 (with the same pose, WELD) scalars, m/s^2, then rad/s^2, in the order and the axes of `residual`. For u = w
-        it is the residual's acceleration while no joint accelerates; it is bilinear and symmetric in both. u and w must
-        keep the loop closed. Nothing is checked: too short a u or w raises `IndexError`."""
+        """The second derivative of the closure residual along two joint velocities `u` and `w` (n,) of the tree's n
+        joints, rad/s (m/s if prismatic), a list of scalars, m/s^2, then rad/s^2, in the order and the axes of the
+        method `residual`.
+
+        There are 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS) or 6 (with the same pose,
+        WELD). For u = w it is the residual's acceleration while no joint accelerates; it is bilinear and symmetric in
+        both. u and w must keep the loop closed, which is not checked; too short a u or w raises `IndexError`.
+        """
         one, other = _carried(self.first, u, w), _carried(self.second, u, w)
         turning = other.alpha - one.alpha
         if self.kind is ClosureKind.AXIS:
@@ -144,10 +150,10 @@ class Constraint:
 
 
 class Carried(NamedTuple):
-    """Motion of a closing frame, by which one side of a loop is joined to the other, under two joint velocities u and
-    w, in the axes of the link at which the sides part, no joint accelerating: its angular velocities `omega` under u
-    and `rho` under w (3), rad/s, and the angular acceleration `alpha` (3), rad/s^2, and acceleration `acc` of its
-    origin (3), m/s^2, both bilinear and symmetric in u and w."""
+    """Motion of a loop side's closing frame, by which it is joined to the other side, under two joint velocities u and
+    w, no joint accelerating. In the axes of the link at which the sides part it has the angular velocities `omega`
+    under u and `rho` under w (3,), rad/s, the angular acceleration `alpha` (3,), rad/s^2, and the acceleration `acc` of
+    the frame's origin (3,), m/s^2, both bilinear and symmetric in u and w. Nothing is checked."""
 
     omega: Vec
     rho: Vec
@@ -175,11 +181,11 @@ def _carried(reached: Reach, u: Column, w: Column) -> Carried:
 
 @dataclass(frozen=True)
 class Follower:
-    """A joint that follows another through gears or a mimic joint: q[follower] = ratio q[leader] + offset, in rad (m if
-    prismatic).
+    """A joint that follows another through gears or a mimic joint: q[follower] = ratio * q[leader] + offset, in rad (m
+    if prismatic).
 
-    `follower` and `leader` are joint indices in the tree, `ratio` is without unit (or in m/rad, rad/m), `offset` in rad
-    or m.
+    `follower` and `leader` are zero-based joint indices in the tree, `ratio` is without unit (or in m/rad, rad/m),
+    `offset` in the follower's unit. Nothing is checked.
     """
 
     follower: int
@@ -189,12 +195,12 @@ class Follower:
 
     @property
     def joints(self) -> tuple[int]:
-        """Index of the one joint whose position `followed` gives, in a tuple."""
+        """Index, among the tree's joints, of the following joint, in a tuple of one."""
         return (self.follower,)
 
     def followed(self, _places: object, _links: object, q: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """Position of the following joint, rad (m if prismatic), as a tuple of one, where the leading joint is at that
-        of the configuration q (n,) of the tree's n joints. The first two arguments, links' placements and geometry, are
+        """Position of the following joint, rad (m if prismatic), as a tuple of one, for that of the leading joint in
+        the configuration q (n,) of the tree's n joints. The first two arguments, links' placements and geometry, are
         not used. Too short a q raises `IndexError`."""
         return (self.ratio * q[self.leader] + self.offset,)
 
@@ -205,9 +211,9 @@ class Closing:
 
     `loops` and `followers` (couplings) give scalar conditions, in this order: 3 for a loop whose two closing frames
     have one origin (POINT), 5 where they have one z axis, too (AXIS), 6 where they have one pose (WELD), and 1 for a
-    coupling; `rows` are the indices, rising, of those that are used, the independent ones. `primary` (r) are the
-    indices of the joints whose positions are given, `dependent` (n - r) those of the others, which the conditions
-    determine. Nothing is checked.
+    coupling. `rows` are the zero-based indices, rising, of those that are used, the independent ones. `primary` (r,)
+    are the indices of the joints whose positions are given, `dependent` (n - r,) those of the others, which the
+    conditions determine. Nothing is checked.
     """
 
     loops: tuple[Loop, ...]
@@ -218,26 +224,26 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """True for each of the r primary (independent) joints, in their order, that moves a loop, being part of it or
-        leading a joint that is; False for one whose motion closes with no loop."""
+        """Flags of the r primary (independent) joints, in their order: True for one that moves a loop, being part of it
+        or leading a joint that is; False for one whose motion moves no loop."""
         links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """Closure residual (c,), the violation of the c independent conditions of loops, then of couplings, in m for
-        positions and rad for directions (a coupling's in its joint's unit): zero at a closed configuration. `places`
-        has the n links' placements at the configuration q (n,) of the tree's n joints, rad (m if prismatic). Nothing is
-        checked: too few placements raise `IndexError`."""
+        """Closure residual (c,), the amounts by which the c independent conditions of loops, then of couplings, are
+        violated, zero at a closed configuration: in m for positions and rad for directions (a coupling's in its joint's
+        unit). `places` has the n links' placements at the configuration q (n,) of the tree's n joints, rad (m if
+        prismatic). Arguments are not checked: too few placements raise `IndexError`."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """Jacobian (c, n) of the c independent closure conditions, in the order of `residual`, by the positions of the
-        tree's n joints, as n columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic joint). `places`
-        has the n links' placements at a closed configuration. Nothing is checked: too few placements raise
-        `IndexError`."""
+        """Jacobian (c, n) of the c independent closure conditions, in the order of the method `residual`, by the
+        positions of the tree's n joints, as n columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic
+        joint). `places` has the n links' placements at a closed configuration. Arguments are not checked: too few
+        placements raise `IndexError`."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -249,19 +255,20 @@ class Closing:
         return [Column(columns[j].get(i, 0.0) for i in self.rows) for j in range(n)]
 
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
-        """The second derivative (c,) of the closure residual's c independent conditions, in the order of `residual`,
-        along two velocities u and w (n,) of the tree's n joints, rad/s (m/s if prismatic), that keep the loops closed:
-        m/s^2 or rad/s^2, bilinear and symmetric in u and w. `places` has the n links' placements at a closed
-        configuration. Nothing is checked: too few placements, u or w too short raise `IndexError`."""
+        """The second derivative (c,) of the closure residual's c independent conditions along two velocities `u` and
+        `w` (n,) of the tree's n joints, rad/s (m/s if prismatic), that keep the loops closed. It is in m/s^2 or
+        rad/s^2, in the order of the method `residual`, bilinear and symmetric in u and w. `places` has the n links'
+        placements at a closed configuration. Arguments are not checked: too few placements, u or w too short raise
+        `IndexError`."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
         rows += [0.0] * len(self.followers)
         return Column(rows[i] for i in self.rows)
 
 
 def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
-    """Index of the last link that the branches from the ground to two links share, or -1 for the ground. `parents` has
-    each link's parent index, -1 for the ground; `first` and `second` are the two links' indices, -1 for the ground. Not
-    checked: an index beyond the links raises `IndexError`."""
+    """Index of the last link that is on both branches from the ground to two links, or -1 for the ground. `parents` has
+    each link's parent index, -1 for the ground; `first` and `second` are the two links' zero-based indices, -1 for the
+    ground. Arguments are not checked: an index beyond the links raises `IndexError`."""
     above = {GROUND, *ancestry(parents, first)}
     while second not in above:
         second = parents[second]
@@ -269,9 +276,9 @@ def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
 
 
 def ancestry(parents: Sequence[int], link: int) -> list[int]:
-    """Indices of the links on the branch from the ground to a `link`, that one included and last; empty for the ground,
-    -1. `parents` has each link's parent index, -1 for the ground. Not checked: an index beyond the links raises
-    `IndexError`."""
+    """Zero-based indices of the links on the branch from the ground to a `link`, that one included and last; empty for
+    the ground, -1. `parents` has each link's parent index, -1 for the ground. Arguments are not checked: an index
+    beyond the links raises `IndexError`."""
     chain: list[int] = []
     while link != GROUND:
         chain.append(link)

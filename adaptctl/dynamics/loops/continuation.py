@@ -29,17 +29,17 @@ OPEN, HALVINGS = 1e-11, 4
 """m or rad: more than round-off; and how many times a step that leaves as much is halved."""
 
 NEAREST = 0.05
-"""Share of its reference value below which the dependent block's smallest singular value is too small."""
+"""Fraction of its reference value below which the dependent block's smallest singular value is too small."""
 
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """The assembly branch that holds a mechanism's reference configuration: the closed configurations that can be
-    reached from it without passing one in which the loops lock. It is followed by Newton's steps; closed forms could
-    pass to another branch unnoticed.
+    """The assembly branch of a mechanism's reference configuration: the closed configurations that can be reached from
+    it without passing a singularity of the loops, at which the primary joints no longer determine the others. It is
+    followed by Newton steps; closed forms could pass to another branch unnoticed.
 
-    `equations` are the mechanism's `LoopEquations`, closed by Newton's steps; `reference` (n,) is the configuration of
-    the tree's n joints, rad (m if prismatic), in which the loops are known to close. Nothing is checked.
+    `equations` are the mechanism's `LoopEquations`, closed by Newton steps; `reference` (n,) is a closed configuration
+    of the tree's n joints, rad (m if prismatic). Nothing is checked.
     """
 
     equations: LoopEquations
@@ -47,20 +47,20 @@ class Continuation:
 
     @property
     def primary(self) -> list[int]:
-        """Indices, among the tree's n joints, of the r primary (independent) ones, in the order of their positions p
-        (r,)."""
+        """Zero-based indices, among the tree's n joints, of the r primary (independent) ones, in the order of their
+        positions p (r,)."""
         return list(self.equations.closing.primary)
 
     def follow(self, p: Array, start: Array | None = None) -> Array:
-        """Closed configurations (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of the r
-        primary (independent) joints, rad (m), reached from the closed configurations `start` (..., n) along straight
-        lines in p, in steps of at most 0.05 rad (m); None starts at the reference configuration. `start` may be one for
-        all samples.
+        """Closed configurations (..., n) of the tree's n joints, rad (m if prismatic), at positions `p` (..., r) of the
+        r primary (independent) joints, rad (m). They are reached from the closed configurations `start` (..., n), or
+        one `start` (n,) for all samples, along straight lines in p, in steps of at most 0.05 rad (m); None starts at
+        the reference configuration.
 
-        Raises `SingularityError` where the way comes near a configuration in which the loops lock, the smallest
-        singular value of the closure Jacobian by the dependent joints being below 0.05 of that at the reference, or
-        where the loops do not close, and `InputError` where `start` does not broadcast to the samples of p. Other
-        shapes are not checked.
+        Raises `SingularityError` where the way comes near a singularity of the loops, the smallest singular value of
+        the closure Jacobian by the dependent joints being below 0.05 of that at the reference, or where the loops
+        cannot be closed, and `InputError` where `start` does not broadcast to the samples of p. Other shapes are not
+        checked.
         """
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
@@ -92,16 +92,18 @@ class Continuation:
         return self._ways.followed_alone(self.reference, start, way, max(math.ceil(longest / LARGEST_STEP), 1))
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
-        """Mask (m,) of m positions p (m, r) of the r primary (independent) joints, rad (m if prismatic): True where
-        `follow` reaches a position from the reference along a straight line without coming near a configuration in
-        which the loops lock, False where not. Positions out of reach raise no error; shapes are not checked."""
+        """Boolean mask (m,) of m positions `p` (m, r) of the r primary (independent) joints, rad (m if prismatic): True
+        for those that `follow` reaches from the reference along a straight line in p. On that line the closure
+        Jacobian's smallest singular value, by the dependent joints, must be at least 0.05 of that at the reference.
+        Positions out of reach raise no error; shapes are not checked."""
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """The share (m,), from 0 to 1, of the straight way from the reference configuration to each of m positions p
-        (m, r) of the r primary (independent) joints, rad (m if prismatic), that can be gone before the `regularity`,
-        which is 1 at the reference and 0 where the loops lock, falls below `least` (no unit, 0.05 by default), counted
-        in steps of at most 0.05 rad (m): 1 for all of it. Shapes are not checked; NaN gives 0."""
+        """The fraction (m,), from 0 to 1, of straight lines from the reference configuration to m positions `p` (m, r)
+        of the r primary (independent) joints, rad (m if prismatic), along which the method `regularity` gives at least
+        `least` (no unit, 0.05 by default). Regularity is 1 at the reference and 0 at a singularity of the loops. The
+        fraction is counted in steps of at most 0.05 rad (m) and is 1 for the whole line; NaN gives 0. Shapes are not
+        checked."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -114,28 +116,28 @@ class Continuation:
         return gone
 
     def regularity(self, q: Array) -> Array:
-        """Distance from locking (...), without unit, at configurations q (..., n) of the tree's n joints, rad (m if
-        prismatic): the smallest singular value of the closure Jacobian by the dependent joints over that at the
-        reference, 1 there; 0 on the other side of a singularity, where the loops are not closed to 1e-9 m or rad, and
-        for NaN.
+        """Relative smallest singular value (...), no unit, of the closure Jacobian by the dependent joints at
+        configurations `q` (..., n) of the tree's n joints, rad (m if prismatic). It is divided by that at the reference
+        configuration, so 1 there and 0 at a singularity of the loops.
 
-        Near a singularity it goes as the square root of the distance to it, so that 0.05 is near. Raises `InputError`
-        for another number of joints.
+        It is 0, too, beyond a singularity (where the Jacobian's determinant has the other sign), where a closure
+        residual is 1e-9 m or rad or more, and for NaN. Near a singularity it goes as the square root of the joint-space
+        distance to it, so that values below 0.05 are near. Raises `InputError` for another number of joints.
         """
         gap, smallest, sign = self._look(q)
         _, reference, side = self._at_reference
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
-        """Indicator of a regular configuration q (n,) of the tree's n joints, rad (m if prismatic), a scalar of the
-        kind of q: 1.0 where the loops are closed and the `regularity`, the smallest singular value of the closure
-        Jacobian over that at the reference, is surely at least 0.05; else, and beyond a configuration in which the
-        loops lock, 0.0. Loops count as closed where no entry of the closure residual reaches `lost`, m or rad: 1e-9 by
-        default, more is needed in single precision.
+        """Indicator of a regular configuration `q` (n,) of the tree's n joints, rad (m if prismatic), a scalar of the
+        kind of q: 1.0 where the loops are closed and their regularity is proved to be at least 0.05, else 0.0. The
+        regularity is the smallest singular value of the closure Jacobian A (d, d) by the d dependent joints over that
+        at the reference.
 
-        The singular value is judged by a lower bound on it, 1/|A^-1| with Frobenius' norm, A (d, d) being the closure
-        Jacobian by the d dependent joints. The bound is at least 1/sqrt(d) of the value, so that 0.0 may be given to a
-        regularity up to 0.05 sqrt(d). An exactly singular A raises `ZeroDivisionError` in floats.
+        Loops count as closed where no entry of the closure residual reaches `lost`, m or rad: 1e-9 by default, more is
+        needed in single precision. The singular value is judged by a lower bound on it, 1/|A^-1| with Frobenius' norm.
+        The bound is at least 1/sqrt(d) of the value, so that 0.0 may be given to a regularity up to 0.05 sqrt(d).
+        Beyond a singularity of the loops the result is 0.0. An exactly singular A raises `ZeroDivisionError` in floats.
         """
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
@@ -150,10 +152,10 @@ class Continuation:
         return where(gap < lost, regular, 0.0)
 
     def require_regular(self, q: Array) -> None:
-        """Check of configurations q (..., n) of the tree's n joints, rad (m if prismatic); nothing is returned. Raises
-        `SingularityError`, with the worst one's primary positions, where the `regularity`, which is 1 at the reference
-        configuration and 0 where the loops lock, is below 0.05: near or beyond a configuration in which the loops lock,
-        or with loops left open. Raises `InputError` for another number of joints."""
+        """Raise `SingularityError`, with the worst one's primary positions, unless the method `regularity` gives at
+        least 0.05 at all configurations `q` (..., n) of the tree's n joints, rad (m if prismatic). It is 1 at the
+        reference configuration, 0 at or beyond a singularity of the loops or where they are open. Nothing is returned.
+        Raises `InputError` for another number of joints."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return

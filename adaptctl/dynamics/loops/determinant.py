@@ -9,11 +9,12 @@ from adaptctl.scalars import Column, Scalar, absolute, where
 
 
 def determinant(rows: Iterable[Column]) -> Scalar:
-    """Determinant of a square matrix (n, n), given by its n rows, each a `Column` (n,), over scalars of any kind
-    (floats, arrays, symbolic ones), by elimination with partial pivoting that does not branch on a value.
+    """Determinant of a square matrix (n, n), given by its n `rows`, each a `Column` (n,), over scalars of any kind
+    (floats, arrays, symbolic ones), by elimination with partial pivoting that does not branch on a value. It is in the
+    product of the entries' units.
 
-    Rows change places by quarter turns of the plane they span, which keep the sign. Where a pivot but the last is zero,
-    the result is NaN in arrays, and floats raise `ZeroDivisionError`. Columns of different lengths raise `ValueError`.
+    Rows are exchanged with a change of sign of one, which keeps the determinant. Where a pivot but the last is zero,
+    the result is NaN in arrays, and floats raise `ZeroDivisionError`. Rows of different lengths raise `ValueError`.
     """
     left, product = [list(row) for row in rows], 1.0
     while left:

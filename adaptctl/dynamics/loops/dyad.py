@@ -19,37 +19,39 @@ PARALLEL = 1e-12
 
 
 class Flat(NamedTuple):
-    """A vector (2) in the plane of a planar loop, in m: its components `x` and `y` are scalars of any kind (floats,
-    arrays, symbolic ones)."""
+    """A vector (2,) in the plane of a planar loop, in m: its components `x` and `y` are scalars of any kind (floats,
+    arrays, symbolic ones). Nothing is checked."""
 
     x: Any
     y: Any
 
     def minus(self, other: Flat) -> Flat:
-        """The difference of this vector and the `other`, both in the same plane and unit."""
+        """The difference of this vector less the `other`, both in the same plane and unit. Nothing is checked."""
         return Flat(self.x - other.x, self.y - other.y)
 
     def turned(self, cosine: Any, sine: Any) -> Flat:
         """This vector turned to the left (from x to y) by the angle of the given `cosine` and `sine`; where both are
-        multiplied by a factor, so is its length."""
+        multiplied by a factor, so is its length. Nothing is checked."""
         return Flat(cosine * self.x - sine * self.y, cosine * self.y + sine * self.x)
 
     def dot(self, other: Flat) -> Any:
-        """The inner product of two vectors in the plane, m^2: the product of their lengths times the cosine of the
-        angle between them."""
+        """The inner product of this vector and the `other` in the plane, m^2: the product of their lengths times the
+        cosine of the angle between them. Nothing is checked."""
         return self.x * other.x + self.y * other.y
 
     def cross(self, other: Flat) -> Any:
         """The cross product of this vector and the `other` in the plane, m^2, a scalar: the product of their lengths
-        times the sine of the angle from this one to the other, positive to the left."""
+        times the sine of the angle from this one to the other, positive to the left. Nothing is checked."""
         return self.x * other.y - self.y * other.x
 
 
 class Links(NamedTuple):
-    """Geometry of a dyad (two links joined by a middle pivot, between two outer pivots) in its plane, vectors in m: the
-    outer pivots `pivot` and `other_pivot`; `over`, from the first pivot over the first link to the middle pivot; and
-    `other_over`, over the second link: from `other_pivot` to the middle pivot if the loop is cut there, else from the
-    middle pivot to the second link's outer end."""
+    """Geometry of a dyad (two links joined by a middle pivot, between two outer pivots) in its plane, vectors in m.
+
+    `pivot` and `other_pivot` are the outer pivots; `over` leads from the first pivot over the first link to the middle
+    pivot; `other_over` leads over the second link: from `other_pivot` to the middle pivot if the loop is cut there,
+    else from the middle pivot to the second link's outer end. Made by `Links.of`; nothing is checked.
+    """
 
     pivot: Flat
     over: Flat
@@ -60,9 +62,9 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, one: Reach, other: Reach, plane: tuple[Vec, Vec], is_cut_in_the_middle: bool) -> Links:
-        """Geometry in its plane, m, of a dyad (two links joined by a middle pivot), from the loop's two sides at one
+        """The geometry of a dyad (two links joined by a middle pivot) in its plane, m, from the loop's two sides at one
         configuration. `one` and `other` are the sides' joints and closing frames, `plane` two orthogonal unit vectors
-        (3) that span the plane, in the axes of the link at which the sides part. `is_cut_in_the_middle` is True where
+        (3,) that span the plane, in the axes of the link at which the sides part. `is_cut_in_the_middle` is True where
         each side ends with one link of the dyad, False where `one` ends with both. Nothing is checked."""
         if is_cut_in_the_middle:
             points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
@@ -75,21 +77,21 @@ class Links(NamedTuple):
 
 @dataclass(frozen=True)
 class Dyad:
-    """A dyad of three revolute joints (RRR) with parallel axes: two links between two outer pivots and a middle one.
-    The loop was cut at one of these pivots. The joints at the other two depend on all others of the loop: where these
-    put the outer pivots, the links' lengths leave two places for the middle one, on either side of the line between the
-    outer pivots, and that of a nearby configuration is taken.
+    """A closed-form solution of a planar loop by a dyad, two links joined by a middle pivot between two outer ones, of
+    three revolute joints (RRR) with parallel axes.
 
-    `sides` are the loop's: each ends with a link of the dyad, or the first with both; `joints` the indices of the two
-    dependent joints; `plane` two orthogonal unit vectors (3) across the axes, in the axes of the link at which the
-    sides part; `squares` the two links' squared lengths, m^2; `sense` is 1 where positive angles of both joints turn
-    the same way in the plane, else -1.
+    The loop was cut at one of these pivots; the joints at the other two depend on all others of the loop. Where these
+    put the outer pivots, the links' lengths leave two positions for the middle one, on either side of the line between
+    the outer pivots, and that of a nearby configuration is taken. `sides` are the loop's: each ends with a link of the
+    dyad, or the first with both; `joints` the indices of the two dependent joints; `plane` two orthogonal unit vectors
+    (3,) across the axes, in the axes of the link at which the sides part; `squares` the two links' squared lengths,
+    m^2; `sense` is 1 where positive angles of both joints turn the same way in the plane, else -1. Nothing is checked.
     """
 
     sides: tuple[ClosureSide, ClosureSide]
     """the loop's: each ends with a link of the dyad, or the first with both"""
     joints: tuple[int, int]
-    """those that follow"""
+    """indices of the two dependent joints"""
     plane: tuple[Vec, Vec]
     """unit vectors across the axes, in the common link's axes"""
     squares: tuple[float, float]
@@ -107,8 +109,9 @@ class Dyad:
         self, places: Mapping[int, Placement], links: Sequence[Segment], q: Sequence[Scalar]
     ) -> tuple[Scalar, ...]:
         """The angles, rad, of the two dependent joints that close the loop by the dyad (two links joined by a middle
-        pivot, between two outer pivots), in the order of `joints`: within half a turn of those of a configuration q
-        (n,) of the tree's n joints, rad (m if prismatic), and with the middle pivot on the same side.
+        pivot, between two outer pivots), in the order of this object's `joints`. They are within half a turn of those
+        of a configuration `q` (n,) of the tree's n joints, rad (m if prismatic), with the middle pivot on the same side
+        of the line between the outer ones.
 
         `places` has the placements of the loop's other links in their parents by link index, `links` the geometry of
         all n links. Where the loop cannot close, the angles leave it open and nothing is raised; outer pivots that
@@ -143,9 +146,9 @@ Rule: TypeAlias = Dyad | Follower
 
 
 def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple[Rule, ...]:
-    """The closed-form rules, Dyads and Followers (couplings), by which all dependent joints of a mechanism follow
-    from its primary ones, each after those that it needs. The tuple is empty where any dependent joint has no such
-    rule.
+    """The closed-form rules, `Dyad` and `Follower` (coupling) objects, by which all dependent joints of a mechanism
+    follow from its primary ones, each after those that it needs. The tuple is empty where any dependent joint has no
+    such rule.
 
     `closing` has the loops, couplings and primary joints; `links` the geometry of the tree's n links; `reference` (n,)
     is a configuration of its joints, rad (m if prismatic), that closes all loops. A `reference` of another length

@@ -9,19 +9,19 @@ from adaptctl.scalars import Column, Scalar
 
 
 class System(Protocol):
-    """Protocol of a linear system A x = b whose matrix A (m, n), m >= n, is ready to be solved for any right side: an
+    """Protocol of a linear system A x = b whose matrix A (m, n), m >= n, is ready to be solved for any right side b: an
     implementation gives `solve`."""
 
     def solve(self, right: Column) -> Column:
-        """The solution x (n,) of A x = b for a right side b (m,), in the unit of b over that of A. An implementation
-        returns the least-squares solution where there are more rows than columns, and raises `ValueError` for a b of
-        another length."""
+        """The solution x (n,) of A x = b for a right side b (m,), `right`, in the unit of b over that of A. An
+        implementation returns the least-squares solution where there are more rows than columns, and raises
+        `ValueError` for a b of another length."""
         ...
 
 
 def factored(columns: Sequence[Column]) -> System:
-    """The linear system A x = b of a matrix A (m, n), m >= n, given by its n columns (m,), ready to be solved: a 2 x 2
-    matrix by Cramer's rule (`TwoByTwo`), others by their QR factors (`Factored`). Exactly dependent columns raise
+    """A linear system A x = b ready to be solved for any b, from the n `columns` (m,) of its matrix A (m, n), m >= n: a
+    2 x 2 matrix by Cramer's rule (`TwoByTwo`), others by their QR factors (`Factored`). Exactly dependent columns raise
     `ZeroDivisionError` in floats and give infinity or NaN in arrays."""
     if len(columns) == 2 and len(columns[0]) == 2:
         return TwoByTwo(columns)
@@ -29,8 +29,9 @@ def factored(columns: Sequence[Column]) -> System:
 
 
 class TwoByTwo:
-    """A linear system A x = b of a matrix A (2, 2), given by its two columns (2,) and solved by Cramer's rule, with one
-    division. A matrix of determinant zero raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
+    """A linear system A x = b of a matrix A (2, 2), solved by Cramer's rule with one division. Made of the two
+    `columns` (2,) of A. A matrix of determinant zero raises `ZeroDivisionError` in floats and gives infinity or NaN in
+    arrays; another number of columns or entries raises `ValueError`."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         (a, c), (b, d) = columns
@@ -38,14 +39,14 @@ class TwoByTwo:
         self.rows = Column((inverse * d, -(inverse * b))), Column((-(inverse * c), inverse * a))
 
     def solve(self, right: Column) -> Column:
-        """The solution x (2,) of A x = b for a right side b (2,), in the unit of b over that of A. Raises `ValueError`
-        for a b of another length."""
+        """The solution x (2,) of A x = b for a right side b (2,), `right`, in the unit of b over that of A. Raises
+        `ValueError` for a b of another length."""
         return Column(row @ right for row in self.rows)
 
 
 class Factored:
-    """A QR factorisation A = Q R of a matrix A (m, n), m >= n, given by its n columns (m,), by modified Gram-Schmidt
-    without pivoting, so that no code branches on a value.
+    """A QR factorisation A = Q R of a matrix A (m, n), m >= n, by modified Gram-Schmidt without pivoting, so that no
+    code branches on a value. Made of the n `columns` (m,) of A.
 
     The columns of Q are orthogonal but are not made unit vectors, and R has ones on its diagonal: so there are no
     square roots, and one division a column. Exactly dependent columns raise `ZeroDivisionError` in floats and give
@@ -66,9 +67,10 @@ class Factored:
             self.inverse.append(1.0 / (column @ column))
 
     def solve(self, right: Column) -> Column:
-        """The solution x (n,) of A x = b for a right side b (m,), in the unit of b over that of A, by the factorisation
-        A = Q R and back substitution; the least-squares solution where m > n. For accuracy b is made orthogonal to the
-        columns of Q one after the other, as the columns of A were. Raises `ValueError` for a b of another length."""
+        """The solution x (n,) of A x = b for a right side b (m,), `right`, in the unit of b over that of A, by the
+        factorisation A = Q R and back substitution; the least-squares solution where m > n. For accuracy b is made
+        orthogonal to the columns of Q one after the other, as the columns of A were. Raises `ValueError` for a b of
+        another length."""
         x: list[Scalar] = []
         for q, inverse in zip(self.q, self.inverse, strict=True):
             x.append(inverse * (q @ right))

@@ -20,13 +20,13 @@ from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, dot, product
 
 
 class ArticulatedBody(NamedTuple):
-    """Articulated-body inertia (6, 6) of a link with all that hangs on it, whose joints are free (Featherstone 2008,
-    chapter 7), about a point, in the axes of one frame, in blocks (3, 3): the moment (3), N m, and force (3), N, that
-    accelerate the link by alpha, rad/s^2, and its point by acc, m/s^2, are moment = inertia alpha + coupling acc, force
-    = coupling' alpha + mass acc.
+    """Articulated-body inertia (6, 6) of a link with all its descendants, whose joints are free (Featherstone 2008,
+    chapter 7), about a point, in the axes of one frame, in blocks (3, 3).
 
+    The moment (3,), N m, and force (3,), N, that give the link the angular acceleration alpha, rad/s^2, and its point
+    the acceleration acc, m/s^2, are moment = inertia alpha + coupling acc, force = coupling' alpha + mass acc.
     `inertia` (kg m^2) and `mass` (kg) are symmetric, `coupling` (kg m) is not; coupling' is its transpose. `+` adds two
-    of the same point and axes.
+    of the same point and axes. Nothing is checked.
     """
 
     inertia: Mat
@@ -37,9 +37,9 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(*(a + b for a, b in zip(self, other, strict=True)))
 
     def load(self, acceleration: Twist) -> Wrench:
-        """The `Wrench` (force, N, and moment about the body's point, N m) that gives an articulated body, a link with
-        all that hangs on it by free joints, an `acceleration`: its angular part `w` (3), rad/s^2, and its linear part
-        `v` (3), m/s^2, in the body's axes."""
+        """The force, N, and moment about the body's point, N m, as a `Wrench`, that give an articulated body (a link
+        with its descendants on free joints) an `acceleration`. This has an angular part `w` (3,), rad/s^2, and a linear
+        part `v` (3,), m/s^2, in the body's axes. Nothing is checked."""
         alpha, acc = acceleration.w, acceleration.v
         return Wrench(self.coupling.T @ alpha + self.mass @ acc, self.inertia @ alpha + self.coupling @ acc)
 
@@ -47,7 +47,7 @@ class ArticulatedBody(NamedTuple):
         """Articulated-body inertia that remains when the link's joint, too, is free: I - U U'/D, I (6, 6) being this
         one, U' the transpose of U (Featherstone 2008, chapter 7). `load` is U, the wrench of a unit acceleration of the
         joint, N and N m per rad/s^2 (or m/s^2); `inverse` is 1/D, D being the joint's inertia, kg m^2 (kg if
-        prismatic)."""
+        prismatic). Nothing is checked."""
         moment, force = inverse * load.moment, inverse * load.force
         return ArticulatedBody(
             _symmetric(self.inertia - _outer(moment, load.moment)),
@@ -56,8 +56,8 @@ class ArticulatedBody(NamedTuple):
         )
 
     def moved_origin(self, offset: Vec) -> ArticulatedBody:
-        """This articulated-body inertia (6, 6), of a link with all that hangs on it by free joints, about another
-        point, in the same axes; `offset` (3), m, leads from that other point to its present one."""
+        """This articulated-body inertia (6, 6) of a link with its descendants on free joints about another point, in
+        the same axes; `offset` (3,), m, leads from that other point to its present one. Nothing is checked."""
         arm = _crossing(offset)
         coupling = self.coupling + product(arm, self.mass)
         spread = product(arm, self.coupling.T) + product(coupling, arm.T)
@@ -67,7 +67,7 @@ class ArticulatedBody(NamedTuple):
         """This articulated-body inertia (6, 6) of a link, about the link's origin and in its axes, moved to the parent
         link's origin and axes. The link's own joint must be free too: it is what `without` gives. `place` is the link's
         placement in its parent, `rotor` the inertia of the joint itself, kg m^2 (kg if prismatic); if that is the float
-        0.0, entries that are zero but for round-off may be made exact zeros."""
+        0.0, entries that are zero but for round-off may be made exact zeros. Nothing is checked."""
         near = place.segment.near
         if place.segment.whole is not None and any(place.shift):  # far from right angles one way costs less than two
             return self.turned_up(place).moved_origin(near + place.up(place.shift))
@@ -80,7 +80,8 @@ class ArticulatedBody(NamedTuple):
         """This articulated-body inertia (6, 6) of a link whose joint is free and has no rotor, with round-off made
         exact zeros: such a body takes no load along the joint's axis, so that the matrix's row and column of that
         motion are zero. It is about the joint's origin, in the link's axes; `place` is the link's placement in its
-        parent. Where the joint's axis is no coordinate axis of the link it is returned unchanged."""
+        parent. Where the joint's axis is no coordinate axis of the link it is returned unchanged. Nothing is
+        checked."""
         still = [abs(x) != 1.0 for x in place.segment.axis]
         if all(still):
             return self
@@ -89,8 +90,8 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(self.inertia, _kept(self.coupling, _ALL, still), _kept(self.mass, still, still))
 
     def turned_up(self, place: Placement) -> ArticulatedBody:
-        """This articulated-body inertia (6, 6), of a link with all that hangs on it by free joints, in the parent
-        link's axes, about the same point; `place` is the link's placement in its parent."""
+        """This articulated-body inertia (6, 6) of a link with its descendants on free joints in the parent link's axes,
+        about the same point; `place` is the link's placement in its parent. Nothing is checked."""
         inertia, mass = symmetric_up(place, self.inertia), symmetric_up(place, self.mass)
         return ArticulatedBody(inertia, tensor_up(place, self.coupling), mass)
 
@@ -117,7 +118,8 @@ def accelerations(
     `LinkMotion` each, gravity included, at the given velocities with all joint accelerations zero; `parameters` (10 n,)
     ten for each link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
     origin); `rotors` (n,) inertias of the joints themselves, kg m^2 (kg); `torque` (n,) the joint torques less
-    friction, N m (N). A joint without inertia raises `ZeroDivisionError` in floats.
+    friction, N m (N). Arguments are not checked: a joint without inertia raises `ZeroDivisionError` in floats and gives
+    infinity or NaN in arrays, vectors too short raise `IndexError` or `ValueError`.
     """
     joints = _freed(places, unaccelerated, parameters, rotors, torque)
     found: list[Scalar] = []

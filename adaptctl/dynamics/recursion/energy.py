@@ -10,8 +10,9 @@ from adaptctl.scalars import ZERO, Column, Scalar, Vec, cross, dot
 
 
 class Weight:
-    """Gravity as one link has it: `gravity` (3), the gravitational acceleration in the link's axes, m/s^2, and
-    `potential`, the potential energy per mass at the link's origin, J/kg, 0 at the ground frame's origin."""
+    """Gravity's acceleration and potential at one link: `gravity` (3,), the gravitational acceleration in the link's
+    axes, m/s^2, and `potential`, the potential energy per mass at the link's origin, J/kg, 0 at the ground frame's
+    origin. Nothing is checked."""
 
     __slots__ = ("gravity", "potential")
 
@@ -20,9 +21,10 @@ class Weight:
 
 
 def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
-    """The `Weight` of each of n links: the gravitational acceleration in its axes, m/s^2, and the potential energy per
-    mass at its origin, J/kg. `places` has the links' placements in their parents, parents before children; `gravity`
-    (3) is in the ground frame, m/s^2. Nothing is checked."""
+    """Gravity's acceleration in the axes of each of n links, m/s^2, and the potential energy per mass at its origin,
+    J/kg, 0 at the ground frame's origin, as one `Weight` for each link. `places` has the links' placements in their
+    parents, parents before children; `gravity` (3,) is the acceleration in the ground frame, m/s^2. Nothing is
+    checked."""
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
@@ -31,20 +33,21 @@ def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
 
 
 def carried_weight(place: Placement, base: Weight) -> Weight:
-    """The `Weight` of one link: the gravitational acceleration in its axes, m/s^2, and the potential energy per mass at
-    its origin, J/kg. `place` is the link's placement in its parent, `base` the parent's `Weight`."""
+    """Gravity's acceleration in one link's axes, m/s^2, and the potential energy per mass at its origin, J/kg, as a
+    `Weight`, from those of its parent, `base`. `place` is the link's placement in its parent. Nothing is checked."""
     own = place.down(base.gravity)
     fall = dot(base.gravity, place.segment.near) + dot(own, place.shift)
     return Weight(own, base.potential - fall)
 
 
 def link_energy(twist: Twist, weight: Weight) -> Column:
-    """Energy (10,) of one link, kinetic plus potential, in J per unit of each of its ten inertial parameters m, mc_x,
-    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin): [v.v/2 - g.x, v x
-    w - g, w_x^2/2, w_x w_y, w_y^2/2, w_x w_z, w_y w_z, w_z^2/2] (Sheu and Walker 1991, section 2.2).
+    """Energy regressor (10,) of one link: kinetic plus potential energy, in J per unit of each of its ten inertial
+    parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin).
 
-    `twist` has the link's angular velocity w, rad/s, and its origin's velocity v, m/s; `weight` the gravitational
-    acceleration g, m/s^2, and the potential -g.x at the origin x, J/kg; all in the link's axes.
+    It is [v.v/2 - g.x, v x w - g, w_x^2/2, w_x w_y, w_y^2/2, w_x w_z, w_y w_z, w_z^2/2] (Sheu and Walker 1991, section
+    2.2). `twist` has the link's angular velocity w, rad/s, and its origin's velocity v, m/s; `weight` the gravitational
+    acceleration g, m/s^2, and the potential -g.x at the origin x, J/kg; all in the link's axes. Nothing is checked.
     """
     w, v = twist.w, twist.v
     moment = cross(v, w) - weight.gravity
@@ -55,33 +58,38 @@ def link_energy(twist: Twist, weight: Weight) -> Column:
 
 def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Vec) -> Column:
     """Energy regressor E (10 n,) of a tree of n links, one joint each, J per unit of each link's ten inertial
-    parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin): the inner product with them is kinetic plus potential energy, the latter 0 at the ground frame's origin.
+    parameters; its inner product with them is kinetic plus potential energy, the latter 0 at the ground frame's origin.
 
-    `links` has the links' geometry; q and v (n,) are joint positions and velocities, rad and rad/s (m and m/s if
-    prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked: too short a q
-    or v raises `IndexError`.
+    The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin). `links` has the links' geometry; `q` and `v` (n,) are joint positions and velocities, rad and rad/s (m and
+    m/s if prismatic); `gravity` (3,) is the gravitational acceleration in the ground frame, m/s^2. Arguments are not
+    checked: too short a q or v raises `IndexError`.
     """
     return placed_energy_regressor(placements(tuple(links), q), v, gravity)
 
 
 def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec) -> Column:
-    """Energy regressor (10 n,) of a tree of n links, one joint each, that are placed already: J per unit of each link's
-    ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link
-    frame's origin), whose inner product with it is kinetic plus potential energy, the latter 0 at the ground frame's
-    origin. `places` has the links' placements in their parents, parents before children, v (n,) the joint velocities,
-    rad/s (m/s if prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked:
-    too short a v raises `IndexError`."""
+    """Energy regressor (10 n,) of a tree of n links, one joint each, from the links' placements, J per unit of each
+    link's ten inertial parameters; its inner product with them is kinetic plus potential energy, the latter 0 at the
+    ground frame's origin.
+
+    The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin). `places` has the links' placements in their parents, parents before children; `v` (n,) are the joint
+    velocities, rad/s (m/s if prismatic); `gravity` (3,) is the gravitational acceleration in the ground frame, m/s^2.
+    Arguments are not checked: too short a v raises `IndexError`.
+    """
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 
 
 def potential_regressor(links: Sequence[Segment], q: Column, gravity: Vec) -> Column:
     """Potential part (10 n,) of the energy regressor of a tree of n links, one joint each: potential energy, 0 at the
-    ground frame's origin, in J per unit of each link's ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-    I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). `links` has the links' geometry, q (n,) the
-    joint positions, rad (m if prismatic); `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2.
-    Not checked: too short a q raises `IndexError`."""
+    ground frame's origin, in J per unit of each link's ten inertial parameters.
+
+    The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
+    origin). `links` has the links' geometry, `q` (n,) the joint positions, rad (m if prismatic); `gravity` (3,) is the
+    gravitational acceleration in the ground frame, m/s^2. Arguments are not checked: too short a q raises `IndexError`.
+    """
     places = placements(tuple(links), q)
     still = Twist(ZERO, ZERO)
     return Column(entry for weight in weights(places, gravity) for entry in link_energy(still, weight))

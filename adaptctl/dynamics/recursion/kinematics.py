@@ -18,7 +18,7 @@ _WORLD_AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 class Frame:
     """Pose of a link's frame in the world: `rotation` (3, 3) turns coordinates in the link's axes into the world's, and
-    `origin` (3) is the frame's origin in the world, m."""
+    `origin` (3,) is the frame's origin in the world, m. Nothing is checked."""
 
     __slots__ = ("origin", "rotation")
 
@@ -28,8 +28,8 @@ class Frame:
 
 class LinkPoses(NamedTuple):
     """Poses of the frames of N links in the world, in the order of `Mechanism.links`, the ground not among them:
-    `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, with which a point x_i (3) of link i is at x =
-    rotations[..., i, :, :] @ x_i + translations[..., i, :] in the world. Leading axes are samples."""
+    `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m. A point x_i (3,) of link i is at x = rotations[..., i,
+    :, :] @ x_i + translations[..., i, :] in the world. Leading axes are samples. Nothing is checked."""
 
     rotations: Array
     """(..., N, 3, 3)"""
@@ -38,9 +38,9 @@ class LinkPoses(NamedTuple):
 
 
 class JointAxes(NamedTuple):
-    """Axes of the joints of N links in the world, one a link in the order of `Mechanism.links`: `positions` (..., N,
-    3), m, of a point on each, the joint frame's origin before its own motion, and `directions` (..., N, 3), unit
-    vectors. Leading axes are samples."""
+    """Axes of the joints of N links in the world, one a link in the order of `Mechanism.links`. `positions` (..., N,
+    3), m, are those of a point on each, the joint frame's origin before its own motion, and `directions` (..., N, 3)
+    unit vectors. Leading axes are samples. Nothing is checked."""
 
     positions: Array
     """(..., N, 3), m: the origin of the joint's frame before it moves"""
@@ -49,9 +49,9 @@ class JointAxes(NamedTuple):
 
 
 def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
-    """Poses in the world of the frames of a tree's n links, a `Frame` each (rotation (3, 3), origin (3) in m), in the
-    links' order, at a configuration q (n,) of the tree's n joints, rad (m if prismatic). `links` has the links'
-    geometry, parents before children. Not checked: too short a q raises `IndexError`."""
+    """Poses in the world of the frames of a tree's n links, a `Frame` each (rotation (3, 3), origin (3,) in m), in the
+    links' order, at a configuration `q` (n,) of the tree's n joints, rad (m if prismatic). `links` has the links'
+    geometry, parents before children. Arguments are not checked: too short a q raises `IndexError`."""
     out: list[Frame] = []
     for place in placements(tuple(links), q):
         base = _base(place.segment, out)
@@ -61,12 +61,12 @@ def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
 
 
 def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
-    """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`, in the order of `Mechanism.links`, the
-    ground not among them: rotations (..., N, 3, 3) and translations (..., N, 3), m, at positions p (..., r) of its r
-    primary (independent) joints, rad (m if prismatic).
+    """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`: rotations (..., N, 3, 3) and
+    translations (..., N, 3), m, at positions `p` (..., r) of its r primary (independent) joints, rad (m if prismatic).
+    They are in the order of `Mechanism.links`, the ground not among them.
 
-    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit
-    together, and `SingularityError` near where they lock.
+    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed,
+    and `SingularityError` near a singularity of the loops.
     """
     placed, samples = _placed(mechanism, p)
     n = len(placed)
@@ -76,12 +76,12 @@ def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
 
 
 def joint_axes(mechanism: Mechanism, p: ArrayLike) -> JointAxes:
-    """Axes in the world of the joints of a mechanism's N links, as `JointAxes`, one a link in the order of
-    `Mechanism.links`: points on them (..., N, 3), m, and their directions (..., N, 3), unit vectors, at positions p
-    (..., r) of its r primary (independent) joints, rad (m if prismatic).
+    """Axes in the world of the joints of a mechanism's N links, as `JointAxes`: points on them (..., N, 3), m, and
+    their directions (..., N, 3), unit vectors, at positions `p` (..., r) of its r primary (independent) joints, rad (m
+    if prismatic). They are one a link in the order of `Mechanism.links`.
 
-    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops do not fit
-    together, and `SingularityError` near where they lock.
+    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed,
+    and `SingularityError` near a singularity of the loops.
     """
     placed, samples = _placed(mechanism, p)
     links = mechanism.equations.links

@@ -14,9 +14,9 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cross
 
 
 class Body:
-    """A rigid body, such as several links whose joints are locked, by its `mass`, kg, first `moment` (3), kg m, and
+    """A rigid body, such as several links whose joints do not move, by its `mass`, kg, first `moment` (3,), kg m, and
     `inertia` tensor (3, 3), kg m^2, about the origin and in the axes of one frame. `+` adds two bodies of the same
-    frame."""
+    frame. Nothing is checked."""
 
     __slots__ = ("inertia", "mass", "moment")
 
@@ -28,8 +28,8 @@ class Body:
 
 
 def body(ten: Sequence[Scalar]) -> Body:
-    """The `Body` (mass, first moment and inertia tensor) of one link's ten inertial parameters `ten` (10,): m, mc_x,
-    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Raises
+    """The mass, first moment and inertia tensor of one link, as a `Body`, from its ten inertial parameters `ten` (10,):
+    m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Raises
     `ValueError` for another number of them."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     return Body(m, Vec(x, y, z), Mat(Vec(xx, xy, xz), Vec(xy, yy, yz), Vec(xz, yz, zz)))
@@ -38,16 +38,16 @@ def body(ten: Sequence[Scalar]) -> Body:
 def raised(place: Placement, link: Body) -> Body:
     """A link's rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about the origin and in the axes of
     its parent link. `link` is that body about the origin and in the axes of the link itself, and `place` the link's
-    placement in its parent."""
+    placement in its parent. Nothing is checked."""
     at_joint = moved_origin(link, place.shift)
     turned = Body(link.mass, place.up(at_joint.moment), symmetric_up(place, at_joint.inertia))
     return moved_origin(turned, place.segment.near)
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """The same rigid body, as a `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2), about another point, in
-    the same axes. `link` is the body about its present origin, to which `offset` (3), m, leads from that other
-    point."""
+    """A rigid body about another point, in the same axes, as a `Body` (mass, kg, first moment, kg m, inertia tensor, kg
+    m^2). `link` is the body about its present origin, to which `offset` (3,), m, leads from that other point. Nothing
+    is checked."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)
@@ -66,13 +66,13 @@ def moved_origin(link: Body, offset: Vec) -> Body:
 
 
 def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
-    """The n rows of the mass matrix (n, n) of a tree of n links, one joint each, by composite rigid bodies (Walker and
-    Orin 1982): symmetric, in kg m^2 (kg between prismatic joints, kg m mixed), zero between joints on different
-    branches; rotors are not included.
+    """Mass matrix (n, n) of a tree of n links, one joint each, as n rows of n scalars, by composite rigid bodies
+    (Walker and Orin 1982). It is symmetric, in kg m^2 (kg between prismatic joints, kg m between one of each), zero
+    between joints on different branches; rotors are not included.
 
     `places` has the links' placements in their parents, parents before children; `parameters` (10 n,) ten for each
-    link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Too
-    few parameters raise `ValueError`.
+    link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin).
+    Arguments are not checked: too few parameters raise `ValueError`.
     """
     n = len(places)
     composite = [body(parameters.of[10 * i : 10 * i + 10]) for i in range(n)]
@@ -108,26 +108,29 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
 
 def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
     """The solution x (n,) of M x = b for a symmetric positive definite matrix M (n, n), given by its n `rows`, and a
-    right side b (n,), in the unit of b over that of M, by the factorisation M = L' D L (Featherstone 2008, section 6.5)
-    with L lower triangular, D diagonal and L' the transpose of L.
+    right side b (n,), `right`, in the unit of b over that of M.
 
-    It goes from the last row to the first, so that zeros of a tree's mass matrix between branches stay zeros and cost
-    nothing in compiled equations. A pivot that is exactly zero raises `ZeroDivisionError` in floats, gives infinity or
-    NaN in arrays. Not checked: too short a b raises `ValueError`, too long a one `IndexError`.
+    It is found by the factorisation M = L' D L (Featherstone 2008, section 6.5) with L lower triangular, D diagonal and
+    L' the transpose of L, from the last row to the first, so that zeros of a tree's mass matrix between branches stay
+    zeros and cost nothing in compiled equations. Arguments are not checked: a pivot that is exactly zero raises
+    `ZeroDivisionError` in floats and gives infinity or NaN in arrays; too short a b raises `ValueError`, too long a one
+    `IndexError`.
     """
     return factorised(rows).solved(right)
 
 
 class Factors(NamedTuple):
-    """Factors of a symmetric positive definite matrix M = L' D L (n, n): `lower` has the n rows of L, of which those
-    below the diagonal of ones are used, and `inverse` (n,) the inverses of D's diagonal."""
+    """The factors L and D of a symmetric positive definite matrix M = L' D L (n, n), L lower triangular, L' its
+    transpose, D diagonal. `lower` has the n rows of L, of which the entries below the diagonal of ones are used, and
+    `inverse` (n,) the inverses of D's diagonal. Nothing is checked."""
 
     lower: Sequence[Sequence[Scalar]]
     inverse: Sequence[Scalar]
 
     def solved(self, right: Column) -> Column:
-        """The solution x (n,) of M x = b for the factorised matrix M (n, n) and a right side b (n,), in the unit of b
-        over that of M. Not checked: too short a b raises `ValueError`, too long a one `IndexError`."""
+        """The solution x (n,) of M x = b for the factorised matrix M (n, n) and a right side b (n,), `right`, in the
+        unit of b over that of M. Arguments are not checked: too short a b raises `ValueError`, too long a one
+        `IndexError`."""
         n, x, lower = len(right), list(right), self.lower
         for k in reversed(range(n)):
             for i in range(k):
@@ -140,9 +143,9 @@ class Factors(NamedTuple):
 
 
 def factorised(rows: Sequence[Sequence[Scalar]]) -> Factors:
-    """The `Factors` of a symmetric positive definite matrix M = L' D L (n, n), given by its n `rows`: L, lower
-    triangular with ones on its diagonal, and the inverse of the diagonal matrix D. A pivot that is exactly zero raises
-    `ZeroDivisionError` in floats, gives infinity or NaN in arrays."""
+    """The factors L and D, as `Factors`, of a symmetric positive definite matrix M = L' D L (n, n), given by its n
+    `rows`: L is lower triangular with ones on its diagonal, L' its transpose, D diagonal. Arguments are not checked: a
+    pivot that is exactly zero raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
     n = len(rows)
     m = [list(row) for row in rows]
     inverse: list[Scalar] = [0.0] * n

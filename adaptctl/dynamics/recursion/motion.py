@@ -12,9 +12,9 @@ GROUND = -1
 
 
 class Twist:
-    """A link's twist in its own axes: its angular velocity `w` (3), rad/s, and the velocity `v` (3) of its origin, m/s.
-    An object of this class may hold their accelerations instead, rad/s^2 and m/s^2, or either per unit of a joint's
-    velocity or acceleration."""
+    """A link's twist in its own axes: its angular velocity `w` (3,), rad/s, and the velocity `v` (3,) of its origin,
+    m/s. An object of this class may have the accelerations in their stead, rad/s^2 and m/s^2, or either per unit of a
+    joint's velocity or acceleration. Nothing is checked."""
 
     __slots__ = ("v", "w")
 
@@ -23,17 +23,18 @@ class Twist:
 
 
 def carried(place: Placement, parent: Twist) -> Twist:
-    """The `Twist` (angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes) that a link has
-    from its parent's twist, `parent`, while its own joint is locked. `place` is the link's placement in its parent."""
+    """The twist that a link has from its parent's twist, `parent`, while its own joint does not move: a `Twist` of
+    angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes. `place` is the link's placement
+    in its parent. Nothing is checked."""
     w = place.down(parent.w)
     v = place.down(parent.v + cross(parent.w, place.segment.near))
     return Twist(w, v + cross(w, place.shift))
 
 
 def moved(place: Placement, rate: Scalar) -> Twist:
-    """The `Twist` (angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes) of a link whose
-    own joint alone moves, at velocity `rate`, rad/s (m/s if prismatic). `place` is the link's placement in its
-    parent."""
+    """The twist of a link whose own joint alone moves, at velocity `rate`, rad/s (m/s if prismatic): a `Twist` of
+    angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes. `place` is the link's placement
+    in its parent. Nothing is checked."""
     axis = place.segment.axis
     if place.segment.turns:
         w = rate * axis
@@ -42,10 +43,10 @@ def moved(place: Placement, rate: Scalar) -> Twist:
 
 
 def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
-    """The Twists of all n links of a tree, one joint each: angular velocity, rad/s, and velocity of the link's
-    origin, m/s, each in the link's own axes. `places` has the links' placements in their parents, parents before
-    children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic). Not checked: too short a `rate` raises
-    `IndexError`."""
+    """Twists of all n links of a tree, one joint each, a `Twist` each: angular velocity, rad/s, and velocity of the
+    link's origin, m/s, in the link's own axes. `places` has the links' placements in their parents, parents before
+    children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic). Arguments are not checked: too short a `rate`
+    raises `IndexError`."""
     out: list[Twist] = []
     for i, place in enumerate(places):
         parent = place.segment.parent
@@ -58,8 +59,8 @@ def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
 
 
 class Products(NamedTuple):
-    """The symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities w and r (3) of a link, in its axes,
-    rad^2/s^2: six scalars for the index pairs xx, xy, yy, xz, yz, zz."""
+    """The symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities w and r (3,) of a link, in its axes,
+    rad^2/s^2: six scalars for the index pairs xx, xy, yy, xz, yz, zz. Nothing is checked."""
 
     xx: Scalar
     xy: Scalar
@@ -73,8 +74,8 @@ STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def products(w: Vec, r: Vec) -> Products:
-    """The six symmetric products (w_i r_j + w_j r_i)/2, rad^2/s^2, of two angular velocities w and r (3), rad/s, of one
-    link in its axes, as `Products`; w and r may be the same object."""
+    """The six symmetric products (w_i r_j + w_j r_i)/2, rad^2/s^2, of two angular velocities `w` and `r` (3,), rad/s,
+    of one link in its axes, as `Products`; w and r may be the same object. Nothing is checked."""
     if w is r:
         return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
     h = 0.5 * w
@@ -83,12 +84,12 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """The motion of a link in its own axes, by the acceleration of its points, from which gravity's is subtracted: acc
-    + lever u, m/s^2, for the point at u (3), m. Its velocity terms are bilinear in two angular velocities w and r of
+    """The motion of a link in its own axes, by the acceleration of its points less gravity's: acc + lever u, m/s^2, for
+    the point at u (3,), m, from the link's origin. Its velocity terms are bilinear in two angular velocities w and r of
     the link, the actual one and one of a reference motion; for an ordinary motion r is w.
 
-    Made of `products`, the symmetric products of w and r, rad^2/s^2; `alpha` (3), the angular acceleration, rad/s^2;
-    and `acc` (3), the acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2,
+    Made of `products`, the symmetric products of w and r, rad^2/s^2; `alpha` (3,), the angular acceleration, rad/s^2;
+    and `acc` (3,), the acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2,
     follows from the first two. Nothing is checked.
     """
 
@@ -100,24 +101,28 @@ class LinkMotion:
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """The twelve scalars that determine the motion, all in the link's axes: the six symmetric `products` of its
-        actual and its reference angular velocity (xx, xy, yy, xz, yz, zz), rad^2/s^2, then x, y, z of the angular
-        acceleration `alpha`, rad/s^2, and of the origin's acceleration `acc` less gravity's, m/s^2."""
+        """The twelve scalars from which the motion can be rebuilt, all in the link's axes: the six symmetric products
+        of its actual and its reference angular velocity (xx, xy, yy, xz, yz, zz), rad^2/s^2, then x, y, z of the
+        angular acceleration, rad/s^2, and of the origin's acceleration less gravity's, m/s^2."""
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
     def of(cls, numbers: Sequence[Scalar]) -> LinkMotion:
-        """The motion, a `LinkMotion`, made again from its twelve `numbers`, all in the link's axes: the symmetric
-        products xx, xy, yy, xz, yz, zz of its actual and its reference angular velocity (`Products`), rad^2/s^2, then
-        x, y, z of the angular acceleration, rad/s^2, and of the origin's acceleration less gravity's, m/s^2. Raises
-        `TypeError` for fewer or more."""
+        """The motion of a link rebuilt from its twelve `numbers`, all in the link's axes: the symmetric products xx,
+        xy, yy, xz, yz, zz of its actual and its reference angular velocity (`Products`), rad^2/s^2, then x, y, z of the
+        angular acceleration, rad/s^2, and of the origin's acceleration less gravity's, m/s^2. Raises `TypeError` for
+        fewer or more."""
         return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
 
 def lever(p: Products, a: Vec) -> Mat:
-    """The matrix (3, 3), 1/s^2, that times a point's place u (3), m, in a link is the point's acceleration due to the
-    link's rotation, m/s^2: a x u + (w x (r x u) + r x (w x u))/2. `p` has the symmetric products of the angular
-    velocities w and r, rad^2/s^2, and `a` (3) is the angular acceleration, rad/s^2."""
+    """The matrix L (3, 3), 1/s^2, of the accelerations that a link's rotation gives its points: L u, m/s^2, for the
+    point at u (3,), m, from the link's origin, all in the link's axes.
+
+    L u = a x u + (w x (r x u) + r x (w x u))/2, with x the cross product, `a` (3,) the link's angular acceleration,
+    rad/s^2, and two angular velocities w and r of the link, such as its actual and its reference one, rad/s, of which
+    `p` has the symmetric products (w_i r_j + w_j r_i)/2, rad^2/s^2. Nothing is checked.
+    """
     return Mat(
         Vec(-(p.yy + p.zz), p.xy - a.z, p.xz + a.y),
         Vec(p.xy + a.z, -(p.xx + p.zz), p.yz - a.x),
@@ -126,14 +131,14 @@ def lever(p: Products, a: Vec) -> Mat:
 
 
 def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[LinkMotion]:
-    """The motion of every link of a tree of n links, a `LinkMotion` each, under joint velocities v, reference
-    velocities v_r (n,), rad/s (m/s if prismatic), and reference accelerations a_r (n,), rad/s^2 (m/s^2): Newton and
-    Euler's forward recursion, its velocity terms made a symmetric bilinear form of v and v_r.
+    """The motion of every link of a tree of n links, a `LinkMotion` each, under joint velocities `v`, reference
+    velocities `v_r` (n,), rad/s (m/s if prismatic), and reference accelerations `a_r` (n,), rad/s^2 (m/s^2). It is
+    Newton and Euler's forward recursion, its velocity terms made a symmetric bilinear form of v and v_r.
 
     With v_r = v it is the ordinary recursion; otherwise torques have the term C v_r with the Christoffel matrix C at v
     that Slotine and Li (1987) need. `places` has the links' placements in their parents, parents before children;
-    `gravity` (3) is the gravitational acceleration in the ground frame, m/s^2. Not checked: vectors too short raise
-    `IndexError`.
+    `gravity` (3,) is the gravitational acceleration in the ground frame, m/s^2. Arguments are not checked: vectors too
+    short raise `IndexError`.
     """
     w = angular_velocities(places, v)
     r = w if v is v_r else angular_velocities(places, v_r)
@@ -154,9 +159,9 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
-    """Angular velocities (3), rad/s, of all n links of a tree, each in the link's own axes. `places` has the links'
+    """Angular velocities (3,), rad/s, of all n links of a tree, each in the link's own axes. `places` has the links'
     placements in their parents, parents before children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic).
-    Not checked: too short a `rate` raises `IndexError` where it is read."""
+    Arguments are not checked: too short a `rate` raises `IndexError` where it is read."""
     out: list[Vec] = []
     for i, place in enumerate(places):
         segment = place.segment

@@ -16,7 +16,8 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
     `places` has the links' placements in their parents, parents before children; `moving` their motions, a `LinkMotion`
     each; `parameters` (10 n,) ten for each link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
-    m^2, about the link frame's origin). Not checked: too few parameters raise `IndexError` or `ValueError`.
+    m^2, about the link frame's origin). Arguments are not checked: too few parameters raise `IndexError` or
+    `ValueError`.
     """
     loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
     torques: list[Scalar] = [0.0] * len(places)
@@ -29,9 +30,9 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
-    """The joint torque, N m (N if prismatic), that a wrench on the joint's link asks for: the wrench's power at unit
-    velocity of the joint. `place` is the link's placement in its parent, `load` the force, N, and its moment about the
-    link's origin, N m, in the link's axes."""
+    """The joint torque, N m (N if prismatic), that corresponds to a wrench on the joint's link: the wrench's power at
+    unit velocity of the joint. `place` is the link's placement in its parent, `load` the force, N, and its moment about
+    the link's origin, N m, in the link's axes. Nothing is checked."""
     z = place.segment.axis
     if not place.segment.turns:
         return dot(load.force, z)
@@ -39,22 +40,24 @@ def joint_power(place: Placement, load: Wrench) -> Scalar:
 
 
 def lifted(place: Placement, load: Wrench) -> Wrench:
-    """The same `Wrench` (force, N, and moment, N m) about the parent link's origin and in the parent's axes, from that
-    about the link's origin in its axes, `load`. `place` is the link's placement in its parent."""
+    """A wrench about the parent link's origin and in the parent's axes, from the same wrench about the link's origin in
+    its axes, `load`: a `Wrench` of force, N, and moment, N m. `place` is the link's placement in its parent. Nothing is
+    checked."""
     force = place.up(load.force)
     moment = place.up(load.moment + cross(place.shift, load.force))
     return Wrench(force, moment + cross(place.segment.near, force))
 
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
-    """The n rows of the torque regressor Y (n, k) of a tree of n links, one joint each, one `Column` (k,) a joint, N m
-    (N if prismatic) per unit of each of k inertial parameters. Over all 10 n of them, D (10 n,), ten a link, m, mc_x,
-    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), Y D = M a_r + C
-    v_r + g, M the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
+    """Torque regressor Y (n, k) of a tree of n links, one joint each, as n rows, one `Column` (k,) a joint, N m (N if
+    prismatic) per unit of each of k inertial parameters.
 
-    `places` has the links' placements in their parents, parents before children; `moving` a `LinkMotion` of each link,
-    made (by `motions`) under joint velocities v and the reference velocities v_r and accelerations a_r; `columns` the k
-    indices in D. An index of 10 n or more raises `IndexError`; negative ones are not refused.
+    Over all 10 n of them, D (10 n,), ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
+    m^2, about the link frame's origin), Y D = M a_r + C v_r + g, M the mass matrix, C the Christoffel (Coriolis)
+    matrix, g gravity's torque. `places` has the links' placements in their parents, parents before children; `moving` a
+    `LinkMotion` of each link, made (by `motions`) under joint velocities v and the reference velocities v_r and
+    accelerations a_r; `columns` the k indices in D. An index of 10 n or more raises `IndexError`; negative ones are not
+    refused.
     """
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
@@ -67,19 +70,19 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
 
 
 def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> dict[int, Twist]:
-    """Twists of link number `i` under unit velocity of each joint that moves it, a `Twist` by joint index: the columns
-    of the link's Jacobian in its own axes, rad/rad and m/rad (m/m for a prismatic joint's velocity). `place` is the
-    link's placement in its parent. `done` has the result of this function for every link of a lower index, in order,
-    the parent's among them; for a link on the ground it may be empty."""
+    """Twists of the link of zero-based index `i` under unit velocity of each joint that moves it, a `Twist` by joint
+    index: the columns of the link's Jacobian in its own axes, rad/rad and m/rad (m/m for a prismatic joint's velocity).
+    `place` is the link's placement in its parent. `done` has what this function returned for the links of lower index,
+    in order, the parent among them; for a link on the ground it may be empty. Nothing is checked."""
     parent = place.segment.parent
     above = done[parent] if parent != GROUND else {}
     return {j: carried(place, twist) for j, twist in above.items()} | {i: moved(place, 1.0)}
 
 
 def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
-    """Lists, one for each of `links` links, of the parameters that are asked for of that link: indices from 0 to 9
-    among its ten inertial ones. `columns` are their indices among the ten parameters of all links, from 0 to 10 `links`
-    - 1. An index beyond these raises `IndexError`; negative ones are not refused."""
+    """Parameter indices sorted by link: a list for each of `links` links, of indices from 0 to 9 among the link's ten
+    inertial parameters. `columns` are the indices among the ten parameters of all links, from 0 to 10 `links` - 1. An
+    index beyond these raises `IndexError`; negative ones are not refused."""
     kept: list[list[int]] = [[] for _ in range(links)]
     for column in columns:
         kept[column // 10].append(column % 10)
@@ -88,11 +91,11 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
 
 def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
     """The powers Y' s (k,), W per unit of each of k inertial parameters, with the transpose Y' of the torque regressor
-    Y (n, k) of a tree of n links, one joint each; Y is not formed, the time is linear in n.
+    Y (n, k) of a tree of n links, one joint each. Y is not formed, and the time is linear in n.
 
-    `places` has the links' placements in their parents, parents before children; `moving` the motion of each that Y is
-    the regressor of, a `LinkMotion`; s (n,) are joint velocities, rad/s (m/s if prismatic); `columns` the k indices
-    among the ten parameters of all links (10 n), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
+    `places` has the links' placements in their parents, parents before children; `moving` the motion of each for which
+    Y is the regressor, a `LinkMotion`; `s` (n,) are joint velocities, rad/s (m/s if prismatic); `columns` the k indices
+    among the ten parameters of all links (10 n,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
     m^2, about the link frame's origin) of each. An index of 10 n or more, or too short an s, raises `IndexError`;
     negative indices are not refused.
     """

@@ -15,15 +15,15 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
 class Segment(NamedTuple):
-    """Geometry of one link and of the joint that moves it against its parent, lengths in m: `parent` is the parent
-    link's index, -1 for the ground; `turns` is True for a revolute joint, False for a prismatic one; `joint_axis` and
-    `axis` (3) are the joint's unit axis in the joint's frame and in the link's.
+    """Geometry of one link and of the joint that moves it against its parent, lengths in m. `parent` is the parent
+    link's zero-based index, -1 for the ground; `turns` is True for a revolute joint, False for a prismatic one;
+    `joint_axis` and `axis` (3,) are the joint's unit axis in the joint's frame and in the link's.
 
     `inward` (3, 3) turns coordinates in the parent's axes into the joint frame's, `outward` those in the moved joint
-    frame's axes into the link's; None is the identity. `near` (3) leads from the parent's origin to the joint's, in the
-    parent's axes, `far` (3) from the joint's origin to the link's, in the link's axes. `whole` has three matrices (3,
-    3), K_0, K_c and K_s, where the turn from the parent's axes to the link's as one, K_0 + K_c cos q + K_s sin q at the
-    joint angle q, costs less than one by one; else None. Made by `Segment.of`; nothing is checked.
+    frame's axes into the link's; None is the identity. `near` (3,) leads from the parent's origin to the joint's, in
+    the parent's axes, `far` (3,) from the joint's origin to the link's, in the link's axes. `whole` has three matrices
+    (3, 3), K_0, K_c and K_s, where the turn from the parent's axes to the link's as one, K_0 + K_c cos q + K_s sin q at
+    the joint angle q, costs less than one by one; else None. Made by `Segment.of`; nothing is checked.
     """
 
     parent: int
@@ -39,7 +39,8 @@ class Segment(NamedTuple):
 
     @classmethod
     def of(cls, link: Link) -> Segment:
-        """The geometry of a `link` of a description and of the joint that moves it, as a `Segment`, lengths in m."""
+        """The geometry, lengths in m, of a `link` of a description and of the joint that moves it. Nothing is
+        checked."""
         outward = link.far.rotation.T
         return cls(
             parent=link.parent,
@@ -55,17 +56,18 @@ class Segment(NamedTuple):
 
     @property
     def coordinates(self) -> int:
-        """Number of scalars that place the link in its parent: 2, cosine and sine of the angle, for a revolute joint,
-        1, the displacement, for a prismatic one."""
+        """Number of scalars that determine the link's pose in its parent: 2, cosine and sine of the angle, for a
+        revolute joint, 1, the displacement, for a prismatic one."""
         return 2 if self.turns else 1
 
     def at(self, q: Scalar) -> Placement:
-        """The link's placement in its parent, a `Placement`, where its joint is at position q, rad (m if prismatic)."""
+        """The link's pose in its parent, a `Placement`, where its joint is at position `q`, rad (m if prismatic).
+        Nothing is checked."""
         return self.placed((cos(q), sin(q)) if self.turns else (q,))
 
     def placed(self, coordinates: Sequence[Scalar]) -> Placement:
-        """The link's placement in its parent, a `Placement`, from its `coordinates`: the cosine and sine of the joint
-        angle, or the displacement, m, of a prismatic joint."""
+        """The link's pose in its parent, a `Placement`, from the `coordinates` of its joint: the cosine and sine of the
+        angle, or the displacement, m, of a prismatic joint. Nothing is checked."""
         if self.whole is not None:
             return Placement(self, coordinates, (_sum(self.whole, *coordinates),), self.far)
         turn = about(self.joint_axis, *coordinates) if self.turns else None
@@ -74,10 +76,13 @@ class Segment(NamedTuple):
 
 
 class Placement:
-    """Placement of a link in its parent at one configuration. `segment` is the link's geometry; `coordinates` are the
-    cosine and sine of its joint angle, or its joint's displacement, m; `turns` are the rotations (3, 3) that one after
-    the other turn coordinates in the parent's axes into the link's; and `shift` (3) leads from the joint's origin
-    before its own motion to the link's origin, in the link's axes, m."""
+    """The pose of a link in its parent at one configuration, as the equations use it.
+
+    `segment` is the link's geometry; `coordinates` are the cosine and sine of its joint angle, or its joint's
+    displacement, m; `turns` are the rotations (3, 3) that one after the other turn coordinates in the parent's axes
+    into the link's; and `shift` (3,) leads from the joint's origin before its own motion to the link's origin, in the
+    link's axes, m. Nothing is checked.
+    """
 
     __slots__ = ("coordinates", "segment", "shift", "turns")
 
@@ -85,14 +90,14 @@ class Placement:
         self.segment, self.coordinates, self.turns, self.shift = segment, coordinates, turns, shift
 
     def down(self, u: Vec) -> Vec:
-        """The components (3) of a vector u in the link's axes, from those in the parent link's axes, `u` (3); in the
+        """The components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,); in the
         same unit. Nothing is checked."""
         for turn in self.turns:
             u = turn @ u
         return u
 
     def up(self, u: Vec) -> Vec:
-        """The components (3) of a vector u in the parent link's axes, from those in the link's axes, `u` (3); in the
+        """The components (3,) of a vector u in the parent link's axes, from those in the link's axes, `u` (3,); in the
         same unit. Nothing is checked."""
         for turn in reversed(self.turns):
             u = turn.T @ u
@@ -100,20 +105,21 @@ class Placement:
 
 
 def segments(description: Description) -> tuple[Segment, ...]:
-    """Geometry of every link of a described mechanism, a `Segment` each, lengths in m, in the links' order, parents
-    before children."""
+    """Geometry of every link of the mechanism that a `description` gives, a `Segment` each, lengths in m, in the links'
+    order, parents before children. Nothing is checked."""
     return tuple(Segment.of(link) for link in description.links)
 
 
 def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
-    """Placements of a tree's n links in their parents, a `Placement` each, at a configuration q (n,) of the tree's n
+    """Poses of a tree's n links in their parents, a `Placement` each, at a configuration `q` (n,) of the tree's n
     joints, rad (m if prismatic). `links` has the links' geometry. Too short a q raises `IndexError`."""
     return [link.at(q[i]) for i, link in enumerate(links)]
 
 
 class AxisRotation(Mat):
-    """Rotation matrix (3, 3) about a coordinate axis: `axis` is its index, 0 for x, 1 for y, 2 for z, and `cosine` and
-    `sine` are those of the angle. It turns coordinates of a vector into those in the axes turned by the angle."""
+    """Rotation matrix (3, 3) about a coordinate axis, which turns coordinates of a vector into those in the axes turned
+    by an angle. `axis` is the axis' index, 0 for x, 1 for y, 2 for z, and `cosine` and `sine` are those of the angle.
+    Nothing is checked."""
 
     __slots__ = ("axis", "cosine", "sine")
 
@@ -128,8 +134,8 @@ class AxisRotation(Mat):
 
 def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
     """The rotation matrix (3, 3) that turns coordinates of a vector into those in axes turned about the unit axis `a`
-    (3) by an angle of cosine `c` and sine `s`: the transpose of Rodrigues' formula. About a coordinate axis, or its
-    opposite, it is an `AxisRotation`."""
+    (3,) by an angle of cosine `c` and sine `s`: the transpose of Rodrigues' formula. About a coordinate axis, or its
+    opposite, it is an `AxisRotation`. Nothing is checked."""
     if all(isinstance(x, float) for x in a) and sorted(map(abs, a)) == [0.0, 0.0, 1.0]:
         axis, sign = next((k, x) for k, x in enumerate(a) if x != 0.0)
         return AxisRotation(axis, c, sign * s)

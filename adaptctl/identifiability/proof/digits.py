@@ -15,9 +15,9 @@ _SHORT, _HALVINGS = 26, 8
 
 
 class Digits:
-    """A real number with 200 binary, that is 60 decimal, digits after the point, or one for each sample, as a scalar on
-    which equations of motion run: `scaled`, an int or an array (samples,) of Python ints (dtype object), is the value
-    times 2^200. Nothing is checked at construction.
+    """A real number with 200 binary, that is 60 decimal, digits after the point, or one for each sample, as a scalar
+    for which equations of motion can be evaluated. `scaled`, an int or an array (samples,) of Python ints (dtype
+    object), is the value times 2^200. Nothing is checked at construction.
 
     `+`, `-`, `*` and `/` take a `Digits` or a float, rounding down; other operands raise `TypeError`, division by zero
     `ZeroDivisionError`. A product with the float 0.0 is that float. Of NumPy's functions `np.cos` and `np.sin` apply.
@@ -78,13 +78,13 @@ def digits(x: Fraction | float) -> Digits | float:
 
 
 def samples_of(values: Any) -> Digits:
-    """One `Digits`, of fixed-point numbers of 60 decimal digits, for floats `values` (samples,), which it holds to
-    2^-200. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+    """Fixed-point numbers of 60 decimal digits for floats `values` (samples,), to within 2^-200, as one `Digits`.
+    Raises `ValueError` for NaN, `OverflowError` for infinity."""
     return Digits(np.array([scaled(float(x)) for x in values], dtype=object))
 
 
 def scaled(x: Fraction | float) -> int:
-    """The whole number that stands for a number `x` in fixed point: x times 2^200, rounded down. Raises `ValueError`
+    """The whole number that represents a number `x` in fixed point: x times 2^200, rounded down. Raises `ValueError`
     for NaN, `OverflowError` for infinity."""
     n, d = x.as_integer_ratio()
     return (n << BITS) // d
@@ -105,14 +105,14 @@ def _exponential(x: Digits) -> tuple[Digits, Digits]:
 
 
 def cosine(x: Digits) -> Digits:
-    """The cosine of an angle of at most a few radians, to about 55 decimal digits; both are `Digits`, fixed-point
-    numbers of 60, for one number or for all samples."""
+    """The cosine of an angle `x`, rad, of at most a few radians, to about 55 decimal digits, as `Digits` like x:
+    fixed-point numbers of 60, one number or one for each sample. Nothing is checked."""
     return _exponential(x)[0]
 
 
 def sine(x: Digits) -> Digits:
-    """The sine of an angle of at most a few radians, to about 55 decimal digits; both are `Digits`, fixed-point numbers
-    of 60, for one number or for all samples."""
+    """The sine of an angle `x`, rad, of at most a few radians, to about 55 decimal digits, as `Digits` like x:
+    fixed-point numbers of 60, one number or one for each sample. Nothing is checked."""
     return _exponential(x)[1]
 
 

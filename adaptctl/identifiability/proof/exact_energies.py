@@ -33,11 +33,11 @@ class ExactEnergies:
     """The energies of a mechanism at random states, computed without round-off on its geometry as exact numbers, so
     that ranks are proved by them.
 
-    `precision` has the differences of angles, lengths and numbers that count as none, round-off by default; `seed`, 0
-    by default, draws the states. For closed loops, `strict` is true where relations that hold only to a file's
-    round-off do not count as holding, false by default. `by_frames` is true for a geometry described from frame to
-    frame, as in the file, and false, the default, for one from joint axis to joint axis. Nothing is checked at
-    construction.
+    `precision` has the differences of angles, lengths and numbers that count as zero, round-off by default; `seed`, 0
+    by default, draws the states, the same for the same seed. For closed loops, `strict` is True where relations that
+    hold only to a file's round-off do not count as holding, False by default. `by_frames` is True for a geometry
+    described from frame to frame, as in the file, and False, the default, for one from joint axis to joint axis.
+    Nothing is checked at construction.
 
     Without closed loops, energies are residues modulo the prime 2^31 - 1. A rank modulo a prime is never above that
     over the rational numbers, and at random states below it only by a chance of about one in 2^31 for each factor of a
@@ -48,21 +48,21 @@ class ExactEnergies:
     precision: Precision = AS_GIVEN
     seed: int = 0
     strict: bool = False
-    """Whether relations that hold to a file's round-off alone, in closed loops, do not hold."""
+    """True where relations that hold to a file's round-off alone, in closed loops, do not count."""
     by_frames: bool = False
     """True for geometry from frame to frame, as in the file; else from axis to axis."""
 
     @property
     def method(self) -> str:
-        """The name of the arithmetic that the energies are computed in: "60 digits" for closed loops, "a prime field"
+        """The name of the arithmetic in which the energies are computed: "60 digits" for closed loops, "a prime field"
         for other mechanisms."""
         return DIGITS if self.closed else FIELD
 
     @cached_property
     def rank(self) -> int:
         """The rank on exact geometry: the number of independent directions of the mechanism's inertial parameters (all
-        but friction) that change energies. May raise `ArithmeticError` where loops do not close on the exact geometry,
-        as where `precision` is coarse."""
+        but friction) that change energies. May raise `ArithmeticError` where loops cannot be closed on the exact
+        geometry, as with a coarse `precision`."""
         description = self.mechanism.description
         plain = description.loops is None and len(description.bodies) == len(description.links)
         if plain and self.mechanism.unconstrained is self.mechanism:
@@ -71,11 +71,11 @@ class ExactEnergies:
         return pivots.rank(self._differences, self._nothing) if self.closed else elimination.rank(self._differences)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
-        """Indices (k,), from 0 and rising, of the k of P inertial parameters that stay when the others are removed in
+        """Zero-based indices (k,), rising, of the k of P inertial parameters that stay when the others are removed in
         an `order` (P,) of indices, the first removed first, by energies on exact geometry, without round-off.
 
         A parameter stays where its column of energies is independent of the columns after it in the order. Raises
-        `IndexError` for an index of P or more; may raise `ArithmeticError` where loops do not close on the exact
+        `IndexError` for an index of P or more; may raise `ArithmeticError` where loops cannot be closed on the exact
         geometry.
         """
         backward = list(order)[::-1]
@@ -84,13 +84,13 @@ class ExactEnergies:
         return tuple(sorted(elimination.independent_columns(self._differences, backward)))
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
-        """True if an `order` (P,) of removal, indices of P inertial parameters, the first removed first, leaves just
-        the parameters `kept` (k,), rising indices, with the geometry described from joint axis to joint axis, or from
-        frame to frame as in the file.
+        """True if removing parameters in an `order` (P,), indices of P inertial parameters, the first removed first,
+        leaves just the parameters `kept` (k,), rising indices, by energies on exact geometry.
 
-        Either will do: the one from axis to axis has all that the rank depends on, but where axes are skew it may lose
+        That may hold for the geometry described from joint axis to joint axis, or from frame to frame as in the file;
+        either will do. The one from axis to axis has all that the rank depends on, but where axes are skew it may lose
         zeros among the file's offsets, which decide what is kept; the one from frame to frame has these zeros, but may
-        lose what the rank depends on. May raise `ArithmeticError` where loops do not close on the exact geometry.
+        lose what the rank depends on. May raise `ArithmeticError` where loops cannot be closed on the exact geometry.
         """
         return any(kept == way.kept(order) for way in (replace(self, by_frames=True), self))
 
@@ -105,9 +105,9 @@ class ExactEnergies:
 
     @cached_property
     def geometry(self) -> ExactGeometry:
-        """The geometry of the mechanism's tree, an `ExactGeometry`: joint axes, frames and gravity as exact scalars,
-        residues modulo a prime, or numbers of 60 digits for closed loops, with lengths in m, or for closed loops in the
-        power of ten of a metre at or below the mechanism's characteristic length."""
+        """The geometry of the mechanism's tree in exact scalars, as an `ExactGeometry`: joint axes, frames and gravity
+        as residues modulo a prime, or numbers of 60 digits for closed loops. Lengths are in m, or for closed loops in
+        the power of ten of a metre at or below the mechanism's characteristic length."""
         length = characteristic_length(self.mechanism)
         unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
         reading = Reading(digits if self.closed else modular, length, unit, self.precision)
@@ -121,8 +121,8 @@ class ExactEnergies:
 
     @cached_property
     def frames(self) -> CanonicalFrames:
-        """The joints' placements from axis to axis, as `CanonicalFrames`, in floats: angles in rad and lengths in m
-        that do not depend on where the file puts its frames."""
+        """The joints' poses from axis to axis, as `CanonicalFrames`, in floats: angles in rad and lengths in m that do
+        not depend on where the file puts its frames."""
         return canonical_frames(self.mechanism.description, characteristic_length(self.mechanism), self.precision)
 
     @cached_property

@@ -30,8 +30,8 @@ class Reading:
 
     `number` makes an exact scalar of a `Fraction`: a residue modulo a prime, or a number of 60 digits. `size` is the
     mechanism's characteristic length in m, `unit` the exact scalars' unit of lengths in m (1 by default), `precision`
-    the differences that are taken as none (round-off by default). `equal` has lengths in m, rising, none by default,
-    each of which stands for all that exceed it by at most the precision. Nothing is checked at construction.
+    the differences that are taken as zero (round-off by default). `equal` has lengths in m, rising, none by default,
+    each of which replaces all that exceed it by at most the precision. Nothing is checked at construction.
     """
 
     number: Number
@@ -45,22 +45,27 @@ class Reading:
 
     def length(self, x: float) -> Any:
         """The exact scalar (a residue modulo a prime, or a number of 60 digits, as `number` makes it) of a length `x`
-        in m, which may be negative, counted in the reading's `unit` (1 m by default): 0 where |x| is at most
-        `precision.length` (1e-11 by default) times `size`, m, the mechanism's; else the simplest rational number near
-        x, the one of least denominator that differs from x by at most `precision.number` (1e-12) times the power of ten
-        at or below `size` (`simplest_rational`). An x that exceeds an entry of `equal` by no more than the precision
-        first becomes that entry. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+        in m, which may be negative. It is counted in the unit of length that this object's `unit` is (1 m by default).
+
+        It is 0 where |x| is at most `precision.length` (1e-11 by default) times `size`, m, the mechanism's; else the
+        simplest rational number near x, the one of least denominator that differs from x by at most `precision.number`
+        (1e-12) times the power of ten at or below `size` (`simplest_rational`). An x that exceeds an entry of `equal`
+        by no more than the precision first becomes that entry. Raises `ValueError` for NaN, `OverflowError` for
+        infinity.
+        """
         place = bisect_right(self.equal, abs(x)) - 1
         if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:
             x = math.copysign(self.equal[place], x)
         return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
 
     def turned(self, angle: float) -> tuple[Any, Any]:
-        """The cosine and the sine of an `angle` in rad as exact scalars (a residue modulo a prime, or a number of 60
-        digits, as `number` makes it) whose squares sum to exactly 1: those of the angle whose half tangent, beyond a
-        multiple of a right angle, is the simplest rational number near the true one. Floats 0 and +-1 at multiples of a
-        right angle, or within `precision.angle` of one (1e-11 rad by default). Raises `ValueError` for NaN,
-        `OverflowError` for infinity."""
+        """The pair of the cosine and the sine of an `angle` in rad as exact scalars (residues modulo a prime, or
+        numbers of 60 digits, as `number` makes them) whose squares sum to exactly 1.
+
+        They are those of the angle whose half tangent, beyond a multiple of a right angle, is the simplest rational
+        number near the true one; floats 0 and +-1 within `precision.angle` (1e-11 rad by default) of a multiple of a
+        right angle. Raises `ValueError` for NaN, `OverflowError` for infinity.
+        """
         found = turn(angle, self.precision)
         if not found.half_tangent:
             return QUARTERS[found.quarters]
@@ -69,26 +74,27 @@ class Reading:
 
     def rotation(self, turns: Turns) -> Mat:
         """The rotation matrix (3, 3), in exact scalars (residues modulo a prime, or numbers of 60 digits, and floats 0
-        and +-1), that is the product of turns about coordinate axes, in their order: each of `turns` is an axis (0, 1,
-        2 for x, y, z) and an angle in rad. Raises `ValueError` without any turn."""
+        and +-1), that is the product of turns about coordinate axes, in their order. Each of `turns` is an axis (0, 1,
+        2 for x, y, z) and an angle in rad. Raises `ValueError` for no turns and for NaN, `OverflowError` for
+        infinity."""
         first, *rest = (turned(axis, *self.turned(angle)) for axis, angle in turns)
         return reduce(product, rest, first)
 
 
 @dataclass(frozen=True)
 class ExactFrame:
-    """A frame placed in another one, in exact scalars (residues modulo a prime, or numbers of 60 digits): `rotation`
-    (3, 3) turns its coordinates into the other's, `origin` (3) is its origin there, in the unit of the reading that
-    made it. Nothing is checked."""
+    """The pose of a frame in another one, in exact scalars (residues modulo a prime, or numbers of 60 digits):
+    `rotation` (3, 3) turns its coordinates into the other's, `origin` (3,) is its origin there, in the unit of length
+    of the `Reading` that made it. Nothing is checked."""
 
     rotation: Mat
     origin: Vec
 
     @classmethod
     def of(cls, placement: FramePlacement, reading: Reading) -> ExactFrame:
-        """The frame in exact scalars (residues modulo a prime, or numbers of 60 digits), an `ExactFrame`, that a
-        `placement` in floats (angles in rad, lengths in m) stands for, by a `reading`, the rule that makes floats
-        exact. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+        """The pose of a frame in exact scalars (residues modulo a prime, or numbers of 60 digits), an `ExactFrame`, for
+        a `placement` in floats (angles in rad, lengths in m), by a `reading`, the rule that makes floats exact. Raises
+        `ValueError` for NaN, `OverflowError` for infinity."""
         radius, height = reading.length(placement.radius), reading.length(placement.height)
         c, s = reading.turned(placement.bearing)
         return cls(reading.rotation(placement.turns), Vec(radius * c, radius * s, height))
@@ -100,15 +106,15 @@ class ExactGeometry:
 
     `links` are the N links' geometry as the equations of motion take it, lengths in the unit of `reading`, the rule
     that made floats exact; `shifts` (N,), rad for revolute joints and 0 for others, are added to the file's joint
-    coordinates to give those used here. `gravity` (3) is in m/s^2 and the world's axes where made by `by_frames`, and
+    coordinates to give those used here. `gravity` (3,) is in m/s^2 and the world's axes where made by `by_frames`, and
     (0, 0, -1), z being up, where made by `by_axes`; zero where there is none. `fixed`, a function of a link's index (-1
-    for the ground) and a pose in that link's frame, gives the exact frame that is fixed there. Made by `by_axes` or
-    `by_frames`; nothing is checked at construction.
+    for the ground) and a pose in that link's frame, gives the exact pose of the frame that is fixed there. Made by
+    `by_axes` or `by_frames`; nothing is checked at construction.
     """
 
     links: tuple[Segment, ...]
     shifts: tuple[float, ...]
-    """What joints' coordinates here are more than in the file."""
+    """Joints' coordinates here less those in the file (N,), rad."""
     gravity: Vec
     reading: Reading
     fixed: Callable[[int, Pose], ExactFrame]
@@ -116,10 +122,10 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """The exact geometry of a described mechanism by its joint axes: axes that are parallel, meet or are at right
-        angles, up to the precision of the `reading`, are so exactly, wherever the file puts its frames. `frames` are
-        the joints' placements from axis to axis, `reading` the rule that makes floats exact. Raises `ValueError` for
-        frames of another number of joints."""
+        """The exact geometry of the mechanism of a `description` by its joint axes: axes that are parallel, meet or are
+        at right angles, up to the precision of the `reading`, are so exactly, wherever the file puts its frames.
+        `frames` are the joints' poses from axis to axis, `reading` the rule that makes floats exact. Raises
+        `ValueError` for frames of another number of joints."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -144,9 +150,9 @@ class ExactGeometry:
 
     @classmethod
     def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """The exact geometry of a described mechanism frame by frame, as its file describes it: lengths, and entries of
-        rotations, that are zero up to the precision of the `reading`, the rule that makes floats exact, become exact
-        zeros. Joints' coordinates are the file's (`shifts` are 0)."""
+        """The exact geometry of the mechanism of a `description` frame by frame, as its file describes it: lengths, and
+        entries of rotations, that are zero up to the precision of the `reading`, the rule that makes floats exact,
+        become exact zeros. Joints' coordinates are the file's (`shifts` are 0). Nothing is checked."""
 
         def fixed(_: int, pose: Pose) -> ExactFrame:
             return _as_written(pose, reading)

@@ -15,13 +15,14 @@ from adaptctl.scalars import ZERO
 
 
 def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """The matrix H (`samples`, P) of energies at `samples` random states, less those at one more state, the same for
-    all rows, per unit of each of a described mechanism's P inertial parameters (all but friction), as residues modulo
-    the prime 2^31 - 1.
+    """The matrix H (`samples`, P) of kinetic plus potential energies at `samples` random states, less those at one more
+    state, the same for all rows, per unit of each of a mechanism's P inertial parameters (all but friction), as
+    residues modulo the prime 2^31 - 1.
 
-    `geometry` is the mechanism's, exact and in residues; energies are with its gravity, which is a unit vector where it
-    was made by axes, and its unit of length. `seed` draws the states, joint angles and rates among the residues. It is
-    for trees, also with joints that follow others; closed loops are not looked at.
+    `description` is the mechanism's, `geometry` its geometry, exact and in residues; energies are with that gravity,
+    which is a unit vector where the geometry was made by axes, and that unit of length. `seed` draws the states, joint
+    coordinates and rates uniform among the nonzero residues (half tangents for angles), the same for the same seed. It
+    is for trees, also with joints that follow others; closed loops are not looked at. Nothing is checked.
     """
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples + 1, rng)
@@ -33,16 +34,18 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
 
 
 def energy_changes(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """The energy changes (N, `samples`, 11) at random states of a described tree of N links, as residues modulo the
-    prime 2^31 - 1: the energy of a body on a link, less that of the same body fixed to the parent link (or the ground)
-    where it stands at joint position zero. They are per unit of the body's ten inertial parameters (m, mc_x, mc_y,
-    mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the link's frame; the eleventh is the square of the joint's rate, for a
-    rotor's inertia, and 0 where there is no rotor.
+    """Energy changes (N, `samples`, 11) as a body is moved from the link of a joint to the parent link (or the ground),
+    at random states of a tree of N links, as residues modulo the prime 2^31 - 1. They are the kinetic plus potential
+    energy of the body on the joint's link less that of the same body fixed to the parent link, in the pose that it has
+    there at joint position zero.
 
-    `geometry` is the tree's, exact and in residues; joint position zero is that of its joint coordinates, which may be
-    shifted from the file's, and energies are with its gravity and its unit of length. `seed` draws the states. A
-    combination of the eleven is unobservable at a joint (the torques do not show it) exactly when the energy changes in
-    no state.
+    The first ten are per unit of the body's inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
+    I_zz) in the link's frame; the eleventh is the square of the joint's rate, for a rotor's inertia, and 0 where there
+    is no rotor. A combination of the eleven is unobservable at a joint (the torques do not show it) exactly when the
+    energy changes in no state. `description` is the tree's, `geometry` its geometry, exact and in residues; joint
+    position zero is that of its joint coordinates, which may be shifted from the file's, and energies are with its
+    gravity and its unit of length. `seed` draws the states, joint coordinates and rates uniform among the nonzero
+    residues (half tangents for angles), the same for the same seed. Nothing is checked.
     """
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples, rng)

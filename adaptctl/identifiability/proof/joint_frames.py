@@ -19,15 +19,17 @@ from adaptctl.scalars import Mat, Vec, cross, dot, product
 
 
 class FloatFrame(NamedTuple):
-    """A frame placed in another one, in floats: `rotation` (3, 3) turns its coordinates into the other's, `origin` (3)
-    is its origin there in m. `a @ b` is the frame that stands at b in a. Nothing is checked."""
+    """The pose of a frame in another one, in floats: `rotation` (3, 3) turns its coordinates into the other's, `origin`
+    (3,) is its origin there in m. `a @ b` is the pose, in the parent frame of `a`, of the frame whose pose in the frame
+    of `a` is `b`. Nothing is checked."""
 
     rotation: Mat
     origin: Vec
 
     @classmethod
     def of(cls, pose: Pose) -> FloatFrame:
-        """The frame of a `pose`, a rotation matrix and a translation in m, in floats."""
+        """The `pose`, a rotation matrix and a translation in m, as a `FloatFrame`, whose entries are Python floats.
+        Nothing is checked."""
         return cls(Mat.of(pose.rotation.tolist()), Vec(*pose.translation.tolist()))
 
     def __matmul__(self, inner: FloatFrame) -> FloatFrame:
@@ -36,15 +38,15 @@ class FloatFrame(NamedTuple):
 
     @property
     def inverse(self) -> FloatFrame:
-        """The inverse placement, a `FloatFrame`: if this one places a frame B in a frame A, it places A in B, with its
-        origin in m."""
+        """The inverse pose, a `FloatFrame`: if this one is the pose of a frame B in a frame A, it is that of A in B,
+        with its origin in m."""
         back = self.rotation.T
         return FloatFrame(back, -(back @ self.origin))
 
 
 class FramePlacement(NamedTuple):
-    """A frame placed in another one, by angles in rad and lengths in m: `turns` are the turns about coordinate axes
-    whose product is its rotation, pairs of an axis (0, 1, 2 for x, y, z) and an angle, and its origin is (radius
+    """The pose of a frame in another one, by angles in rad and lengths in m. `turns` are the turns about coordinate
+    axes whose product is its rotation, pairs of an axis (0, 1, 2 for x, y, z) and an angle, and its origin is (radius
     cos(bearing), radius sin(bearing), height). Nothing is checked."""
 
     turns: Turns
@@ -54,10 +56,10 @@ class FramePlacement(NamedTuple):
 
     @classmethod
     def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
-        """The placement, by angles in rad and lengths in m, of a `frame` given in floats, in a mechanism of
-        characteristic `length` in m. Angles that are within the `precision` of a multiple of 90 degrees are made that
-        multiple. So is the bearing, the angle about z from the x axis to the origin's projection on the xy plane; it is
-        0 for an origin on the z axis, up to the precision."""
+        """The pose of a `frame` by angles in rad and lengths in m, from its rotation matrix and origin in floats, in a
+        mechanism of characteristic `length` in m. Angles that are within the `precision` of a multiple of 90 degrees
+        are made that multiple. So is the bearing, the angle about z from the x axis to the origin's projection on the
+        xy plane; it is 0 for an origin on the z axis, up to the precision. Nothing is checked."""
         radius = _across(frame.origin)
         angle = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
         return cls(turns_of(frame.rotation, precision), angle, radius, _height(frame.origin))
@@ -65,10 +67,10 @@ class FramePlacement(NamedTuple):
 
 @dataclass(frozen=True)
 class CanonicalJoint:
-    """A joint of a tree described from axis to axis: `joint` is the placement of its frame, with z along its axis, in
-    that of the joint before it (for a joint on the ground, in the world turned until z is up), and `link` the placement
-    of its link's frame in the joint's own frame. Its coordinate is the file's plus `shift`, in rad for a revolute
-    joint, 0 for a prismatic one. Nothing is checked."""
+    """A joint of a tree described from axis to axis, whatever frames a file uses. `joint` is the pose of its frame,
+    with z along its axis, in the frame of the joint before it (for a joint on the ground, in the world turned until z
+    is up), and `link` the pose of its link's frame in the joint's own frame. Its coordinate is the file's plus `shift`,
+    in rad for a revolute joint, 0 for a prismatic one. Nothing is checked."""
 
     joint: FramePlacement
     link: FramePlacement
@@ -77,10 +79,13 @@ class CanonicalJoint:
 
 @dataclass(frozen=True)
 class CanonicalFrames:
-    """The placements of all N joints of a tree from axis to axis, which do not depend on where the file puts frames:
-    `joints` (N,) in the links' order, and `on_links` (N + 1,) the frame of each joint in that of its link, the last one
-    being that of the ground (the world turned until z is up) in the world. `length` is the mechanism's characteristic
-    length in m, `precision` what was taken as round-off. Made by `canonical_frames`; nothing is checked."""
+    """The poses of all N joints of a tree from axis to axis, which do not depend on where the file puts frames.
+
+    `joints` (N,) are in the links' order; `on_links` (N + 1,) are the poses of each joint's frame in the frame of its
+    link, the last one being that of the ground (the world turned until z is up) in the world. `length` is the
+    mechanism's characteristic length in m, `precision` the differences that were taken as round-off. Made by
+    `canonical_frames`; nothing is checked.
+    """
 
     joints: tuple[CanonicalJoint, ...]
     on_links: tuple[FloatFrame, ...]
@@ -89,18 +94,24 @@ class CanonicalFrames:
     precision: Precision
 
     def placement(self, link: int, pose: Pose) -> FramePlacement:
-        """The placement of a frame fixed to a link, which stands at a `pose` in the link's own frame, relative to the
-        frame of that link's joint: angles in rad, lengths in m. `link` is the link's index from 0; -1, or the number N
-        of links, is the ground, for which the pose is in the world and the result relative to the world turned until z
-        is up. Raises `IndexError` for an index above N."""
+        """The pose, in the frame of a link's joint, of a frame fixed to that link at `pose` in the link's own frame, as
+        a `FramePlacement`: angles in rad, lengths in m. `link` is the link's zero-based index; -1, or the number N of
+        links, is the ground, for which `pose` is in the world and the result relative to the world turned until z is
+        up. Raises `IndexError` for an index above N."""
         return FramePlacement.of(self.on_links[link].inverse @ FloatFrame.of(pose), self.length, self.precision)
 
 
 def canonical_frames(description: Description, length: float, precision: Precision) -> CanonicalFrames:
-    """The placements of all joints of a described mechanism's tree from axis to axis, as `CanonicalFrames`: each
-    joint's frame has z along its axis, and x along the common normal of that axis and the first that its link carries
-    (Denavit and Hartenberg 1955). `length` is the mechanism's characteristic length in m, `precision` the differences
-    that are taken as round-off. Nothing is checked."""
+    """Poses of all joints of a tree from axis to axis (Denavit and Hartenberg 1955), which do not depend on where its
+    `description` puts frames, as `CanonicalFrames`. Each joint gets a frame with z along its axis; its pose is given in
+    the frame of the joint before it.
+
+    Of a revolute joint, x is along the common normal of its axis and that of the first joint on its link that
+    determines one; failing that, along its normal with the z axis of the link's own frame, or along that frame's x axis
+    where z is parallel. Of a prismatic joint, x is along the common normal with the z axis of the frame before, or
+    along its x axis where they are parallel. `length` is the mechanism's characteristic length in m, `precision` the
+    differences that are taken as round-off. Nothing is checked.
+    """
     links = description.links
     children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
     for i, link in enumerate(links):

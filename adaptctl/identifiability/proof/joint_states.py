@@ -19,24 +19,27 @@ from adaptctl.scalars import Column
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A joint's place at `samples` random states over the prime field (integers modulo 2^31 - 1): the `cosine` and the
-    `sine` of its angle, for revolute joints, and its `length`, for prismatic ones, each a `Modular` scalar. The two are
-    drawn independently of each other, though a joint uses only one."""
+    """A joint's position at `samples` random states over the prime field (integers modulo 2^31 - 1): the `cosine` and
+    the `sine` of its angle, for revolute joints, and its `length`, for prismatic ones, each a `Modular` scalar. Angle
+    and length are drawn independently of each other, though a joint uses only one. Nothing is checked."""
 
     cosine: Any
     sine: Any
     length: Any
 
     def placed(self, link: Segment) -> Placement:
-        """The placement (rotation and translation, as a `Placement`), in its parent link, of a link of geometry `link`
-        whose joint stands at this coordinate: by its cosine and sine where the joint turns, else by its length."""
+        """The pose in its parent link, as a `Placement`, of a link of geometry `link` whose joint is at this position:
+        by its cosine and sine where the joint turns, else by its length. Nothing is checked."""
         return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
 
     def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
-        """The coordinate of a joint that follows this one, the leader, by a `coupling`: follower = ratio leader +
-        offset. This one's `cosine` and `sine` must be those of the leader's angle divided by `parts`, a whole number
-        that makes ratio times `parts` whole too; its `length`, for prismatic joints, is the leader's. `angle`, in rad,
-        is the follower's where the leader's is zero."""
+        """The position of a joint that follows this one, the leader, by a `coupling`: follower = ratio * leader +
+        offset.
+
+        This one's `cosine` and `sine` must be those of the leader's angle divided by `parts`, a whole number that makes
+        ratio times `parts` whole too; its `length`, for prismatic joints, is the leader's. `angle`, in rad, is the
+        follower's where the leader's is zero. Nothing is checked.
+        """
         ratio = simplest_rational(coupling.ratio)
         c, s = _power((self.cosine, self.sine), int(ratio * parts))
         ahead = _numbers(angle)
@@ -45,18 +48,21 @@ class Coordinate:
         return Coordinate(cosine, sine, self.length * ratio + offset)
 
     def whole(self, parts: int) -> Coordinate:
-        """The coordinate with cosine and sine of `parts` times the angle, `parts` a whole number: that of the whole
-        angle where this one has a `parts`-th of it. The length stays."""
+        """The joint position whose angle is `parts` times this one's, `parts` a whole number, by its cosine and sine:
+        the whole angle where this one has a `parts`-th of it. The length stays. Nothing is checked."""
         return Coordinate(*_power((self.cosine, self.sine), parts), self.length)
 
 
 def random_places(
     description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
-    """The placements (rotation and translation) of a described tree's links in their parents, one `Placement` for each
-    link, in the links' order, whose scalars hold all `samples` random states: joint coordinates are drawn with NumPy's
-    `rng` over the prime field (integers modulo 2^31 - 1). `geometry` is the tree's, exact and in residues. Joints that
-    follow others by couplings stand where their leaders put them."""
+    """The poses of a tree's links in their parents at `samples` random states, one `Placement` for each link, in the
+    links' order, whose scalars have all samples.
+
+    Joint coordinates are drawn with NumPy's `rng`, uniform among the nonzero residues modulo the prime 2^31 - 1 (half
+    tangents for angles). `description` is the tree's, `geometry` its geometry, exact and in residues. Joints that
+    follow others by couplings are where their leaders put them. Nothing is checked.
+    """
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
     links, shifts = geometry.links, geometry.shifts
@@ -79,9 +85,10 @@ def random_places(
 
 
 def random_rates(description: Description, samples: int, rng: np.random.Generator) -> Column:
-    """The velocities of a described tree's N joints, in the links' order, at `samples` random states: a `Column` (N,),
-    a vector of scalars, of residues modulo the prime 2^31 - 1, each a `Modular` of all samples, drawn with NumPy's
-    `rng`. Joints that follow others by couplings have their ratio times the leader's."""
+    """The velocities of a tree's N joints, in the links' order, at `samples` random states: a `Column` (N,), a vector
+    of scalars, each a `Modular` of all samples. They are drawn with NumPy's `rng`, uniform among the nonzero residues
+    modulo the prime 2^31 - 1. Joints that follow others by couplings of the `description` have their ratio times the
+    leader's. Nothing is checked."""
     rates = [random_residues(samples, rng) for _ in description.links]
     index = {name: i for i, name in enumerate(description.joint_names)}
     for c in () if description.loops is None else description.loops.couplings:

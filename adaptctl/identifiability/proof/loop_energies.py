@@ -21,7 +21,7 @@ from adaptctl.scalars import Column
 def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
     """The equations of motion of a mechanism with closed loops on its exact `geometry`, as `LoopEquations`, whose joint
     coordinates are the file's plus the geometry's `shifts` (rad). Raises `InputError` for a tree, `LoopError` where
-    loops do not fit together."""
+    loops cannot be closed."""
     description = mechanism.description
     if mechanism.continuation is None or description.loops is None:
         raise InputError(f"{mechanism.name}: there are no loops to close")
@@ -34,14 +34,16 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
 
 
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
-    """The energies (samples, P) per unit of each of P inertial and friction parameters (0 for friction) of a mechanism
-    with closed loops at `samples` states, as Python ints (dtype object), the energies times 2^200, with the exact
-    `geometry`'s gravity, a unit vector where it was made by axes, and its unit of length.
+    """The energy regressor (samples, P) of a mechanism with closed loops at `samples` states, in numbers of 60 digits:
+    kinetic plus potential energies per unit of each of P inertial and friction parameters (0 for friction), as Python
+    ints (dtype object), the energies times 2^200. They are with the exact `geometry`'s gravity, a unit vector where it
+    was made by axes, and its unit of length.
 
-    `equations` are those on that geometry (`exact_loops`); q (samples, n) are configurations of the tree's n joints,
+    `equations` are those on that geometry (`exact_loops`); `q` (samples, n) are configurations of the tree's n joints,
     rad (m for a prismatic joint), in the file's coordinates, that close the loops up to round-off, and are closed to 60
-    digits here; v (samples, r) are the velocities of the r primary (independently moving) joints, rad/s (the geometry's
-    unit per s for a prismatic joint). May raise `ArithmeticError` where loops lock or do not close on that geometry.
+    digits here; `v` (samples, r) are the velocities of the r primary (independent) joints, rad/s (the geometry's unit
+    per s for a prismatic joint). May raise `ArithmeticError` at a singularity of the loops or where they cannot be
+    closed on that geometry.
     """
     joints = zip(q.T, geometry.shifts, geometry.links, strict=True)
     guess = Column(_coordinate(x, shift, link.turns, geometry.reading.unit) for x, shift, link in joints)

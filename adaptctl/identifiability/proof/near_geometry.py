@@ -12,11 +12,14 @@ from adaptctl.identifiability.right_angles import near_right_angles
 
 
 def near_coincidences(description: Description, frames: CanonicalFrames) -> tuple[str, ...]:
-    """Near coincidences of a described mechanism's geometry, a text for each; if they are meant to be exact, the rank
-    may be another: angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees, offsets between
-    these axes below 1e-4 of the characteristic length, and, with closed loops, lengths that differ by less than that.
-    What is within 1e-11 (rad, or of that length) counts as exact. `frames` are the joints' placements from axis to
-    axis. Empty where there are none."""
+    """Near coincidences of a mechanism's geometry, a text for each; if they are meant to be exact, the rank may be
+    another. Empty where there are none.
+
+    They are angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees, offsets between these
+    axes below 1e-4 of the characteristic length, and, with closed loops, lengths that differ by less than that; those
+    within 1e-11 (rad, or of that length) count as exact and are none. `description` is the mechanism's, `frames` the
+    joints' poses from axis to axis. Nothing is checked.
+    """
     angles = [str(angle) for angle in near_right_angles(description, AS_GIVEN.angle)]
     return (*angles, *_near_offsets(description, frames), *_near_equals(description, frames))
 
@@ -36,10 +39,13 @@ def _near_equals(description: Description, frames: CanonicalFrames) -> Iterator[
 
 
 def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tuple[float, str]]:
-    """Pairs, by rising length, of each length in m that may have to equal another one in closed loops, and the name of
-    the joint or loop closure that it belongs to: the distances from the z axis (radius) and along it (height), in size,
-    of each joint's frame in that of the joint before, as `frames` have them, and of each closure's two frames in those
-    of their links' joints. Empty for a description without loop closures."""
+    """Lengths that may have to equal one another in closed loops, as pairs (length in m, name of the joint or loop
+    closure that it belongs to), by rising length.
+
+    They are the distances from the z axis (radius) and along it (height), in size, of each joint's frame in that of the
+    joint before, as `frames` have them, and of each closure's two frames in those of their links' joints. Empty for a
+    `description` without loop closures. Nothing is checked.
+    """
     loops = description.loops
     if loops is None or not loops.closures:
         return []
@@ -52,8 +58,8 @@ def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tupl
 
 
 def as_equal(lengths: Iterable[float], least: float) -> tuple[float, ...]:
-    """The lengths (m), rising, that stand for groups of nearly equal ones among `lengths` (m), which must rise: the
-    first of each group, which the others exceed by at most `least` (m)."""
+    """The lengths (m), rising, that represent groups of nearly equal ones among `lengths` (m), which must rise: the
+    first of each group, which the others exceed by at most `least` (m). Nothing is checked."""
     firsts: list[float] = []
     for length in lengths:
         if not firsts or length - firsts[-1] > least:

@@ -16,8 +16,8 @@ Residues = NDArray[np.int64]
 
 
 class Modular:
-    """An integer modulo the prime 2^31 - 1, or one for each sample, as a scalar on which equations of motion run
-    without round-off: `residues` is an int or an int64 array (samples,) in 0..2^31 - 2. Nothing is checked at
+    """An integer modulo the prime 2^31 - 1, or one for each sample, as a scalar for which equations of motion can be
+    evaluated without round-off. `residues` is an int or an int64 array (samples,) in 0..2^31 - 2. Nothing is checked at
     construction.
 
     `+`, `-`, `*` and `/` take a `Modular`, a float or a `Fraction`, which become residues; others raise `TypeError`. A
@@ -75,37 +75,37 @@ class Modular:
 
 @lru_cache(maxsize=4096)
 def residue(x: float | Fraction) -> int:
-    """The residue, in 0..2^31 - 2, of a rational number modulo the prime 2^31 - 1: its numerator over its denominator
-    in that field; every finite float is such a number, exactly. Raises `ValueError` where the prime divides its
-    denominator and for NaN, `OverflowError` for infinity."""
+    """The residue, in 0..2^31 - 2, of a rational number `x` modulo the prime 2^31 - 1: its numerator over its
+    denominator in that field; every finite float is such a number, exactly. Raises `ValueError` where the prime divides
+    its denominator and for NaN, `OverflowError` for infinity."""
     exact = Fraction(x)
     return exact.numerator * pow(exact.denominator, -1, PRIME) % PRIME
 
 
 def modular(x: Fraction) -> Modular | float:
-    """A rational number as a scalar: a `Modular`, its residue modulo the prime 2^31 - 1; a float where it is 0, 1 or
-    -1, since products with these cost nothing. Raises `ValueError` where the prime divides its denominator."""
+    """A rational number `x` as a scalar: a `Modular`, its residue modulo the prime 2^31 - 1; a float where it is 0, 1
+    or -1, since products with these cost nothing. Raises `ValueError` where the prime divides its denominator."""
     return float(x) if x in (0, 1, -1) else Modular(residue(x))
 
 
 def inverse(residues: Any) -> Any:
-    """The inverses 1/x of `residues` modulo the prime 2^31 - 1, an int or an int64 array (m,), in 0..2^31 - 2 again.
-    Raises `ValueError` for a residue of zero."""
+    """The inverses 1/x, in 0..2^31 - 2, of `residues` modulo the prime 2^31 - 1, an int or an int64 array (m,). Raises
+    `ValueError` for a residue of zero."""
     if isinstance(residues, int):
         return pow(residues, -1, PRIME)
     return np.array([pow(x, -1, PRIME) for x in residues.tolist()], dtype=np.int64)
 
 
 def random_residues(samples: int, generator: np.random.Generator) -> Modular:
-    """A `Modular` of random residues modulo the prime 2^31 - 1, one for each of `samples`, drawn with NumPy's
-    `generator`, uniform among 1, 2, ... 2^31 - 2, never zero."""
+    """Random residues modulo the prime 2^31 - 1, one for each of `samples`, as one `Modular`, drawn with NumPy's
+    `generator`, uniform among 1, 2, ... 2^31 - 2, never zero. Nothing is checked."""
     return Modular(generator.integers(1, PRIME, samples))
 
 
 def stacked_residues(entries: list[Any], samples: int) -> Residues:
     """The int64 array (samples, n) of residues modulo the prime 2^31 - 1 of n scalars `entries`, a column each:
-    `Modular`, of one number or of `samples`, or floats. Raises `ValueError` for a `Modular` of another number of
-    samples."""
+    `Modular` objects, of one number or of `samples`, or floats. Raises `ValueError` for a `Modular` of another number
+    of samples."""
     out = np.empty((samples, len(entries)), dtype=np.int64)
     for i, entry in enumerate(entries):
         out[:, i] = entry.residues if isinstance(entry, Modular) else residue(entry)

@@ -17,13 +17,14 @@ LISTED = 3
 
 
 def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> ExactEnergies | None:
-    """The energies of a mechanism on exact geometry, an `ExactEnergies`, whose rank proves the mechanism's. None if
-    `prove` is False. If it is None, the result is None for closed loops, which take long, unless some angles or lengths
-    are nearly, but not exactly, special (right, zero, equal to others).
+    """The energies of a mechanism on exact geometry, an `ExactEnergies`, whose rank proves the mechanism's, or None
+    where they are left out.
 
-    `seed` draws the states. Raises `RankError` where some are nearly special and the rank would be another if they were
-    exactly so, unless `near` is "as_is" ("refuse" is the other choice) or `prove` False; `InputError` for another
-    `near`.
+    They are left out if `prove` is False and, if it is None, for closed loops, which take long, unless some angles or
+    lengths are nearly special: angles within 1e-3 rad of a multiple of 90 degrees, or offsets within 1e-4 of the
+    characteristic length of zero (in loops also of one another), that are not exact to 1e-11. `seed` draws the states.
+    Raises `RankError` where some are nearly special and the rank would be another if they were exactly so, unless
+    `near` is "as_is" ("refuse" is the other choice) or `prove` False; `InputError` for another `near`.
     """
     if near not in get_args(Near):
         raise InputError(f"near: expected one of {', '.join(get_args(Near))}, got {near!r}")

@@ -11,10 +11,10 @@ _UNITS = 10**15
 
 
 class Precision(NamedTuple):
-    """Precision of floats: the differences below which they are taken as meant to be none. `angle`, in rad, is how far
-    from a multiple of a right angle an angle counts as one; lengths below `length` times the mechanism's characteristic
-    length (the largest offset from joint to joint or to a link's frame) count as zero; numbers of size about one that
-    differ by less than `number` count as the same. Nothing is checked."""
+    """The differences of floats that are taken as zero. `angle`, in rad, is how far from a multiple of a right angle an
+    angle counts as one; lengths below `length` times the mechanism's characteristic length (the largest offset from
+    joint to joint or to a link's frame) count as zero; numbers of size about one that differ by less than `number`
+    count as the same. Nothing is checked."""
 
     angle: float
     """rad: angles nearer to a right one, or to zero, are meant to be it."""
@@ -39,7 +39,7 @@ class Turn(NamedTuple):
 
     @property
     def cosine_and_sine(self) -> tuple[Fraction, Fraction]:
-        """The cosine and the sine of the angle, as fractions whose squares sum to exactly 1."""
+        """The pair of the cosine and the sine of this angle, as fractions whose squares sum to exactly 1."""
         square = self.half_tangent**2
         c, s = (1 - square) / (1 + square), 2 * self.half_tangent / (1 + square)
         return ((c, s), (-s, c), (-c, -s), (s, -c))[self.quarters]
@@ -48,9 +48,9 @@ class Turn(NamedTuple):
 def simplest_rational(x: float, size: float = 1.0, precision: Precision = AS_GIVEN) -> Fraction:
     """The fraction of least denominator near a float `x`: 1/3 for 0.333333333333, 0 for 1e-13.
 
-    `size`, positive and in the unit of x, is the size that numbers like it have (1 by default). x counts as zero where
-    |x| is at most `precision.length` times `size`. Else, with u the power of ten at or below `size`, the result is u
-    times the fraction of least denominator that differs from x/u by at most `precision.number`; `precision` is that of
+    `size`, positive and in the unit of x, is the typical size of such values (1 by default). x counts as zero where |x|
+    is at most `precision.length` times `size`. Else, with u the power of ten at or below `size`, the result is u times
+    the fraction of least denominator that differs from x/u by at most `precision.number`; `precision` is that of
     round-off by default. So floats that were computed in two ways from the same decimals become the same number again.
     By continued fractions (Knuth 1998, The Art of Computer Programming 2, section 4.5.3, exercise 39). Raises
     `ValueError` for NaN, `OverflowError` for infinity.
@@ -67,9 +67,9 @@ def _near(x: float, size: float, distance: float) -> Fraction:
 
 
 def turn(angle: float, precision: Precision = AS_GIVEN) -> Turn:
-    """The exact turn, a `Turn`, that an `angle` in rad stands for: quarter turns alone where it is within
-    `precision.angle` of them (1e-11 rad by default), else also the simplest rational half tangent of the rest. Raises
-    `ValueError` for NaN, `OverflowError` for infinity."""
+    """An `angle` in rad as exact numbers, a `Turn`: quarter turns alone where it is within `precision.angle` of them
+    (1e-11 rad by default), else also the simplest rational half tangent of the rest. Raises `ValueError` for NaN,
+    `OverflowError` for infinity."""
     quarters = round(angle / (math.pi / 2))
     rest = angle - quarters * (math.pi / 2)
     small = abs(rest) <= precision.angle

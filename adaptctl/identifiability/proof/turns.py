@@ -39,16 +39,16 @@ def turns_of(rotation: Mat, precision: Precision) -> Turns:
 
 
 def bearing(angle: float, precision: Precision) -> float:
-    """The `angle`, in rad, made the nearest multiple of a right angle where it is within the `precision`'s angle of it,
-    else as given. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+    """The `angle`, in rad, made the nearest multiple of a right angle where it is within the `precision`'s `angle` of
+    that, else as given. Raises `ValueError` for NaN, `OverflowError` for infinity."""
     quarters = round(angle / QUARTER)
     return quarters * QUARTER if abs(angle - quarters * QUARTER) <= precision.angle else angle
 
 
 def turned(axis: int, c: Any, s: Any) -> Mat:
     """The rotation matrix R (3, 3) of a turn about a coordinate `axis` (0, 1, 2 for x, y, z), from the cosine `c` and
-    the sine `s` of its angle, scalars of any kind: x = R x' for the coordinates x' (3,) of a vector in the turned frame
-    and x (3,) in the frame before the turn."""
+    the sine `s` of its angle, scalars of any kind. It maps the coordinates y (3,) of a vector in the turned frame to
+    those in the frame before the turn, R y. Nothing is checked."""
     if axis == 0:
         return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
     if axis == 1:

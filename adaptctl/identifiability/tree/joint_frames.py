@@ -13,10 +13,10 @@ from adaptctl.identifiability.sampling import characteristic_length
 
 
 def twist_matrices(twists: Array) -> Array:
-    """The matrices (..., 4, 4) of `twists` (..., 6), each an angular velocity (3,), rad/s, and the velocity (3,) of the
-    frame's origin, m/s or another unit of length per s, both along the moving frame's own axes: the cross-product
-    matrix of the first in the upper left, the second in the last column, zeros below. A frame at T (4, 4) that moves
-    with the twist of matrix X has the rate T X."""
+    """The matrices (..., 4, 4) of `twists` (..., 6): the cross-product matrix of the angular velocity in the upper
+    left, the linear velocity in the last column, zeros below. Each twist is an angular velocity (3,), rad/s, and the
+    velocity (3,) of the frame's origin, m/s or another unit of length per s, both along the moving frame's own axes. A
+    frame of pose T (4, 4) that moves with the twist of matrix X has the rate T X. Nothing is checked."""
     out = np.zeros((*twists.shape[:-1], 4, 4))
     x, y, z = np.moveaxis(twists[..., :3], -1, 0)
     out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = x, y, z
@@ -26,9 +26,9 @@ def twist_matrices(twists: Array) -> Array:
 
 
 def twist_entries(matrices: Array) -> Array:
-    """The twists (..., 6), each an angular velocity (3,), rad/s, and the velocity (3,) of the frame's origin, m/s or
-    another unit of length per s, both along the moving frame's own axes, of their matrices (..., 4, 4): the inverse of
-    `twist_matrices`."""
+    """The twists (..., 6) of their `matrices` (..., 4, 4), the inverse of `twist_matrices`: each is an angular velocity
+    (3,), rad/s, and the velocity (3,) of the frame's origin, m/s or another unit of length per s, both along the moving
+    frame's own axes. Nothing is checked."""
     turn = [matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0]]
     return np.stack([*turn, *np.moveaxis(matrices[..., :3, 3], -1, 0)], axis=-1)
 
@@ -38,12 +38,12 @@ class JointFrames:
     """The frames of the N joints of a tree, each moving with its link so that its own joint's twist is constant in it;
     lengths are in units of `length` L in m.
 
-    `parents` (N,) are the parent links' indices, -1 for the ground; `near` (N, 4, 4) the poses of the joints' frames,
-    at joint position zero, in the frames of their parents' joints (in the world for joints on the ground); `far` (N, 4,
-    4) the poses of the links' frames in their joints'; `twists` (N, 6) are the joints' twists, angular then linear,
-    along the axes of their own frames, per unit of their positions (rad, or L for a prismatic joint); `gravity` (3,) is
-    the unit vector along gravity in the world, zero where there is none. Made by `of`; nothing is checked at
-    construction.
+    `parents` (N,) are the parent links' zero-based indices, -1 for the ground; `near` (N, 4, 4) the poses of the
+    joints' frames, at joint position zero, in the frames of their parents' joints (in the world for joints on the
+    ground); `far` (N, 4, 4) the poses of the links' frames in their joints'; `twists` (N, 6) are the joints' twists,
+    angular then linear, along the axes of their own frames, per unit of their positions (rad, or L for a prismatic
+    joint); `gravity` (3,) is the unit vector along gravity in the world, zero where there is none. Made by `of`;
+    nothing is checked at construction.
     """
 
     length: float
@@ -59,15 +59,15 @@ class JointFrames:
 
     @property
     def rotor_scales(self) -> Array:
-        """The scales (N,) of the N joints' rotor inertias, with the unit of length L (m) of the frames, `length`: L^2,
-        in m^2, where a joint turns, 1 where it slides. Rotor inertias divided by these are in kg."""
+        """The scales (N,) of the N joints' rotor inertias, with the unit of length L (m) that this object's `length`
+        is: L^2, in m^2, where a joint turns, 1 where it slides. Rotor inertias divided by these are in kg."""
         return np.where(self.twists[:, :3].any(axis=1), self.length**2, 1.0)
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> JointFrames:
         """The joint frames of a mechanism's tree, with lengths in units of its characteristic length (the largest
-        offset from a joint to the next or to its link's frame, 1 m where there is none). Loop closures are left out of
-        account."""
+        distance from a joint to the next or to its link's frame, 1 m where there is none). Loop closures are left out.
+        Nothing is checked."""
         links, length = mechanism.links, characteristic_length(mechanism)
         on_parent = _matrices([(k.near.rotation, k.near.translation) for k in links], length)
         far = _matrices([(k.far.rotation, k.far.translation) for k in links], length)

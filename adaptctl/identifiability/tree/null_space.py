@@ -36,8 +36,8 @@ class TreeNullSpace:
     @classmethod
     def of(cls, mechanism: Mechanism, seed: int = 0) -> TreeNullSpace:
         """The null space of a tree's energies, from its geometry and the direction of gravity. States, drawn by `seed`,
-        0 by default, are sampled only for `scales`, which make parameters of different units comparable. The mechanism
-        must be a tree whose parameters are not constrained; this is not checked."""
+        0 by default, are sampled only for its property `scales`, which makes parameters of different units comparable.
+        The mechanism must be a tree whose parameters are not constrained; this is not checked."""
         return cls(mechanism, inertial_transfers(mechanism), seed)
 
     @cached_property
@@ -55,7 +55,7 @@ class TreeNullSpace:
     @cached_property
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the tree's P inertial parameters
-        D divided by `scales` (P,), D / scales in J, that change no energy."""
+        D, divided by this object's `scales` (P,), D / scales in J, that change no energy."""
         found = self._by_links(range(self.mechanism.energetic), TOLERANCE)
         vectors = np.zeros((self.mechanism.energetic, len(found.removed)))
         vectors[list(found.removed), range(len(found.removed))] = 1.0
@@ -63,14 +63,14 @@ class TreeNullSpace:
         return np.linalg.qr(vectors)[0]
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """The regrouping that removes P-k of the tree's P scaled parameters in an order, k the rank, and adds them to
+        """The regrouping that removes P-k of the tree's P scaled parameters in an `order`, k the rank, and adds them to
         the k kept ones, made link by link from the leaves to the root.
 
-        `order` (P,) has all indices from 0, the first removed first. At each link any independence counts that is more
-        than round-off. `tolerance`, without a unit, is for choices from all null vectors (P, P-k) at once: a parameter
-        is removed where its row of them, less its projection on the rows of those removed before, is longer. Where that
-        would remove other parameters, the regrouping is made in this way, which takes longer. Raises `InputError` for a
-        tolerance that is not between 0 and 1/sqrt(P).
+        `order` (P,) has all zero-based indices, the first removed first. At each link any independence counts that is
+        more than round-off (1e-8). `tolerance`, without a unit, is for choices from all null vectors (P, P-k) at once:
+        a parameter is removed where its row of them, less its projection on the rows of those removed before, is
+        longer. Where that would remove other parameters, the regrouping is made in this way, which takes longer. Raises
+        `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
         require_tolerance(tolerance, self.mechanism.energetic)
         with suppress(np.linalg.LinAlgError):  # Of what is hardly independent, round-off may leave nothing.

@@ -17,27 +17,27 @@ _TENS = np.stack([from_pseudo_inertia(unit) for unit in np.eye(16).reshape(16, 4
 
 
 def functionals(matrices: Array) -> Array:
-    """The rows f (..., 10) of linear functionals of a body, one for each of `matrices` M (..., 4, 4): f times the
-    body's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) is tr(M' J), with the
-    body's pseudo-inertia J (4, 4), the sum of x x' dm over its points x = (position, 1). Raises `ValueError` for
+    """The coefficients f (..., 10) of linear functionals of a body's ten inertial parameters, one row for each of
+    `matrices` M (..., 4, 4): f times the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) is tr(M' J). J
+    (4, 4) is the body's pseudo-inertia, the sum of x x' dm over its points x = (position, 1). Raises `ValueError` for
     matrices that have not 16 entries each."""
     return matrices.reshape(*matrices.shape[:-2], 16) @ UNIT_PSEUDO_INERTIAS.reshape(10, 16).T
 
 
 def frame_changes(frames: Array) -> Array:
-    """The matrices (..., 10, 10) that take a body's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-    I_xz, I_yz, I_zz) in a frame B to its ten in a frame A, for each pose of B in A that is given in `frames` (..., 4,
-    4), as a homogeneous matrix of rotation and origin. Lengths are in the poses' unit. Raises `ValueError` for poses of
+    """The matrices (..., 10, 10) that map a body's ten inertial parameters in a frame B to its ten in a frame A, one
+    for each pose of B in A in `frames` (..., 4, 4), a homogeneous matrix of rotation and origin. The ten are m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, with lengths in the poses' unit. Raises `ValueError` for poses of
     another size."""
     G = frames[..., None, :, :]
     return _tens(G @ UNIT_PSEUDO_INERTIAS @ G.mT)
 
 
 def frame_change_rates(twists: Array) -> Array:
-    """The rates (..., 10, 10) at which a body's ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
-    I_yz, I_zz), as seen from a frame that stands still, change as the body begins to move with `twists`, given by their
-    matrices S (..., 4, 4): the pseudo-inertia J (4, 4), the sum of x x' dm over the body's points x = (position, 1),
-    changes at S J + J S'."""
+    """The rates (..., 10, 10) at which a body's ten inertial parameters in a fixed frame change as the body begins to
+    move with `twists`, given by their matrices S (..., 4, 4). The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
+    I_yz, I_zz; the pseudo-inertia J (4, 4), the sum of x x' dm over the body's points x = (position, 1), changes at S J
+    + J S'. Raises `ValueError` for matrices of another size."""
     moved = twists[..., None, :, :] @ UNIT_PSEUDO_INERTIAS
     return _tens(moved + moved.mT)
 

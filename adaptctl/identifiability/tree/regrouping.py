@@ -37,8 +37,8 @@ class _LinkSelection(NamedTuple):
 
 
 def tree_regrouping(transfers: InertialTransfers, order: Sequence[int], tolerance: float) -> Regrouping:
-    """The regrouping that removes a tree's dependent inertial parameters in an `order` (P,), all indices from 0, the
-    first removed first, and adds them to the kept ones, the same as by all null vectors at once.
+    """The regrouping that removes a tree's dependent inertial parameters in an `order` (P,), all zero-based indices,
+    the first removed first, and adds them to the kept ones, the same as by all null vectors at once.
 
     `transfers` are the tree's inertial transfers; a column counts as independent at a link where its part orthogonal to
     those taken before is longer than `tolerance`, without a unit. Nothing is checked; `numpy.linalg.LinAlgError` may be

@@ -47,9 +47,9 @@ class LinkParameters(NamedTuple):
     """The n inertial parameters that belong to a link and its joint, or have been passed to it from its children, as
     bodies.
 
-    `indices` (n,) are their places, from 0, among the mechanism's P inertial parameters; `bodies` (11, n) has a column
-    for each: the body whose parameter is 1 and whose others are 0. A body is the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy,
-    I_yy, I_xz, I_yz, I_zz) in the joint's frame, then the joint's rotor inertia, in kg and in units of the tree's
+    `indices` (n,) are their zero-based positions among the mechanism's P inertial parameters; `bodies` (11, n) has a
+    column for each: the body whose parameter is 1 and whose others are 0. A body is the ten (m, mc_x, mc_y, mc_z, I_xx,
+    I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's frame, then the joint's rotor inertia, in kg and in units of the tree's
     characteristic length. Nothing is checked.
     """
 
@@ -61,13 +61,13 @@ class LinkParameters(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InertialTransfers:
-    """The inertial transfers of a tree of N joints: the bodies (sets of inertial parameters) that a link can give to
-    its parent link without any energy changing, called unobservable at the joint between them, and the linear
-    functionals of bodies that energies do depend on.
+    """The inertial transfers of a tree of N joints: the bodies (sets of inertial parameters) that can be moved from a
+    link to its parent link without any energy changing, and the linear functionals of bodies that energies do depend
+    on. Such bodies are called unobservable at the joint between the two links.
 
     A body (11,) is ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's
     frame, then the inertia of the joint's rotor, in kg and in units of the length (m) of `frames`, the joints' frames.
-    `own` (N,) are the links' own parameters; `to_parent` (N, 10, 10) takes the ten to the parent joint's frame (to the
+    `own` (N,) are the links' own parameters; `to_parent` (N, 10, 10) maps the ten to the parent joint's frame (to the
     world for a joint on the ground), at joint position zero. For each joint, `observable` (c, 11) are these
     functionals, orthonormal, c of 1 to 11, and `unobservable` (11-c, 11) orthonormal bodies that change none; the rotor
     inertia is one of them where the joint has no rotor. Made by `inertial_transfers`; nothing is checked at
@@ -86,17 +86,20 @@ class InertialTransfers:
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """The indices (N,) of the parents of the tree's N links, from 0, parents before their children; -1 for the
+        """Zero-based indices (N,) of the parents of the tree's N links, parents before their children; -1 for the
         ground."""
         return self.frames.parents
 
     def passed_to_parent(self, i: int, bodies: Array) -> Array:
-        """The bodies (11, n) that n `bodies` (11, n) of the link of joint `i` (from 0) become when they are given to
-        the parent link, at joint position zero: in the parent joint's frame, or in the world for a joint on the ground.
+        """The bodies (11, n) that n `bodies` (11, n) on the link of joint `i` (zero-based) become when they are moved
+        to the parent link, at joint position zero: in the parent joint's frame, or in the world for a joint on the
+        ground.
+
         A body is ten inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in its joint's
         frame, in kg and in units of the tree's characteristic length, and a rotor inertia, which is 0 in the result. No
         energy changes if the bodies are unobservable at the joint, which is not checked. Raises `IndexError` for a
-        joint beyond the last."""
+        joint beyond the last.
+        """
         out = np.zeros_like(bodies)
         out[:10] = self.to_parent[i] @ bodies[:10]
         return out
@@ -106,8 +109,8 @@ class InertialTransfers:
         """The nullity: the number of independent combinations of the tree's inertial parameters that change no energy.
 
         They are, at each joint, the combinations of the link's own parameters, and of those passed to it from its
-        children, that the link can give to its parent without any energy changing (unobservable ones). A link with mass
-        can make up for what is passed to it; a massless one has no parameters for that, and passes its children's
+        children, that can be moved to the parent link without any energy changing (unobservable ones). A link with mass
+        can compensate what is passed to it; a massless one has no parameters for that, and passes its children's
         unobservable combinations on to its parent.
         """
         count = 0
@@ -125,15 +128,15 @@ class InertialTransfers:
         return count
 
     def massless(self, i: int) -> bool:
-        """True if link `i`, counted from 0, has no ten inertial parameters of its own, being described as massless.
-        Raises `IndexError` for a link beyond the last."""
+        """True if the link of zero-based index `i` has no ten inertial parameters of its own, being described as
+        massless. Raises `IndexError` for a link beyond the last."""
         return len(self.own[i].indices) < 10
 
 
 def inertial_transfers(mechanism: Mechanism) -> InertialTransfers:
-    """The inertial transfers of a mechanism's tree, from its geometry and gravity's direction alone: at every joint the
-    unobservable bodies, sets of inertial parameters that a link can give to its parent without any energy changing, and
-    the linear functionals of bodies that energies do depend on.
+    """The inertial transfers of a mechanism's tree, from its geometry and gravity's direction alone. At every joint
+    they are the unobservable bodies, sets of inertial parameters that can be moved from a link to its parent without
+    any energy changing, and the linear functionals of bodies that energies do depend on.
 
     No states are sampled. The mechanism must be a tree whose parameters are not constrained and whose drives turn with
     one joint each; this is not checked.

@@ -22,14 +22,14 @@ from adaptctl.scalars import column
 @dataclass(frozen=True, eq=False)
 class TransferEvidence:
     """The evidence for the rank of a tree's energies: at each joint, the rank of the energy changes, at sampled states,
-    when inertial parameters are taken from its link and given to the parent link, against that by geometry. Ratios have
-    no unit; sigma_1 >= sigma_2 >= ... are a joint's singular values, k its rank by geometry.
+    when inertial parameters are moved from its link to the parent link, against that by geometry. Ratios have no unit;
+    sigma_1 >= sigma_2 >= ... are a joint's singular values, k its rank by geometry.
 
-    `surplus` is the sum over the joints of ranks by energies less those by geometry, 0 if all is well; `gap` the
-    smallest sigma_k/sigma_k+1, `smallest` the smallest sigma_k/sigma_1; `residual` the largest energy change by a
+    `surplus` is the sum over the joints of ranks by energies less those by geometry, 0 if all agree; `gap` the smallest
+    sigma_k/sigma_k+1 of all joints, `smallest` the smallest sigma_k/sigma_1; `residual` the largest energy change by a
     combination of parameters that by geometry makes none, over the largest that one of its size could make; `weakest`
     (11,) the singular values of the joint with the smallest gap; `leftover` the largest sigma_k+1/sigma_1, round-off if
-    all is well, and `worst` the index, from 0, of the joint that has that `leftover`. Nothing is checked at
+    the ranks agree, and `worst` the zero-based index of the joint that has that `leftover`. Nothing is checked at
     construction.
     """
 
@@ -44,20 +44,22 @@ class TransferEvidence:
     weakest: Array
     """Singular values (11,) of the joint with the smallest gap."""
     leftover: float
-    """Largest sigma_k+1/sigma_1, which ought to be round-off."""
+    """Largest sigma_k+1/sigma_1, round-off where the ranks agree."""
     worst: int
-    """The joint that has it."""
+    """Zero-based index of the joint that has that `leftover`."""
 
 
 def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: States) -> Array:
-    """The energy changes (N, samples, 11), in J per kg, at the given `states`, `samples` of them, of a tree of N
-    joints: the energy of a body on a link, less its energy on the parent link (on the ground for a joint there), where
-    it stands at joint position zero. They are per unit of each of a body's parameters: the ten (m, mc_x, mc_y, mc_z,
-    I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) in the joint's frame, with lengths in units of the tree's characteristic length,
-    and the joint's rotor inertia, 0 where it has none.
+    """Energy changes (N, samples, 11), in J per kg, as a body is moved from the link of each of a tree's N joints to
+    the parent link, at `samples` given `states`. They are the kinetic plus potential energy of the body on the joint's
+    link, less its energy on the parent link (on the ground for a joint there), in the pose that it has there at joint
+    position zero.
 
-    `found` are the tree's inertial transfers, whose joint frames are used. A combination of the eleven is unobservable
-    at a joint exactly when the energy changes in no state. Nothing is checked.
+    They are per unit of each of a body's parameters: the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz)
+    in the joint's frame, with lengths in units of the tree's characteristic length, and the joint's rotor inertia, 0
+    where it has none. `mechanism` is the tree, `found` are its inertial transfers, whose joint frames are used. A
+    combination of the eleven is unobservable at a joint exactly when the energy changes in no state. Nothing is
+    checked.
     """
     energies = _energies(mechanism, found.frames.length, states) @ frame_changes(
         np.asarray(np.linalg.inv(found.frames.far), dtype=np.float64)
@@ -74,10 +76,12 @@ def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: State
 
 def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvidence:
     """The evidence for a tree's rank: at each of N joints, the singular values of the energy `changes` (N, samples,
-    11), in J per kg, against the rank by geometry in `found`, the tree's inertial transfers. The changes, of
-    `energy_changes` at `samples` states, 11 or more, are per unit of each of 11 inertial parameters that is taken from
-    a link and given to its parent; columns are divided by their norms, or by 1e-3 of the joint's largest norm where
-    that is more. Raises `numpy.linalg.LinAlgError` for NaN."""
+    11), in J per kg, against the rank by geometry in `found`, the tree's inertial transfers.
+
+    The changes, of `energy_changes` at `samples` states, 11 or more, are per unit of each of 11 inertial parameters
+    that is moved from a link to its parent; columns are divided by their norms, or by 1e-3 of the joint's largest norm
+    where that is more. Raises `numpy.linalg.LinAlgError` for NaN.
+    """
     norms = np.linalg.norm(changes, axis=1, keepdims=True)
     scales = 1.0 / np.maximum(norms, SMALLEST_NORM * norms.max(axis=2, keepdims=True))
     values = np.linalg.svd(changes * scales, compute_uv=False)

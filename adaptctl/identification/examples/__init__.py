@@ -25,9 +25,9 @@ class Example(NamedTuple):
 
 @contextmanager
 def example(name: str) -> Iterator[Example]:
-    """A context manager that gives the files, an `Example` of paths, of the example of a name: "tx40", a log of a
-    Staubli TX40 arm. The files are there for as long as the `with` block runs. Raises `NotFoundError` for another name,
-    as the block begins."""
+    """A context manager that yields the files, an `Example` of paths, of the example of the given `name`: "tx40", a log
+    of a Staubli TX40 arm. The files exist for as long as the `with` block runs. Raises `NotFoundError` for another
+    name, as the block begins."""
     if name not in NAMES:
         raise NotFoundError(f"unknown example {name!r}; there is {', '.join(NAMES)}")
     with as_file(files(__name__) / name) as folder:

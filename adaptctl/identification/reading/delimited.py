@@ -13,13 +13,13 @@ from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 
 def read_delimited(path: str | Path) -> LogTable:
-    """The table of a log in a text file, a `LogTable`: a line of column names, then a line of numbers for each sample,
-    separated by commas, semicolons or tabs, whichever the first line has most of. Names lose spaces around them; no
-    units are read.
+    """The table of a log in the text file `path`, a `LogTable`. The file has a line of column names, then a line of
+    numbers for each sample, separated by commas, semicolons or tabs, whichever the first line has most of. Names lose
+    spaces around them; no units are read.
 
-    An empty cell, NaN, nan, NA or null becomes NaN. A column with any other cell that is no number becomes NaN in all
-    rows. Raises `FileError` for a file that cannot be read, is no table, has no rows or more than 20 million, or two
-    columns of one name.
+    An empty cell, NaN, nan, NA or null becomes NaN. A column with any other cell that is not a number becomes NaN in
+    all rows. Raises `FileError` for a file that cannot be read or is no table, with no rows or more than 20 million, or
+    with two columns of one name.
     """
     from pyarrow import ArrowInvalid
     from pyarrow.csv import ConvertOptions, ParseOptions, read_csv

@@ -14,8 +14,8 @@ from adaptctl.identification.reading.table import MAX_ROWS, LogTable, table
 
 
 def read_parquet(path: str | Path) -> LogTable:
-    """The table of a log in a Parquet file, a `LogTable`: its columns of numbers, and of booleans as 0 and 1, with
-    missing cells as NaN; a column of fixed-size lists of them, `name`, is split into `name[0]`, `name[1]` ...,
+    """The table of a log in the Parquet file `path`, a `LogTable`: its columns of numbers, and of booleans as 0 and 1,
+    with missing cells as NaN. A column of fixed-size lists of them, `name`, is split into `name[0]`, `name[1]` ...,
     unless a list is missing. Other columns are left out. Units are those in the metadata `unit` of the file's fields,
     by the names of the columns made of them. Raises `FileError` for a file that cannot be read or is no Parquet file,
     without columns of numbers or rows, or with more than 20 million rows."""

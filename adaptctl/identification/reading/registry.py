@@ -12,11 +12,11 @@ BAGS = (".mcap", ".bag", ".db3")
 
 
 def read_log(path: str | Path, topic: str | None = None) -> LogTable:
-    """The table of a log, a `LogTable` of its columns, read by the path's suffix: .csv, .tsv or .txt as delimited text,
-    .parquet, and .mcap, .bag, .db3 or a folder as a ROS bag, of which `topic` names the topic of JointState messages
-    (None: its only one; other kinds ignore it). Raises `FileError` for a path that does not exist, of another suffix, a
-    file above 4 GiB, and one that cannot be read as what its suffix says, `MissingExtraError` for a ROS bag where
-    rosbags is not installed."""
+    """The table of a log, a `LogTable` of its columns, read by the suffix of `path`: .csv, .tsv or .txt as delimited
+    text, .parquet, and .mcap, .bag, .db3 or a folder as a ROS bag. `topic` names the topic of JointState messages in a
+    bag (None: its only one); other kinds ignore it. Raises `FileError` for a path that does not exist, of another
+    suffix, a file above 4 GiB, and one that cannot be read as what its suffix says, `MissingExtraError` for a ROS bag
+    where rosbags is not installed."""
     place = Path(path)
     suffix = place.suffix.lower()
     if not place.exists():

@@ -18,8 +18,8 @@ MAX_BYTES = 4 * 2**30
 
 @dataclass(frozen=True, eq=False)
 class LogTable:
-    """Table of a log as it was written: `columns`, arrays (n,) by name, in the log's own units and with NaN where a
-    cell has no number, and `units`, the symbols by column that the file itself states, none by default. `source` is the
+    """Table of a log as it was written. `columns` are arrays (n,) by name, in the log's own units and with NaN where a
+    cell has no number; `units` are the symbols by column that the file itself states, empty by default. `source` is the
     log's file, as text; `len` gives n. Made by `read_log`; nothing is checked at construction."""
 
     source: str
@@ -30,9 +30,9 @@ class LogTable:
         return len(next(iter(self.columns.values()), ()))
 
     def column(self, name: str, what: str) -> Array:
-        """The column (n,) of a `name`, of the table's n rows, finite in each, in the log's own unit; `what` it is
-        needed for, such as "time", is told in errors. Raises `FileError` for a name that the table does not have, with
-        the nearest ones, and for a column with NaN or infinity, with the first such row."""
+        """The column (n,) of the given `name`, of the table's n rows, finite in each, in the log's own unit; `what` it
+        is needed for, such as "time", goes into the error message. Raises `FileError` for a name that the table does
+        not have, with the nearest ones, and for a column with NaN or infinity, with the first such row."""
         if name not in self.columns:
             raise FileError(f"{self.source}: there is no column {name!r} for {what}; {self._known(name)}")
         values = self.columns[name]
@@ -52,9 +52,10 @@ class LogTable:
 
 
 def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
-    """The table of a log, a `LogTable`, from pairs of a name and a column (n,), n rows in each; `source` is the log's
-    file, told in errors, and `units` are the symbols of columns that the file states, none by default. Raises
-    `FileError` without a column or a row, for two columns of one name, and for columns of different lengths."""
+    """The table of a log, a `LogTable`, from `columns`, pairs of a name and an array (n,), n rows in each. `source` is
+    the log's file, for error messages, and `units` are the symbols of columns that the file states, None for none.
+    Raises `FileError` where there is no column or no row, for two columns of one name, and for columns of different
+    lengths."""
     found: dict[str, Array] = {}
     for name, values in columns:
         if name in found:

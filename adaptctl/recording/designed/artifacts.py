@@ -51,14 +51,15 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Named:
-    """Name, title and further contents of a design study (of masses added to an arm, counterweights, and changes that
-    make parameters needless), for its files and pages.
+    """Name, title and further contents of a design study, for its files and pages. (Such a study adds masses to an arm,
+    places counterweights, and finds changes by which parameters are no longer needed.)
 
-    `experiment` is the name of the experiment or command, `title` that of page and recording, `content` the name of the
-    JSON file with the numbers, `seed` that of the random numbers, `complete` False where the study was interrupted.
-    `outcome_words` and `facts`, where not empty, replace the study's own; `drawings` are figures besides its own.
-    `runs` are closed-loop runs whose errors and torques the recording shows; its arm makes the motion of the last of
-    them, or, without runs, swings every joint a little. Nothing is checked at construction.
+    `experiment` is the name of the experiment or command, `title` that of page and recording. `content` is the name of
+    the JSON file with the numbers, "summary.json" by default; `seed`, 0 by default, that of the random numbers;
+    `complete`, True by default, is False where the study was interrupted. `outcome_words` and `facts`, where not empty,
+    replace the study's own; `drawings` are figures besides its own. `runs` are closed-loop runs whose errors and
+    torques the recording shows; its arm makes the motion of the last of them, or, without runs, swings every joint a
+    little. Nothing is checked at construction.
     """
 
     experiment: str
@@ -83,13 +84,13 @@ def write_study(
     named: Named | None = None,
     progress: Callable[[str, float], object] = silent,
 ) -> None:
-    """Write the files of a design study into an existing folder, each whole or not at all: `content`, in JSON's types,
-    as JSON, figures as PNG in the folder `figures`, report.html and recording.rrd. `named` has their names, title and
-    further contents; None for those of the command `adaptctl design`, design.json being the JSON file. `progress(what,
-    share)` is called with what is being written and the share done, 0 to 1; unless given, nothing is shown. Raises
-    `FileError` where a file cannot be written, and for numbers in `content` that are NaN or infinite, `RankError` where
-    the mechanism's rank, its number of base parameters, cannot be certified, `ValueError` for runs in `named` with
-    positions that are NaN or infinite."""
+    """Write the files of a design `study` into an existing `folder`, each whole or not at all: JSON, figures as PNG in
+    the subfolder `figures`, report.html and recording.rrd. `content`, in JSON's types, goes into the JSON file. `named`
+    has the files' names, title and further contents; None for those of the command `adaptctl design`, design.json being
+    the JSON file. `progress(what, share)` is called with what is being written and the fraction done, 0 to 1; the
+    default does nothing. Raises `FileError` where a file cannot be written, and for numbers in `content` that are NaN
+    or infinite, `RankError` where the mechanism's rank, its number of base parameters, cannot be certified,
+    `ValueError` for runs in `named` with positions that are NaN or infinite."""
     called = named or Named("design", f"{study.task.mechanism.name}: where a mass may be added", "design.json")
     write_json(folder / called.content, content)
     progress("figures", 0.1)
@@ -104,11 +105,10 @@ def write_study(
 
 
 def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str:
-    """HTML, as text, of a design study's page: outcome, changes of the motion's energy by a point mass at places of
-    every link, counterweights, costs of the motion before and after them, and changes of the design that make
-    parameters needless. `named` has title and further contents, `figures` maps the drawings' names to the figures that
-    go into the page. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be
-    certified."""
+    """HTML, as text, of a design study's page: outcome, changes of the motion's energy by a point mass at positions on
+    every link, counterweights, costs of the motion before and after them, and changes by which parameters are no longer
+    needed. `named` has title and further contents, `figures` maps the drawings' names to the figures that go into the
+    page. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
     after = study.counterweights.balanced
     pairs = zip(quantities(study.task, study.percent), quantities(after, study.percent), strict=True)
     return rendered(
@@ -133,12 +133,12 @@ def page(study: DesignStudy, named: Named, figures: Mapping[str, Figure]) -> str
 
 
 def write_recording(path: Path, study: DesignStudy, named: Named, figures: Mapping[str, Path]) -> None:
-    """Write the recording of a design study for the rerun viewer to the file `path` (.rrd), whole or not at all: the
-    arm in motion, coloured by the change of its motion's energy by a point mass at each place, its counterweights, the
-    errors and torques of the runs in `named`, tables and pictures. `figures` maps names of drawings to their PNG files.
-    Raises `FileError` where the file cannot be written or read back, `OSError` where a PNG file cannot be read,
-    `RankError` where the mechanism's rank, its number of base parameters, cannot be certified, `ValueError` for runs
-    with positions that are NaN or infinite."""
+    """Write the recording of a design `study` for the rerun viewer to the file `path` (.rrd), whole or not at all. It
+    shows the arm in motion, coloured at each position on it by the change of the motion's energy by a point mass there,
+    its counterweights, the errors and torques of the runs in `named`, tables and pictures. `figures` maps names of
+    drawings to their PNG files. Raises `FileError` where the file cannot be written or read back, `OSError` where a PNG
+    file cannot be read, `RankError` where the mechanism's rank, its number of base parameters, cannot be certified,
+    `ValueError` for runs with positions that are NaN or infinite."""
     mechanism = study.task.mechanism
     parts, (time, p) = skeleton(mechanism), _moved(study, named.runs)
     content = np.ascontiguousarray(np.concatenate([study.counterweights.parameters, p.ravel()])).tobytes()

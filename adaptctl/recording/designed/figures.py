@@ -17,10 +17,10 @@ from adaptctl.recording.skeleton import skeleton
 
 
 def drawings(study: DesignStudy) -> Iterator[Drawing]:
-    """Figures of a design study, each a `Drawing` with name, caption and drawing function, in the order of the report:
-    the arm coloured by the relative change of the motion's energy by a point mass at each place, these changes on every
-    link, the joints' torques, and energy errors by number of essential components (combinations of parameters). Nothing
-    is drawn before a drawing's function is called."""
+    """Figures of a design `study`, each a `Drawing` with name, caption and drawing function, in the order of the
+    report. They are the arm coloured by the relative change of the motion's energy by a point mass at each position,
+    these changes on every link, the joints' torques, and energy errors by number of essential components (combinations
+    of parameters). Nothing is drawn, nor raised, before a drawing's function is called."""
     mass, mechanism = study.body.mass, study.task.mechanism
     yield Drawing(
         "arm",
@@ -48,9 +48,10 @@ def drawings(study: DesignStudy) -> Iterator[Drawing]:
 
 
 def links_figure(study: DesignStudy) -> Figure:
-    """Figure (Matplotlib) of the changes, in percent, of the motion's energy, a root mean square about its mean, by a
-    point with the mass of the study's body on every link: at the link's centre of mass, and at the two of the places
-    that the study allows there where the energy becomes least and greatest."""
+    """Figure (Matplotlib) of the changes, in percent, of the energy of a design study's motion by a point with the mass
+    of the study's body on every link: at the link's centre of mass, and at the two positions, among those that the
+    study allows on the link, where the energy becomes least and greatest. Energy is its root mean square about its mean
+    over the task's states. Nothing is checked."""
     figure = sheet(0.55 + 0.5 * len(study.links))
     axes = figure.subplots()
     place = np.arange(len(study.links))
@@ -65,8 +66,8 @@ def links_figure(study: DesignStudy) -> Figure:
 
 
 def torques_figure(study: DesignStudy) -> Figure:
-    """Figure (Matplotlib) of the root mean square torques of every joint over a design study's task, N m (N if
-    prismatic), friction left out, without the counterweights and with them."""
+    """Figure (Matplotlib) of the root mean square torque of every joint over the states of a design study's task, N m
+    (N if prismatic), friction left out, without the counterweights and with them. Nothing is checked."""
     figure = sheet(2.8)
     axes = figure.subplots()
     names = [joint.name for joint in study.task.mechanism.primary_joints]
@@ -80,9 +81,9 @@ def torques_figure(study: DesignStudy) -> Figure:
 
 def components_figure(study: DesignStudy) -> Figure:
     """Figure (Matplotlib) of a design study's energy errors, in percent, on a logarithmic scale, by the number of
-    essential components that are kept (combinations of inertial parameters, those that make most of the energy first),
-    without the counterweights and with them. Raises `RankError` where the mechanism's rank, its number of base
-    parameters, cannot be certified."""
+    essential components that are kept, without the counterweights and with them. Essential components are combinations
+    of inertial parameters, those that make most of the energy first. Raises `RankError` where the mechanism's rank, its
+    number of base parameters, cannot be certified."""
     figure = sheet(2.8)
     axes = figure.subplots()
     for i, (label, task) in enumerate(_two(study)):
@@ -97,11 +98,12 @@ def components_figure(study: DesignStudy) -> Figure:
 
 
 def percent_errors(task: DesignTask) -> Array:
-    """Energy errors (k + 1,) when 0, 1, ... k of the k essential components are kept, those that make most of the
-    energy first, in percent of the energy: its root mean square about its mean over the task's states; NaN where that
-    is 0. Essential components are combinations of inertial parameters, the right singular vectors of the matrix of
-    energies about their mean, with a row for each state and a column for each parameter (Sheu and Walker 1991, equation
-    23). Raises `RankError` where the mechanism's rank k cannot be certified."""
+    """Energy errors (k + 1,), in percent, when 0, 1, ... k of the k essential components are kept, those that make most
+    of the energy first. The energy that they are a percentage of is its root mean square about its mean over the task's
+    states; errors are NaN where it is zero. Essential components are combinations of inertial parameters, the right
+    singular vectors of the matrix of energies about their mean, with a row for each state and a column for each
+    parameter (Sheu and Walker 1991, equation 23). Raises `RankError` where the mechanism's rank k cannot be certified.
+    """
     squares = np.sort(np.square(task.matrix("components") @ task.parameters))
     tails = np.append(np.cumsum(squares)[::-1], 0.0)
     return np.asarray(100.0 * np.sqrt(tails / tails[0]))

@@ -30,10 +30,10 @@ BALL = Color(240, 200, 40)
 
 
 class Spots(NamedTuple):
-    """Places on an arm, n of them, and the changes of the cost of its motion that a point mass makes there: `link`
-    (n,), indices of links from 0, the ground not counted, as floats; `place` (n, 3), m in the link's frame; `radius`
-    (n,), m, of the balls that are drawn there; and `change` (n,), relative changes, no unit, 0.1 for 10 % more. Nothing
-    is checked at construction."""
+    """Positions on an arm, n of them, and the relative changes of the cost of its motion by a point mass there. `link`
+    (n,) are zero-based indices of links, the ground not counted, as floats; `place` (n, 3) positions, m in the link's
+    frame; `radius` (n,), m, those of the balls that are drawn there; and `change` (n,) relative changes, no unit, 0.1
+    for 10 % more. Nothing is checked at construction."""
 
     link: Array
     place: Array
@@ -42,7 +42,7 @@ class Spots(NamedTuple):
 
 
 def spots(costs: CostMap, parts: Skeleton) -> Spots:
-    """Places along all links of an arm, as `Spots`: 24, evenly spaced, on the axis of each shape of a link or tool in
+    """Positions on all links of an arm, as `Spots`: 24, evenly spaced, on the axis of each shape of a link or tool in
     `parts`, those of massless links left out. Each has the relative change, no unit, of the cost of the motion when the
     point mass of `costs`, a map of these changes over the arm, is fixed there. Raises `IndexError` where no shape is on
     a link with inertia."""
@@ -60,10 +60,10 @@ def spots(costs: CostMap, parts: Skeleton) -> Spots:
 
 
 def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
-    """Scale of colours, a Matplotlib `TwoSlopeNorm`, for relative changes of cost, no unit, with 0 in its middle. Its
-    lower end is the least of `change` (n,) and of the changes at the cheapest place of each link of the study, its
-    upper end the greatest of `change`; each end is moved, where need be, at least a thousandth of the other's size
-    below or above 0. Raises `ValueError` for n = 0."""
+    """Colour scale, a Matplotlib `TwoSlopeNorm`, for relative changes of cost, no unit, with 0 in its middle. Its lower
+    end is the least of `change` (n,) and of the changes at the cheapest position on each link of the study, its upper
+    end the greatest of `change`; each end is moved, where need be, at least a thousandth of the other's size below or
+    above 0. Raises `ValueError` for n = 0."""
     low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
     high = max(float(change.max()), 0.0)
     least = 1e-3 * max(high, -low, 1e-9)
@@ -71,21 +71,21 @@ def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
 
 
 def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
-    """Colours (n, 4), red, green, blue and opacity from 0 to 255, of n relative changes of cost (n,), no unit, by a
-    `scale` of colours such as `norm` makes: blue where the arm is relieved, light grey for 0, orange to red where it
-    costs. Changes beyond the scale have the colours of its ends."""
+    """Colours (n, 4), red, green, blue and opacity from 0 to 255, of n relative changes of cost `change` (n,), no unit,
+    by a colour `scale` such as `norm` makes. They are blue where the cost falls, light grey for 0, orange to red where
+    it rises; changes beyond the scale have the colours of its ends. Nothing is checked."""
     return np.asarray(SCALE(scale(change), bytes=True), dtype=np.uint8)
 
 
 def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
     """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls along its links. A ball's colour
-    is the relative change of the motion's energy when a point with the mass of the study's body is fixed at its place:
-    blue where the energy falls, red where it rises. Small balls, coloured alike, fill the box of places that the study
-    allows on each link; yellow balls are the counterweights. `p` (T, r) are the positions, rad (m if prismatic), of the
-    arm's r joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
+    is the relative change of the motion's energy when a point with the mass of the study's body is fixed at its
+    position: blue where the energy falls, red where it rises. Small balls, coloured alike, fill the box of positions
+    that the study allows on each link; yellow balls are the counterweights. `p` (T, r) are the positions, rad (m if
+    prismatic), of the arm's r joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
 
     Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
-    where kinematic loops do not fit together, `SingularityError` near where they lock.
+    where kinematic loops cannot be closed, `SingularityError` near a singularity of these.
     """
     mechanism, found = study.task.mechanism, spots(study.map, parts)
     scale, poses = norm(study, found.change), link_poses(mechanism, p)
@@ -108,8 +108,8 @@ def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton
 
 def log_counterweights(recording: rr.RecordingStream, study: DesignStudy, name: str = "arm") -> None:
     """Draw a design study's counterweights in a rerun recording, the same at all times: yellow balls of their true
-    radius, labelled with their mass in kg, as the entities "world"/`name`/LINK/counterweight, LINK being a link's name:
-    they move with the entity of their link."""
+    radius, labelled with their mass in kg. They are the entities "world"/`name`/LINK/counterweight, LINK being a link's
+    name, and move with the entity of their link. Nothing is checked."""
     for weight in study.counterweights.weights:
         radius = (3.0 * weight.mass / (4.0 * np.pi * weight.density)) ** (1.0 / 3.0)
         ball = rr.Points3D([weight.place], radii=[radius], colors=[BALL], labels=[f"{weight.mass:.3g} kg"])
@@ -121,7 +121,7 @@ def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
     from above, in m. Dots along its links are coloured by the relative change of the motion's energy when a point with
     the mass of the study's body is fixed there; yellow dots are the counterweights. `parts` are the shapes it is drawn
     by. Raises `InputError` for another number of positions, `NonFiniteError` for NaN and infinity, `LoopError` where
-    kinematic loops do not fit together, `SingularityError` near where they lock."""
+    kinematic loops cannot be closed, `SingularityError` near a singularity of these."""
     found = spots(study.map, parts)
     world, scale = _in_world(study.task.mechanism, p, found.link, found.place), norm(study, found.change)
     figure = sheet(4.4)

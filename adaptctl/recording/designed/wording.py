@@ -11,8 +11,8 @@ from adaptctl.recording.fact import Fact
 
 def header(study: DesignStudy) -> str:
     """Text, one line, of a design study's robot and task: the robot's name, its numbers of inertial parameters, of
-    independent (base) parameters and of base parameters that each by itself make more than 1e-6 of the energy ("not
-    zero"), and the states that the task consists of. Raises `RankError` where the mechanism's rank, its number of base
+    independent (base) parameters and of base parameters that each contribute more than 1e-6 of the energy ("not zero"),
+    and the states that the task consists of. Raises `RankError` where the mechanism's rank, its number of base
     parameters, cannot be certified."""
     task = study.task
     return (
@@ -22,9 +22,9 @@ def header(study: DesignStudy) -> str:
 
 
 def outcome_words(study: DesignStudy) -> str:
-    """The outcome of a design study in a sentence or two: by how many percent a point with the mass of the study's
-    body, the one to add, changes the energy, a root mean square about its mean, at the best and at the worst of all
-    places on links, and how many percent of their objective, such as energy, the counterweights save."""
+    """The outcome of a design `study` in a sentence or two. It says by how many percent a point with the mass of the
+    study's body changes the energy, a root mean square about its mean, at the best and at the worst position on any
+    link, and how many percent of their objective, such as energy, the counterweights save. Nothing is raised."""
     found, best = study.counterweights, min(study.links, key=lambda cost: cost.least)
     worst = max(study.links, key=lambda cost: cost.most)
     text = (
@@ -39,10 +39,10 @@ def outcome_words(study: DesignStudy) -> str:
 
 def facts(study: DesignStudy) -> Iterator[Fact]:
     """Facts of a design study, each a `Fact`: a question that a person asks first, and its answer in words, with units.
-    They are numbers of parameters and essential components (combinations of them), the costs of the motion (energy in
-    J, torque in percent of its limit, coupling, the mass matrix off its diagonal, in kg m^2; all root mean squares)
-    before and after the counterweights, and the counterweights' masses. Raises `RankError` where the mechanism's rank,
-    its number of base parameters, cannot be certified."""
+    They are numbers of parameters and essential components (combinations of them), the costs of the motion before and
+    after the counterweights, and the counterweights' masses. Costs are root mean squares: energy in J, torque in
+    percent of its limit, and coupling, the mass matrix's entries off the diagonal, in kg m^2. Raises `RankError` where
+    the mechanism's rank, its number of base parameters, cannot be certified."""
     found, before = study.counterweights, study.task
     after = found.balanced
     yield Fact("Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero")
@@ -61,12 +61,13 @@ def _fall(before: float, after: float, unit: str) -> str:
 
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
-    """Costs of a mechanism's motion over a task, as pairs of texts, a label and a number with its unit: numbers of base
-    parameters, of those that are not zero (each by itself makes more than 1e-6 of the energy), and of essential
-    components, combinations of parameters, that keep the energy to an error of `percent` (%); and root mean squares of
-    energy about its mean (J), torque (% of its limit), coupling, the mass matrix off its diagonal (kg m^2), and each
-    joint's torque (N m, N if prismatic). Raises `InputError` for a percentage that is no finite number of at least 0,
-    `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
+    """Costs of a mechanism's motion over a design `task`, as pairs of texts, a label and a number with its unit. They
+    are the numbers of base parameters, of those that are not zero (each contributes more than 1e-6 of the energy), and
+    of essential components, combinations of parameters, that keep the energy to an error of `percent` (%); and root
+    mean squares of energy about its mean (J), torque (% of its limit), coupling, the mass matrix's entries off the
+    diagonal (kg m^2), and each joint's torque (N m, N if prismatic). Raises `InputError` for a `percent` that is not a
+    finite number of at least 0, `RankError` where the mechanism's rank, its number of base parameters, cannot be
+    certified."""
     yield "independent parameters", f"{task.basis.rank}"
     yield "of them not zero", f"{len(task.carried())}"
     yield f"components within {percent:g} % of energy", f"{task.components(percent)}"
@@ -78,10 +79,11 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
 
 
 def change(share: float) -> str:
-    """Text of a relative change as a percentage with its sign: 0.125 is "+12.5 %"."""
+    """Text of a relative change `share` as a percentage with its sign: 0.125 is "+12.5 %". Nothing is raised."""
     return f"{100.0 * share:+.3g} %".replace("-", "−")
 
 
 def place(x: Array) -> str:
-    """Text of a place (3,), m, in its link's frame, without the unit: "(0.100, 0.000, -0.250)"."""
+    """Text of a position `x` (3,), m in a link's frame, without the unit: "(0.100, 0.000, -0.250)". Nothing is
+    checked."""
     return f"({', '.join(f'{value:.3f}' for value in x + 0.0)})"

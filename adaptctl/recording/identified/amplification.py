@@ -24,12 +24,12 @@ from adaptctl.recording.stream import log_markdown, saved_stream
 
 
 class TorqueCase(NamedTuple):
-    """The relative errors of two estimators of a robot's parameters, no units, for one kind of torques that they learn
-    from, described by `torques`. `off` is the error of these torques, over the whole log, against those of a model that
-    stands for the truth; `momentum` and `energy` are the errors, against the model's, of the torques that the two
+    """Relative errors of two estimators of a robot's parameters, no units, for one kind of torques that they are fitted
+    to, described by `torques`. They are root mean square errors over all joints, divided by the root mean square of the
+    torques of a model that stands for the truth. `off` is the error of the fitted torques against the model's, over the
+    whole log. `momentum` and `energy` are the errors, against the model's, of the torques that the two estimators
     predict for the last part of a log: filtered dynamics (the equations of motion behind a low-pass filter) and energy
-    differences (work and energy over windows of time). All are root mean square errors over all joints, divided by the
-    root mean square of the model's torques. Nothing is checked at construction."""
+    differences (work and energy over windows of time). Nothing is checked at construction."""
 
     torques: str
     off: float
@@ -39,9 +39,9 @@ class TorqueCase(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Torques of r joints, named `joints`, on the last part of a log, at n times `time` (n,), s: `measured`, and
-    predicted by two estimators fitted to the measured torques of the first part, filtered dynamics (`momentum`) and
-    energy differences (`energy`), each (n, r), N m (N if prismatic). Nothing is checked at construction."""
+    """Torques of r joints, named `joints`, on the last part of a log, at n times `time` (n,), s; each (n, r), N m (N if
+    prismatic). They are `measured`, and predicted by two estimators fitted to the measured torques of the first part:
+    filtered dynamics (`momentum`) and energy differences (`energy`). Nothing is checked at construction."""
 
     joints: tuple[str, ...]
     time: Array
@@ -71,10 +71,10 @@ class Amplification:
     complete: bool = True
 
     def headline(self) -> str:
-        """The finding in a sentence or two: how far the torques that energy differences predict are off (root mean
-        square over that of the true torques), learned from exact and from measured torques, and those of filtered
-        dynamics from measured ones. Raises `IndexError` without a case, `ZeroDivisionError` where the error of filtered
-        dynamics in the last case is zero."""
+        """The finding in a sentence or two, as text: the relative errors of the torques that energy differences
+        predict, fitted to exact and to measured torques, and of those that filtered dynamics predicts, fitted to
+        measured ones. Errors are root mean squares over that of the true torques. Raises `IndexError` where there are
+        no cases, `ZeroDivisionError` where the error of filtered dynamics in the last case is zero."""
         last, exact = self.measured[-1], self.measured[0]
         return (
             f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
@@ -83,8 +83,8 @@ class Amplification:
         )
 
     def facts(self) -> Iterator[Fact]:
-        """Facts for the report, a `Fact` for each of the `measured` cases, the kinds of torques that the estimators
-        learn from (exact, noisy or measured), in their order: `question` says what these torques are, `answer` has in
+        """Facts for the report, a `Fact` for each kind of torques that the estimators are fitted to (exact, noisy or
+        measured), in the order of this result's `measured`. `question` says what these torques are; `answer` has in
         percent the errors of the torques then predicted by filtered dynamics (the equations of motion behind a low-pass
         filter) and by energy differences (work and energy over windows of time), root mean squares over that of the
         torques of the model that stands for the truth. Nothing is raised."""
@@ -92,10 +92,10 @@ class Amplification:
             yield Fact(entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}")
 
     def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Write the result into an existing folder: summary.json, report.html, recording.rrd and the PNG file of a
-        figure in the folder `figures`, each whole or not at all. `progress(what, share)` is called with what is being
-        written and the share done, 0 to 1. Raises `FileError` where a file cannot be written, and for errors that are
-        NaN or infinite."""
+        """Write the result into an existing `folder`: summary.json, report.html, recording.rrd and the PNG file of a
+        figure in the subfolder `figures`, each whole or not at all. `progress(what, share)` is called with what is
+        being written and the fraction done, 0 to 1. Raises `FileError` where a file cannot be written, and for errors
+        that are NaN or infinite."""
         progress("summary", 0.0)
         content = {
             "schema": "adaptctl/energy-differences/1",

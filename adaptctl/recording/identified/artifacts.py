@@ -20,14 +20,14 @@ ROBOT, URDF, ESTIMATES, VALIDATION = "robot.toml", "robot.urdf", "estimates.json
 def write_identification(
     folder: str | Path, found: Identification, robot: str | Path | None = None, before: Mechanism | None = None
 ) -> Path:
-    """Write the files of an identification into an existing folder, each whole or not at all; returns the folder's
-    path. They are robot.toml, the identified robot, estimates.json, validation.parquet (torques), recording.rrd,
+    """Write the files of an identification into an existing `folder`, each whole or not at all, and return the folder's
+    path. The files are robot.toml, the identified robot, estimates.json, validation.parquet (torques), recording.rrd,
     report.html, PNG files in the folder `figures`, and summary.json, the last.
 
     Where `robot`, the file that was identified, is a URDF file and `before` is the mechanism that it describes,
     robot.urdf is a copy of it with the identified inertias; without them, by default, there is none. Raises `FileError`
     where a file cannot be written or the URDF file not be read, for numbers that are NaN or infinite, and for an
-    inertia without mass, which URDF cannot hold; `KeyError` for a link that the URDF file does not have.
+    inertia without mass, which URDF does not allow; `KeyError` for a link that the URDF file does not have.
     """
     path = Path(folder)
     write_mechanism(path / ROBOT, found.mechanism.description)

@@ -22,8 +22,8 @@ DRAWN = 3000
 
 def drawings(found: Identification) -> Iterator[Drawing]:
     """Figures of an identification, each a `Drawing` with name, caption and drawing function, in the order of the
-    report: torques measured and predicted, their residuals, errors of simpler models, and how well combinations of
-    parameters are excited. Nothing is drawn before a drawing's function is called."""
+    report. They are torques measured and predicted, their residuals, errors of simpler models, and how well
+    combinations of parameters are excited. Nothing is drawn, nor raised, before a drawing's function is called."""
     validation = found.validation
     yield Drawing(
         "torques",

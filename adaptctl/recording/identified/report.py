@@ -49,9 +49,9 @@ def report(found: Identification, figures: Mapping[str, Path]) -> str:
 
 
 def verdict(found: Identification) -> str:
-    """The outcome of an identification in a sentence: the root mean square error of the torques that it predicts on the
-    rows of its validation, over all joints, in "N·m", "N" where all are prismatic, or "N·m or N" where some are, and in
-    percent of the measured torques."""
+    """The outcome of an identification in a sentence: the root mean square error of the torques that it predicts, over
+    all joints and over the rows of its validation. It is in "N·m", "N" where all joints are prismatic, or "N·m or N"
+    where some are, and in percent of the measured torques. Nothing is raised."""
     validation = found.validation
     return (
         f"Predicts the torques of {validation.origin}, to {_rms_error(found)} over all joints, "
@@ -65,8 +65,8 @@ def _rms_error(found: Identification) -> str:
 
 def consistency(found: Identification) -> str:
     """Sentences on whether rigid bodies can have an identification's parameters, with the names of links whose
-    parameters no body can have, and on the cost of that: by how many percent the root mean square torque residual of
-    the fitted rows exceeds that of plain least squares."""
+    parameters no body can have, and on the cost of requiring it. The cost is by how many percent the root mean square
+    torque residual of the fitted rows exceeds that of plain least squares. Nothing is raised."""
     wrong = found.mechanism.description.inconsistent_links
     cost = f"The training rows are fitted {found.misfit_ratio - 1.0:.1%} worse than by least squares without that."
     return (
@@ -79,7 +79,7 @@ def consistency(found: Identification) -> str:
 def components(found: Identification) -> str:
     """Sentence on model reduction (Sheu and Walker 1991, equation 23): how many of the essential components of an
     identification's inertial parameters, combinations of them that change energies, are enough to give the energy of
-    the logs' motion to an error of 1 %."""
+    the logs' motion to an error of 1 %. Nothing is raised."""
     return (
         f"Of the {found.space.rank} essential components of the parameters, {found.components} carry the energy of the "
         "logs' motion to 1 % (Sheu and Walker 1991, equation 23)."
@@ -88,10 +88,10 @@ def components(found: Identification) -> str:
 
 def facts(found: Identification) -> Iterator[Fact]:
     """Facts of an identification, each a `Fact`: a question that a reader asks first, and its answer in words, with
-    units: the root mean square torque error over all joints ("N·m", "N" where all are prismatic, "N·m or N" where some
-    are) and in percent of the measured torques, number of fundamental (base) parameters, friction's terms, physical
-    consistency, number of combinations that the logs leave open, the weight (no unit) of the prior, the links' first
-    guess, against the logs, and the filter's cut-off (Hz)."""
+    units. They are the root mean square torque error over all joints ("N·m", "N" where all are prismatic, "N·m or N"
+    where some are) and in percent of the measured torques, the number of fundamental (base) parameters, friction's
+    terms, physical consistency, the number of combinations that the logs leave open, the weight (no unit) of the prior,
+    the parameters in the robot's file, against the logs, and the filter's cut-off (Hz). Nothing is raised."""
     validation, settings = found.validation, found.choice.settings
     yield Fact("error on data not seen", _rms_error(found))
     yield Fact("of the measured torque", f"{validation.relative_error:.1%}")

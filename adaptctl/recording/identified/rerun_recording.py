@@ -36,9 +36,9 @@ class Titled:
 
 
 def write_recording(path: str | Path, found: Identification) -> None:
-    """Write the recording of an identification for the rerun viewer to the file `path` (.rrd), whole or not at all: the
-    arm in the logs' motion, the torques of every joint measured and predicted over the validation, their errors, and
-    the outcome in words. Raises `FileError` where the file cannot be written or read back."""
+    """Write the recording of an identification for the rerun viewer to the file `path` (.rrd), whole or not at all. It
+    shows the arm in the logs' motion, the torques of every joint measured and predicted over the validation, their
+    errors, and the outcome in words. Raises `FileError` where the file cannot be written or read back."""
     content = np.ascontiguousarray(found.validation.measured).tobytes()
     with saved_stream(path, Titled(f"{found.mechanism.name}, identified"), content, _blueprint(found)) as recording:
         log_markdown(recording, "summary", "\n\n".join((verdict(found), consistency(found), components(found))))

@@ -20,9 +20,9 @@ SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
 
 
 def write_summary(path: str | Path, found: Identification) -> None:
-    """Write the summary of an identification, `summary`, to the file `path` as JSON, whole or not at all: the settings
-    chosen and the prediction errors. Raises `FileError` where it cannot be written, and for numbers that are NaN or
-    infinite."""
+    """Write the summary of an identification, as the function `summary` makes it, to the file `path` as JSON, whole or
+    not at all: the settings chosen and the prediction errors. Raises `FileError` where it cannot be written, and for
+    numbers that are NaN or infinite."""
     write_json(path, summary(found))
 
 
@@ -37,8 +37,9 @@ def summary(found: Identification) -> dict[str, Any]:
     parameters; `training_misfit_over_least_squares`, the ratio of the fit's residual to that of least squares;
     `deviations_over_nominal`, the ratio of standard deviations to those for white residuals; `essential_components`,
     the `rank` and the number `for_energy_to_1_percent`; `unexcited`, combinations of parameters that the logs hardly
-    excite, in words; `trials`, the settings tried, a mapping of `what`, `candidate`, `rms` (N m) and `taken` each;
-    `steps`, the outcome in words of each step of the logs' preparation, by name; and `remarks`. Nothing is raised.
+    excite, in words; `trials`, the settings tried, each a mapping of `what`, `candidate`, `rms` (N m; N if all joints
+    are prismatic) and `taken`; `steps`, the outcome in words of each step of the logs' preparation, by name; and
+    `remarks`. Nothing is raised.
     """
     settings = found.choice.settings
     return {
@@ -75,12 +76,13 @@ def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
 
 
 def write_estimates(path: str | Path, found: Identification) -> None:
-    """Write the first estimates for an adaptive controller to the file `path` as JSON, whole or not at all.
-    `fundamental` has, by name of each fundamental (base) parameter, in its `unit`, `value`, standard `deviation` and
-    `prior_range`, the greatest distance of the truth that is expected, and `gain`, in that unit squared per J, the
-    diagonal of the adaptation gain; `parameters` all inertial and friction parameters, SI units;
-    `load_dependent_friction`, by joint, the share of its torque, no unit. The `robot`'s name is there too. Raises
-    `FileError` where it cannot be written, and for numbers that are NaN or infinite."""
+    """Write initial estimates for an adaptive controller, those of an identification, to the file `path` as JSON, whole
+    or not at all. `fundamental` has, by name of each fundamental (base) parameter, in its `unit`, `value`, standard
+    `deviation` and `prior_range`, the greatest distance of the true value that is expected, and `gain`, in that unit
+    squared per J, the diagonal of the adaptation gain. `parameters` has all inertial and friction parameters, SI units;
+    `load_dependent_friction`, by joint, the coefficient of friction proportional to the joint's torque, no unit. The
+    `robot`'s name is there too. Raises `FileError` where the file cannot be written, and for numbers that are NaN or
+    infinite."""
     joints = [joint.name for joint in found.mechanism.primary_joints]
     columns = zip(
         found.names,
@@ -111,9 +113,10 @@ def write_estimates(path: str | Path, found: Identification) -> None:
 
 
 def write_validation(path: str | Path, found: Identification) -> None:
-    """Write the torques of an identification's validation to a Parquet file, whole or not at all: a row for each
-    instant, with `time`, s, as in the log, and for each joint, by its name, `measured_NAME` and `predicted_NAME`, N m
-    (N if prismatic), both through the same low-pass filter. Raises `FileError` where it cannot be written."""
+    """Write the torques of an identification's validation to the Parquet file `path`, whole or not at all. It has a row
+    for each instant, with `time`, s, as in the log, and for each joint, by its name, `measured_NAME` and
+    `predicted_NAME`, N m (N if prismatic), both through the same low-pass filter. Raises `FileError` where it cannot be
+    written."""
     about = {"schema": VALIDATION_SCHEMA, "of": found.validation.origin, "cutoff": repr(found.validation.cutoff)}
     write_columns(path, list(_columns(found)), about)
 

@@ -19,8 +19,8 @@ class ActuatorLag(ActuatorEffect):
 
     While u is held over a control period, x is an exponential. The joints get its mean over the period, so that the
     impulse is exact; the error of doing so is of third order in the period. `rank` 3: the lag comes last, after a
-    delay, a torque limit and a rate limit. It leaves no marks in a rollout. Raises `InputError` unless the time
-    constant is a positive finite number, which a bool is not.
+    delay, a torque limit and a rate limit. It has no flag in a rollout. Raises `InputError` unless `time_constant` is a
+    positive finite number and not a bool.
     """
 
     time_constant: float
@@ -36,19 +36,17 @@ class ActuatorLag(ActuatorEffect):
         """Raise nothing: a lag fits any number of joints `dof`, any `links` and any control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., r) of the lag, the torques of r drives, N m (N for a prismatic joint): `torque`
-        (..., r) itself, not a copy, the torque that held the joints. `control_period` (s) is not used. Nothing is
-        checked."""
+        """The initial internal state (..., r) of the lag, the torques of r drives, N m (N for a prismatic joint):
+        `torque` (..., r) itself, not a copy, the torque that held the joints. `control_period` (s) is not used. Nothing
+        is checked."""
         return torque
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) that r joints get, which is the mean of the drives' lagging torque x over one
-        `control_period` (s), and the memory (r,) after it, x at the period's end; all N m (N for a prismatic joint).
-
-        `torque` (r,) is the one commanded, u, held over the period, and `memory` (r,) is x at its start: time_constant
-        dx/dt = u - x. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled. Raises
-        `ValueError` where these differ in length. Not checked: the period must be positive.
-        """
+        """The mean torque (r,) that r joints get over one `control_period` (s), and the lag's internal state (r,) after
+        it, the drives' torque x at the period's end; all N m (N for a prismatic joint). `torque` (r,) is the commanded
+        torque u, held over the period, and `memory` (r,) is x at its start: time_constant dx/dt = u - x. Vectors are
+        Columns of scalars of any kind: floats, arrays, or symbols to be compiled. Raises `ValueError` where these
+        differ in length. The period, which must be positive, is not checked."""
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio
         behind = memory - torque

@@ -23,8 +23,8 @@ class ControlDelay(ActuatorEffect):
 
     Sampling and hold alone delay by half a period; a controller that needs the period to compute delays by one more
     (Astrom and Wittenmark, Computer-Controlled Systems, 1997, section 2.3). Before the first torque arrives, the joints
-    get the torque that held them. `rank` 0: the delay comes first of the actuator effects. It leaves no marks in a
-    rollout. Raises `InputError` unless `ticks` (unitless) is an integer from 0 to 64, which a bool is not.
+    get the torque that held them. `rank` 0: the delay comes first of the actuator effects. It has no flag in a rollout.
+    Raises `InputError` unless `ticks` (unitless) is an integer from 0 to 64 and not a bool.
     """
 
     ticks: int
@@ -44,19 +44,19 @@ class ControlDelay(ActuatorEffect):
         """Raise nothing: a delay fits any number of joints `dof`, any `links` and any control period (s)."""
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., ticks r): the torques on their way to the r joints, the oldest first, `ticks` times
-        `torque` (..., r), the torque that held the joints, N m (N for a prismatic joint). `control_period` (s) is not
-        used. Nothing is checked."""
+        """The initial internal state (..., ticks r) of the delay, the torques on their way to the r joints, the oldest
+        first: `torque` (..., r), the torque that held the joints, N m (N for a prismatic joint), repeated `ticks`
+        times, the delay's number of control periods. `control_period` (s) is not used. Nothing is checked."""
         return np.tile(torque, self.ticks)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) of r joints that was commanded `ticks` control periods ago, and the memory (ticks r,) of
-        those commanded since, the oldest first and `torque` (r,), the one commanded now, last; all N m (N for a
-        prismatic joint).
+        """The torque (r,) of r joints that was commanded so many control periods ago as the delay's `ticks`, and the
+        internal state (ticks r,) after this period: the torques commanded since, the oldest first and `torque` (r,),
+        the one commanded now, last. All are in N m (N for a prismatic joint).
 
-        `memory` (ticks r,) is that before this period; its length is not checked. With `ticks` 0 both arguments are
-        returned as they are. `control_period` (s) is not used. Vectors are Columns of scalars of any kind: floats,
-        arrays, or symbols to be compiled.
+        `memory` (ticks r,) is the internal state before this period; its length is not checked. With `ticks` 0 both
+        arguments are returned as they are. `control_period` (s) is not used. Vectors are Columns of scalars of any
+        kind: floats, arrays, or symbols to be compiled.
         """
         if self.ticks == 0:
             return torque, memory

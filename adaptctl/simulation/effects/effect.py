@@ -20,14 +20,14 @@ class Effect(ABC):
     `require(dof, links, control_period)`, which raises `InputError` where its settings do not fit a plant.
 
     Equations are written over scalars of any kind: floats, or symbols that become native code. What changes over time
-    is an effect's memory, one `Column` (vector) of m numbers, passed in and out.
+    is an effect's internal state, one `Column` (vector) of m numbers, which is passed in and returned.
     """
 
     @abstractmethod
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` where the effect does not fit `dof` (r) joints, the `links` (names of those with ten
-        inertial parameters each, in their order) or the `control_period` (s); for an unknown link `NotFoundError`, a
-        subclass of it."""
+        """Raise `InputError` where the effect does not fit a plant: not its `dof` (r) joints, its `links` (names of
+        those with ten inertial parameters each, in their order) or its `control_period` (s). Raise `NotFoundError`, a
+        subclass of it, for a link that is not among `links`."""
 
 
 class ActuatorEffect(Effect):
@@ -37,33 +37,33 @@ class ActuatorEffect(Effect):
     A subclass, a frozen dataclass of its own settings, gives, for a plant of r = `dof` joints, with torques in N m (N
     if prismatic) and the `control_period` in s:
 
-    `rank`, an integer, its place on that way, lower ones first; `require(dof, links, control_period)`, which raises
-    `InputError` where its settings do not fit the plant, `links` being the names of the links with ten inertial
-    parameters each; `start(torque, control_period)`, which returns its first memory (..., m), m >= 0 numbers of its
-    own, for joints that were held by the array `torque` (..., r); and `act(torque, memory, control_period)`, which
-    returns the torque (r,) passed on and the next memory (m,). In `act` the vectors are Columns of scalars of any
-    kind, floats or symbols that become native code, on whose values it must not branch. It may give `mark`, the name
-    under which a rollout marks the control periods in which the effect passed on another torque than it was given, None
-    (the default) for no marks.
+    `rank`, an integer, its position in the order in which torques pass the effects, lower ones first; `require(dof,
+    links, control_period)`, which raises `InputError` where its settings do not fit the plant, `links` being the names
+    of the links with ten inertial parameters each; `start(torque, control_period)`, which returns its initial internal
+    state (..., m), m >= 0 numbers of its own, for joints that were held by the array `torque` (..., r); and
+    `act(torque, memory, control_period)`, which returns the torque (r,) passed on and the next internal state (m,). In
+    `act` the vectors are Columns of scalars of any kind, floats or symbols that become native code, on whose values it
+    must not branch. It may give `mark`, the name under which a rollout flags the control periods in which the effect
+    passed on another torque than it was given, None (the default) for no flag.
     """
 
     rank: ClassVar[int]
-    """Place on the way from the controller to the joints, an integer: lower ones come first."""
+    """Position in the order from the controller to the joints, an integer: lower ones come first."""
     mark: ClassVar[str | None] = None
-    """Name under which a rollout marks the control periods in which the effect changed a torque; None for no marks."""
+    """Name under which a rollout flags the control periods in which the effect changed a torque; None for no flag."""
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., m), m numbers of the effect's own, after the r joints were held by `torque` (...,
-        r), N m (N for a prismatic joint); `control_period` is in s. Nothing is checked here."""
+        """The initial internal state (..., m), m numbers of the effect's own, after the r joints were held by `torque`
+        (..., r), N m (N for a prismatic joint); `control_period` is in s. Nothing is checked here."""
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) passed on to r joints over one control period (s), and the effect's memory (m,) after it, m
-        numbers of its own. `torque` (r,) is the one given, by the controller or the effect before, and `memory` (m,)
-        that after the last period. Torques are in N m (N for a prismatic joint). Vectors are Columns of scalars of
-        any kind: floats, or symbols that become native code. An implementation may raise `InputError` for settings that
-        do not fit r joints, `ValueError` for a memory of another length."""
+        """The torque (r,) passed on to r joints over one control period (s), and the effect's internal state (m,) after
+        it, m numbers of its own. `torque` (r,) comes from the controller or the effect before, `memory` (m,) is the
+        internal state after the last period. Torques are in N m (N for a prismatic joint). Vectors are Columns of
+        scalars of any kind: floats, or symbols that become native code. An implementation may raise `InputError` for
+        settings that do not fit r joints, `ValueError` for an internal state of another length."""
 
 
 class SensorEffect(Effect):
@@ -73,38 +73,39 @@ class SensorEffect(Effect):
     A subclass, a frozen dataclass of its own settings, gives, for a plant of r = `dof` joints, with the
     `control_period` in s:
 
-    `rank`, an integer, its place on that way, lower ones first; `require(dof, links, control_period)`, which raises
-    `InputError` where its settings do not fit the plant, `links` being the names of the links with ten inertial
-    parameters each; `start(p, v, control_period)`, which returns its first memory (..., m), m >= 0 numbers of its own,
-    for arrays of positions p and velocities v (..., r); and `measure(p, v, noise, memory, control_period)`, which
-    returns the measured positions and velocities (r,) and the next memory (m,), from p and v (r,), the true ones or as
-    measured by the effects before, `noise` (2r,), standard normal numbers drawn for this measurement, the positions'
-    first, the same for all sensor effects, and `memory` (m,).
+    `rank`, an integer, its position in the order in which measurements pass the effects, lower ones first;
+    `require(dof, links, control_period)`, which raises `InputError` where its settings do not fit the plant, `links`
+    being the names of the links with ten inertial parameters each; `start(p, v, control_period)`, which returns its
+    initial internal state (..., m), m >= 0 numbers of its own, for arrays of positions p and velocities v (..., r); and
+    `measure(p, v, noise, memory, control_period)`, which returns the measured positions and velocities (r,) and the
+    next internal state (m,), from p and v (r,), the true ones or as measured by the effects before, `noise` (2r,),
+    standard normal numbers drawn for this measurement, the positions' first, the same for all sensor effects, and
+    `memory` (m,).
 
-    Positions are in rad (m if prismatic), velocities in rad/s (m/s). In `measure` the vectors are Columns of scalars
-    of any kind, floats or symbols that become native code, on whose values it must not branch.
+    Positions are in rad (m if prismatic), velocities in rad/s (m/s). In `measure` the vectors are Columns of scalars of
+    any kind, floats or symbols that become native code, on whose values it must not branch.
     """
 
     rank: ClassVar[int]
-    """Place on the way from the joints to the controller, an integer: lower ones come first."""
+    """Position in the order from the joints to the controller, an integer: lower ones come first."""
 
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial memory (..., m), m numbers of the effect's own, before the first measurement of arms of r joints
-        at positions p (..., r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period` is in s. Nothing is
-        checked here."""
+        """The initial internal state (..., m) of the effect, m numbers of its own, before the first measurement of arms
+        of r joints: at positions p (..., r), rad (m if prismatic), and velocities v (..., r), rad/s (m/s).
+        `control_period` is in s. Nothing is checked here."""
 
     @abstractmethod
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
         """The measured positions (r,) of r joints, rad or m, their measured velocities (r,), rad/s or m/s, and the
-        effect's memory (m,) after them, m numbers of its own. Vectors are Columns of scalars of any kind: floats, or
-        symbols that become native code.
+        effect's internal state (m,) after them, m numbers of its own. Vectors are Columns of scalars of any kind:
+        floats, or symbols that become native code.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, or as measured by the effects
-        before; `memory` (m,) is that before this measurement, and `noise` (2r,) holds standard normal numbers
-        (unitless), the positions' first; `control_period` is in s. An implementation may raise `InputError` for
+        before; `memory` (m,) is the internal state before this measurement, and `noise` (2r,) holds standard normal
+        numbers (unitless), the positions' first; `control_period` is in s. An implementation may raise `InputError` for
         settings that do not fit r joints, `ValueError` for columns of other lengths.
         """
 
@@ -154,8 +155,8 @@ class LoadEffect(Effect):
 
     def until(self, time: float) -> float:
         """The time (s) until which the load stays as it is at `time` (s). This base class returns `time` itself, as for
-        a load that changes continuously; a subclass whose load stays constant returns a later one, infinity if for
-        ever. Nothing is raised."""
+        a load that changes continuously; a subclass whose load stays constant returns a later one, infinity if it never
+        changes again. Nothing is raised."""
         return time
 
     @abstractmethod
@@ -169,11 +170,9 @@ class LoadEffect(Effect):
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
-    """Numbers (r,) of at least zero, from `values`, one for all `dof` (r) joints or one each (r,): a read-only float64
-    copy, in the unit of `values`. Infinity is allowed. `what` is the name of the values in errors.
-
-    Raises `InputError` for what holds no numbers, on a wrong shape, on numbers below zero and on NaN.
-    """
+    """Numbers (r,) of at least zero, one for each of `dof` (r) joints: a read-only float64 copy of `values`, one number
+    for all joints or (r,), in their unit. Infinity is allowed. `what` is the name of the values in errors. Raises
+    `InputError` where `values` are not real numbers, have another shape, or hold a negative number or NaN."""
     given = numbers(values, what)
     if not np.all(given >= 0.0):
         raise InputError(f"{what}: expected numbers of at least 0, got {given.tolist()}")

@@ -30,15 +30,14 @@ class ElasticJoints(Effect):
     alone, as Spong assumes: their energy does not depend on how the links that carry them move.
 
     `stiffness` (N m/rad, N/m), `damping` (N m s/rad, N s/m) and `motor_inertia` are one number or one a joint (r,), the
-    last two zero unless given. `encoders` is the place of the encoders: "link" (the default), behind the spring, or
+    last two zero unless given. `encoders` says where the encoders are: "link" (the default), behind the spring, or
     "motor", before it, where controllers measure theta and w, as on most robots. The last 2r numbers of
     `PlantState.drives` are theta, then w.
 
-    Construction raises `InputError` for another place of the encoders and checks nothing else. A `Plant` raises it
-    unless stiffness is positive, damping and motor inertia are at least 0, all are finite and fit its r joints, and
-    every J is positive. A `Plant` also raises it for a rotor that turns with several joints, relations among the
-    inertial parameters, a mass matrix that is singular without the rotors, and too few substeps for an explicit
-    integrator.
+    Construction raises `InputError` for other `encoders` and checks nothing else. A `Plant` raises it unless stiffness
+    is positive, damping and motor inertia are at least 0, all are finite and fit its r joints, and every J is positive.
+    A `Plant` also raises it for a rotor that turns with several joints, relations among the inertial parameters, a mass
+    matrix that is singular without the rotors, and too few substeps for an explicit integrator.
     """
 
     stiffness: ArrayLike
@@ -63,8 +62,8 @@ class ElasticJoints(Effect):
         """The values (r,) of one setting, one for each of `dof` (r) joints, read-only: `name` is "stiffness" (N m/rad,
         N/m of a prismatic joint), "damping" (N m s/rad, N s/m) or "motor_inertia" (kg m^2, kg).
 
-        Raises `InputError` for values that are negative, not finite or of another shape than one number or (r,), and
-        for an attribute that holds no numbers, `AttributeError` for a name that the class does not have.
+        Raises `InputError` for values that are no numbers, negative, not finite or of another shape than one number or
+        (r,), `AttributeError` for a `name` that is no attribute of the class.
         """
         values = at_least_zero(getattr(self, name), dof, f"elastic joints: {name}")
         if not np.isfinite(values).all():

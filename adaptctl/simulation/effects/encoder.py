@@ -26,11 +26,11 @@ class Encoder(SensorEffect):
     Gaussian noise of standard deviation `noise` (rad or m).
 
     Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s or m/s), as of a tachometer; use
-    `FilteredDifferences` where they come from the positions. Each setting is one number or one a joint (r,), zero, the
-    default, for none. An encoder of n counts a turn behind a gear of ratio g has a resolution of 2 pi/(n g) rad at the
-    joint. `rank`, 0, is the effect's place on the way from the joints to the controller: before other sensor effects.
-    The class itself checks nothing; a `Plant` raises `InputError` for settings that are negative, not finite or do not
-    fit its r joints, and for a resolution below 1e-12 rad (m), unless 0.
+    `FilteredDifferences` where they come from the positions. Each setting is one number or one a joint (r,), 0 by
+    default: no rounding and no noise. An encoder of n counts a turn behind a gear of ratio g has a resolution of 2
+    pi/(n g) rad at the joint. `rank` is 0, the effect's position in the order from the joints to the controller: before
+    other sensor effects. The class itself checks nothing; a `Plant` raises `InputError` for settings that are negative,
+    not finite or do not fit its r joints, and for a resolution below 1e-12 rad (m if prismatic), unless 0.
     """
 
     resolution: ArrayLike = 0.0
@@ -41,8 +41,8 @@ class Encoder(SensorEffect):
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless each of `resolution`, `noise` and `velocity_noise` is one finite number of at least
-        0 or one for each of `dof` (r) joints, and each resolution is 0 or at least 1e-12 rad (m). The names `links` and
-        `control_period` (s) are not used."""
+        0 or one for each of `dof` (r) joints, and each resolution is 0 or at least 1e-12 rad (m if prismatic). The
+        names `links` and `control_period` (s) are not used."""
         for name in ("resolution", "noise", "velocity_noise"):
             if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
@@ -51,15 +51,17 @@ class Encoder(SensorEffect):
             raise InputError(f"encoder: resolution: expected 0 or at least {FINEST:g}, got {steps.tolist()}")
 
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """An empty memory (0,), one for all arms: encoders remember nothing. Positions `p` and velocities `v` (..., r)
-        of the r joints and `control_period` (s) are not used. Nothing is raised."""
+        """An empty internal state (0,), one for all arms: encoders keep nothing from one measurement to the next.
+        Positions `p` and velocities `v` (..., r) of the r joints and `control_period` (s) are not used. Nothing is
+        raised."""
         return np.zeros(0)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured positions (r,) of r joints, rad or m, with noise and rounded to whole counts of `resolution`
-        (where that is 0, not rounded), the noisy velocities (r,), rad/s or m/s, and the `memory` (0,) as it was.
+        """The measured positions (r,) and velocities (r,) of r joints, and the `memory` (0,) as it was. Positions, rad
+        (m if prismatic), have noise and are rounded to whole counts of the encoder's `resolution` (not where that is
+        0); velocities, rad/s (m/s), have noise.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, and `noise` (2r,) holds standard
         normal numbers (unitless), the positions' first; `control_period` (s) is not used. Vectors are Columns of

@@ -15,17 +15,17 @@ from adaptctl.simulation.effects.payload import Payload
 
 @dataclass(frozen=True, eq=False)
 class PayloadHeld(LoadEffect):
-    """Plant effect of a payload, a rigid body, that the link named `link` holds from `start` until `stop` (s); unless
-    given, from the beginning, for ever, and by the last link that has mass (`link` None).
+    """Plant effect of a payload, a rigid body that a link holds from the time `start` until the time `stop` (s): from 0
+    on and for ever by default. `link` is the link's name, None, the default, for the last link that has mass.
 
     `payload` is a `Payload`, a mass in kg, or a mapping with `mass` (kg) and perhaps `center` of mass (3,) in m, in the
-    link's frame, and `inertia` tensor (3, 3) in kg m^2 about it; it is stored as a `Payload`. When it is picked up it
-    already moves with the link, and when it is dropped it moves on: the arm's velocities do not jump.
+    link's frame, and `inertia` tensor (3, 3) in kg m^2 about the centre; it is stored as a `Payload`. When it is picked
+    up it already moves with the link, and when it is dropped it moves on: the arm's velocities do not jump.
 
-    Raises `InputError` for what is no payload, such as a mapping without `mass` or a negative mass, and unless `start`
-    is finite and before `stop`; `NotFoundError`, a subclass of it, for a mapping with unknown entries. A `Plant` raises
-    `NotFoundError` for a link that it does not have or that has no mass, `InputError` for a mechanism with relations
-    among its inertial parameters.
+    Raises `InputError` where `payload` cannot be made into a `Payload`, such as a mapping without `mass` or a negative
+    mass, and unless `start` is finite and before `stop`; `NotFoundError`, a subclass of it, for a mapping with unknown
+    entries. A `Plant` raises `NotFoundError` for a link that it does not have or that has no mass, `InputError` for a
+    mechanism with relations among its inertial parameters.
     """
 
     payload: Payload | float | Mapping[str, Any]
@@ -40,17 +40,19 @@ class PayloadHeld(LoadEffect):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `NotFoundError` unless the name of the payload's link, `link`, is None or among `links`, the names of
-        the links with ten inertial parameters each. The number of joints `dof` and `control_period` (s) are not
-        used."""
+        """Raise `NotFoundError` unless this effect's `link`, the name of the link that holds the payload, is None or
+        among `links`, the names of the links with ten inertial parameters each. The number of joints `dof` and
+        `control_period` (s) are not used."""
         self._place(links)
 
     def mass(self, time: float) -> float:
-        """The payload's mass, kg, while it is held at `time` (s), `start` <= `time` < `stop`; else 0."""
+        """The mass, kg, that the payload adds at `time` (s): its own while it is held, `start` <= `time` < `stop` of
+        this effect, else 0. Nothing is raised."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
     def until(self, time: float) -> float:
-        """The time (s) at which the payload is next picked up or dropped after `time` (s); infinity if never again."""
+        """The first time after `time` (s) at which the payload is picked up or dropped, s; infinity where there is
+        none. Nothing is raised."""
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:

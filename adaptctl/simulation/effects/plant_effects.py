@@ -17,7 +17,8 @@ from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
 
 @dataclass(frozen=True)
 class PlantEffects:
-    """The effects of one plant, sorted by where they act; each tuple is empty unless given.
+    """Effects of one plant, what it has besides rigid links and ideal drives, sorted by where they act; each tuple is
+    empty unless given.
 
     `actuators` change torques between controller and joints, and `sensors` measurements between joints and controller,
     each in the order in which the signal passes them; `joints` are torques in the joints, `loads` change the inertial
@@ -34,12 +35,12 @@ class PlantEffects:
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
-        """The `PlantEffects` of a plant, from a list or another iterable of effects in any order: sorted into actuator,
-        sensor, joint and load effects and elastic joints, the first two by their `rank`, the order in which signals
-        pass them.
+        """The `PlantEffects` of a plant, made of `effects`, a list or another iterable of effects in any order: sorted
+        into actuator, sensor, joint and load effects and elastic joints. Actuator and sensor effects are ordered by
+        their `rank`, the order in which signals pass them.
 
-        Raises `InputError` for what is no `Effect`, for an effect alone that is not in a list, and for two actuator
-        effects, two sensor effects or two elastic joints of one class; joint and load effects may repeat.
+        Raises `InputError` for an element that is no `Effect`, for an effect alone that is not in a list, and for two
+        actuator effects, two sensor effects or two elastic joints of one class; joint and load effects may repeat.
         """
         given = listed(effects)
         for effect in given:
@@ -56,9 +57,9 @@ class PlantEffects:
 
     def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` where an effect's settings do not fit a plant of `dof` (r) joints, as its own `require`
-        finds: negative, NaN or not one number or one for each joint, say, or a filter's cutoff too high for the
-        `control_period` (s). Raise `NotFoundError`, a subclass of it, where a payload's link is not among `links`, the
-        names of those with ten inertial parameters each."""
+        finds. Such are settings that are negative, NaN or neither one number nor one for each joint, and a filter's
+        cutoff too high for the `control_period` (s). Raise `NotFoundError`, a subclass of it, where a payload's link is
+        not among `links`, the names of those with ten inertial parameters each."""
         elastic = () if self.elastic is None else (self.elastic,)
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
             effect.require(dof, links, control_period)
@@ -71,8 +72,8 @@ class PlantEffects:
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names of the actuator effects that mark the control periods in which they change a torque, such as
-        "torque_limited", in the order in which a torque passes them; empty where none does."""
+        """Names of the flags of the actuator effects that flag control periods in which they change a torque, such as
+        "torque_limited", in the order in which a torque passes the effects; empty where none has a flag."""
         return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
@@ -89,27 +90,29 @@ class PlantEffects:
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The initial memory (..., m) of all actuator effects: the m numbers of the effects, one effect after another
-        in the order in which a torque passes them, after the r joints of arms were held by `torque` (..., r), N m (N
-        for a prismatic joint); `control_period` is in s. Without actuator effects m is 0. Nothing is checked."""
+        """The initial internal states of all actuator effects, concatenated to one array (..., m) in the order in which
+        a torque passes the effects; m is the number of scalars that the effects keep, 0 without actuator effects.
+        `torque` (..., r), N m (N for a prismatic joint), is the torque that has held the r joints; `control_period` is
+        in s. Nothing is checked."""
         return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial memory (..., m) of all sensor effects: the m numbers of the effects, one effect after another in
-        the order in which measurements pass them, before the first measurement of arms of r joints at positions p (...,
-        r), rad or m, and velocities v (..., r), rad/s or m/s; `control_period` is in s. Without sensor effects m is 0.
-        Nothing is checked."""
+        """The initial internal states of all sensor effects, concatenated to one array (..., m) in the order in which
+        measurements pass the effects; m is the number of scalars that the effects keep, 0 without sensor effects. The
+        arms of r joints are at positions p (..., r), rad (m if prismatic), and velocities v (..., r), rad/s (m/s), of
+        the first measurement; `control_period` is in s. Nothing is checked."""
         return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
-        """The torque (r,) that all actuator effects together pass on to r joints over one `control_period` (s), N m (N
-        for a prismatic joint), their memory (m,) after it, and marks (k,), one for each of the k names in
-        `PlantEffects.marks`: 1 where that effect changed any joint's torque, else 0.
+        """The torque (r,) that all actuator effects together pass on to r joints over one `control_period` (s), the
+        effects' internal state (m,) after it, and flags (k,). Torques are in N m (N for a prismatic joint). There is a
+        flag for each of the k names in this object's property `marks`: 1 where that effect changed any joint's torque,
+        else 0.
 
-        `torque` (r,) is the one commanded, in the same unit, `memory` (m,) the m numbers that the effects remember from
-        the period before. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled.
-        Raises `InputError` for settings that do not fit r joints; a lag or a rate limit raises `ValueError` for a
-        memory that is too short.
+        `torque` (r,) is the one commanded, `memory` (m,) the effects' internal state after the period before, one
+        effect after the other. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled.
+        Raises `InputError` for settings that do not fit r joints; a lag or a rate limit raises `ValueError` for an
+        internal state that is too short.
         """
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
@@ -126,15 +129,15 @@ class PlantEffects:
     def measured(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions (r,), rad or m, and velocities (r,), rad/s or m/s, of r joints as all sensor effects together
-        measure them, and the effects' memory (m,) after it.
+        """The positions (r,), rad (m if prismatic), and velocities (r,), rad/s (m/s), of r joints as all sensor effects
+        together measure them, and the effects' internal state (m,) after the measurement.
 
-        `p` and `v` (r,), in the same units, are the true ones, of the motors where encoders sit on these
-        (`senses_motors`); `memory` (m,) holds the m numbers that the effects remember from before, and `noise` (2r,)
-        standard normal numbers (unitless), the positions' first, each effect getting the same ones; `control_period` is
-        in s. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled. Raises
-        `InputError` for settings that do not fit r joints, `ValueError`, with filtered differences, for a memory that
-        is too short and, with encoders, for noise of another length.
+        `p` and `v` (r,), in the same units, are the true ones, of the motors where encoders sit on these (this object's
+        property `senses_motors`); `memory` (m,) is the effects' internal state before the measurement, one effect after
+        the other; `noise` (2r,) has standard normal numbers (unitless), the positions' first, each effect getting the
+        same ones; `control_period` is in s. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to
+        be compiled. Raises `InputError` for settings that do not fit r joints, `ValueError`, with filtered differences,
+        for an internal state that is too short and, with encoders, for noise of another length.
         """
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])
@@ -146,9 +149,9 @@ class PlantEffects:
 
 
 def differs(asked: Column, given: Column) -> Scalar:
-    """Mark of a torque that was changed: 1 where any of r joints was `given` another torque than `asked`, (r,) each in
-    N m (N), else 0, over Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises
-    `ValueError` for columns of unlike lengths."""
+    """Flag, a scalar, of a torque that was changed: 1 where any of r joints was `given` another torque than `asked`,
+    else 0. Both are Columns (r,), N m (N if prismatic): vectors of scalars of any kind (floats, arrays, or symbols to
+    be compiled). Raises `ValueError` for columns of unlike lengths."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):
         largest = maximum(largest, absolute(x - y))
@@ -173,8 +176,8 @@ def _rank(effect: Any) -> int:
 
 
 def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The effects, from a list or another iterable in any order, as a tuple in that order; what they are is not
-    checked. Raises `InputError` for what is not iterable, such as one effect alone."""
+    """The `effects`, a list or another iterable in any order, as a tuple in that order. The elements are not checked.
+    Raises `InputError` where `effects` is not iterable, such as one effect alone."""
     if not isinstance(effects, Iterable):
         raise InputError(f"effects: expected several, such as [ControlDelay(2)], got {effects!r}")
     return tuple(effects)

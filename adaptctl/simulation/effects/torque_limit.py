@@ -19,8 +19,8 @@ class TorqueLimit(ActuatorEffect):
     prismatic joint), whatever is asked of it; one number or one a joint (r,), infinity for no limit.
 
     An environment's own torque limits are those of its actions, which a controller can know; this one is hidden in the
-    plant. `rank`, 1, is the effect's place on the way from the controller to the joints: after a delay. `mark` is the
-    name under which a rollout marks the control periods in which the limit cut a torque. The class itself checks
+    plant. `rank` is 1, the effect's position in the order from the controller to the joints: after a delay. `mark` is
+    the name under which a rollout flags the control periods in which the limit cut a torque. The class itself checks
     nothing; a `Plant` raises `InputError` for limits that are no numbers, negative, NaN or do not fit its r joints.
     """
 
@@ -35,8 +35,8 @@ class TorqueLimit(ActuatorEffect):
         at_least_zero(self.limit, dof, "torque limit")
 
     def start(self, torque: Array, control_period: float) -> Array:
-        """An empty memory (0,), one for all arms: a limit remembers nothing. The `torque` (..., r) on the r joints and
-        `control_period` (s) are not used. Nothing is raised."""
+        """An empty internal state (0,), one for all arms: a limit keeps nothing from one control period to the next.
+        The `torque` (..., r) on the r joints and `control_period` (s) are not used. Nothing is raised."""
         return np.zeros(0)
 
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:

@@ -24,9 +24,9 @@ _UNREAD = ("tendon", "flex", "flexvert", "flexstrain", "distance")
 
 @dataclass(frozen=True)
 class Standing:
-    """The place of a body of an MJCF file: `carrier`, the index of the link that carries it, from 0, -1 for the ground,
-    and its frame's poses, `place` in that link's frame, for the ground in the world, and `home` in the world, as the
-    file draws it (m)."""
+    """The attachment of a body of an MJCF file to a link. `carrier` is the zero-based index of the link that the body
+    is part of, -1 for the ground; `place` the pose (m) of the body's frame in that link's frame, for the ground in the
+    world; `home` its pose in the world as the file draws it. Nothing is checked at construction."""
 
     carrier: int
     place: Pose
@@ -35,7 +35,8 @@ class Standing:
 
 @dataclass(frozen=True)
 class Site:
-    """A site of an MJCF file: a frame on the body named `body`, at `pose` (m) in that body's frame."""
+    """A site of an MJCF file: a frame on the body named `body`, at `pose` (m) in that body's frame. Nothing is checked
+    at construction."""
 
     body: str
     pose: Pose
@@ -43,9 +44,12 @@ class Site:
 
 @dataclass
 class Places:
-    """The elements that equalities of an MJCF file name: `bodies` with their places (the link that carries each, and
-    its poses, m), always with "world", `sites`, and `joints` with the coordinates (rad or m) at which the file draws
-    them; all by name, and empty by default."""
+    """The elements that equality constraints of an MJCF file can name, by name, empty by default.
+
+    `bodies` has the link that each body is part of and the body's poses (m), always with "world"; `sites` the frames on
+    bodies; `joints` the coordinates (rad, m for a slide) at which the file draws the joints. Nothing is checked at
+    construction.
+    """
 
     bodies: dict[str, Standing] = field(default_factory=dict)
     sites: dict[str, Site] = field(default_factory=dict)
@@ -56,41 +60,43 @@ class Places:
         self.bodies.setdefault("world", Standing(GROUND, still, still))
 
     def touched(self, element: Element) -> bool:
-        """True if the <equality> child `element` names a body, site or joint in these `Places`; the world does not
-        count."""
+        """True if the child `element` of an MJCF file's <equality> names a body, site or joint that is among those
+        collected here; the world does not count. Nothing is raised."""
         known = {"body": self.bodies.keys() - {"world"}, "site": self.sites.keys(), "joint": self.joints.keys()}
         return any(element.get(f"{kind}{k}") in names for kind, names in known.items() for k in (1, 2))
 
     def body(self, name: str, where: str) -> Standing:
-        """The place of the body called `name`: the link that carries it, and its frame's poses in that link and in the
-        world (m). Raises `NotFoundError` where there is none; `where` begins the message."""
+        """The attachment of the body called `name` in an MJCF file: the link that it is part of, and its frame's poses
+        in that link and in the world (m). Raises `NotFoundError` where there is no such body; `where` begins the
+        message."""
         return _known(self.bodies, name, "body", where)
 
     def site(self, name: str, where: str) -> tuple[Standing, Pose]:
-        """The place of the body that has the site called `name` (the link that carries the body, and its poses, m), and
-        the site's pose in that body's frame (m). Raises `NotFoundError` where there is no such site; `where` begins the
-        message."""
+        """The pair of the attachment of the body that has the site called `name` in an MJCF file (the link that it is
+        part of, and its poses, m), and the site's pose in that body's frame (m). Raises `NotFoundError` where there is
+        no such site; `where` begins the message."""
         found = _known(self.sites, name, "site", where)
         return self.bodies[found.body], found.pose
 
     def joint(self, name: str, where: str) -> float:
-        """The coordinate (rad or m) at which the file draws the joint called `name`. Raises `NotFoundError` where there
-        is none; `where` begins the message."""
+        """The coordinate (rad, m for a slide) at which an MJCF file draws the joint called `name`. Raises
+        `NotFoundError` where there is no such joint; `where` begins the message."""
         return _known(self.joints, name, "joint", where)
 
 
 def equalities(
     root: Element, settings: Settings, places: Places, links: Sequence[str], driven: Sequence[str], part: bool = False
 ) -> Loops | None:
-    """The loops that the active equalities of an MJCF file close, None where there are none: <connect> and <weld> as
-    closures, <joint> as couplings.
+    """The loop constraints that the active equalities of an MJCF file make: <connect> and <weld> as closures, <joint>
+    as couplings; None where there are none.
 
     `root` is the file's root element, `settings` its compiler settings and defaults, `places` has the bodies, sites and
     joints by name, `links` the links' names by index. `driven` has the names of joints that actuators drive, which
-    become the primary (independent) ones; without any, those that follow no other do. The loops' reference, from which
-    motion is followed, is the configuration that the file draws. Where the mechanism is a `part` of a scene, by default
-    not, equalities of the rest are left out. Raises `InputError` for an equality of another kind or with wrong
-    contents, and for closures where no joint is driven, `NotFoundError` for an unknown body, site or joint.
+    become the primary (independent) ones; without any, those that follow no other do. The configuration that the file
+    draws becomes the reference from which motion is followed. Where the mechanism is a `part` of a scene, by default
+    not, equalities that name none of its bodies, sites and joints are left out. Raises `InputError` for an equality of
+    another kind or with wrong contents, and for closures where no joint is driven, `NotFoundError` for an unknown body,
+    site or joint.
     """
     closures: list[Closure] = []
     couplings: list[Coupling] = []

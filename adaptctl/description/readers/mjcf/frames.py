@@ -16,19 +16,19 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def placed(element: Element, settings: Settings, where: str) -> Pose:
-    """The pose (m) that an MJCF element's attributes give, in the frame that the element stands in: pos and one of
-    quat, axisangle, xyaxes, zaxis and euler; the identity where it has none. `settings` say how angles are written.
-    Raises `InputError` for more than one attitude, what are no finite numbers, zero axes and quaternions, and lengths
-    above 1e9 m; `where` begins the message."""
+    """The pose (m) that an MJCF element's attributes give, in the frame of the body or <frame> that contains the
+    element: pos and one of quat, axisangle, xyaxes, zaxis and euler; the identity where it has none. `settings` say how
+    angles are written. Raises `InputError` for more than one attitude, attributes that are not finite numbers, zero
+    axes and quaternions, and lengths above 1e9 m; `where` begins the message."""
     position = numbers(element, "pos", 3, where) if "pos" in element.attrib else [0.0] * 3
     return Pose(attitude(element, settings, where), np.array(position))
 
 
 def attitude(element: Element, settings: Settings, where: str) -> Array:
-    """The rotation matrix (3, 3) that an MJCF element's attribute quat, axisangle, xyaxes, zaxis or euler gives, from
-    the element's coordinates to those of the frame that it stands in; the identity where it has none. `settings` say
-    how angles are written. Raises `InputError` for more than one of these, what are no finite numbers, and zero axes
-    and quaternions; `where` begins the message."""
+    """The rotation matrix (3, 3) that an MJCF element's attribute quat, axisangle, xyaxes, zaxis or euler gives, the
+    identity where it has none. It turns the element's coordinates into those of the body or <frame> that contains it.
+    `settings` say how angles are written. Raises `InputError` for more than one of these attributes, values that are
+    not finite numbers, and zero axes and quaternions; `where` begins the message."""
     given = [name for name in ORIENTATIONS if name in element.attrib]
     if len(given) > 1:
         raise InputError(f"{where}: <{element.tag}> has {' and '.join(given)}: keep one")
@@ -52,8 +52,8 @@ _COUNTS = {"quat": 4, "axisangle": 4, "xyaxes": 6, "zaxis": 3, "euler": 3}
 
 
 def from_quaternion(values: Array, where: str) -> Array:
-    """The rotation matrix (3, 3) of a quaternion (4,), w, x, y, z, of any length but zero; entries within 1e-15 of 0
-    and of +-1 are made exact. Raises `InputError` for a length below 1e-12; `where` begins the message."""
+    """The rotation matrix (3, 3) of a quaternion `values` (4,), w, x, y, z, of any length from 1e-12; entries within
+    1e-15 of 0 and of +-1 are made exact. Raises `InputError` for a shorter one; `where` begins the message."""
     w, x, y, z = _unit(values, "quat", where)
     rotation = np.array(
         [
@@ -66,8 +66,8 @@ def from_quaternion(values: Array, where: str) -> Array:
 
 
 def facing(direction: Array) -> Array:
-    """The rotation matrix (3, 3) by the least angle that takes the z axis to `direction` (3,), a unit vector, which is
-    not checked; half a turn about x for -z."""
+    """The rotation matrix (3, 3) by the least angle that takes the z axis to the unit vector `direction` (3,); half a
+    turn about x where it is within 1e-12 of -z. The length of `direction` is not checked."""
     axis = np.cross((0.0, 0.0, 1.0), direction)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:

@@ -14,8 +14,8 @@ MOST_FILES = 100
 
 
 def included(root: Element, path: str | Path) -> Element:
-    """The `root` element itself of an MJCF file at `path`, changed in place: every <include> is replaced by the
-    elements of the file that it names, which may include others.
+    """Replace every <include> below `root`, the root element of the MJCF file at `path`, by the elements of the file
+    that it names, which may include others. `root` is changed in place and returned.
 
     Files are found from the folder of the main file, and must be in it or below. Raises `InputError` for a file that is
     outside, included twice, cannot be read or is no MJCF, for more than 100 files, and for more than 50 000 elements in

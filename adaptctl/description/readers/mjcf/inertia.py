@@ -27,15 +27,14 @@ _WITHOUT_MASS = ("plane", "hfield")
 def body_inertia(
     inertial: Element | None, geoms: Sequence[tuple[Element, Pose]], settings: Settings, where: str
 ) -> Array:
-    """The ten inertial parameters (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first
-    moment in kg m, inertia tensor in kg m^2), of a body of an MJCF file, about the origin of its frame: those of its
-    <inertial> element, or else the sum of those of its geoms, as the compiler setting inertiafromgeom has it; zero
-    where neither counts.
+    """The ten inertial parameters (10,) of a body of an MJCF file, about the origin of its frame: m, mc_x, mc_y, mc_z,
+    I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment in kg m, inertia tensor in kg m^2).
 
-    `inertial` is None where there is none; `geoms` are pairs of a geom with its defaults and the pose, in the body, of
-    the frame it stands in; `settings` are the file's. Raises `InputError` for missing or wrong numbers, a negative mass
-    or density, and geoms of other shapes than spheres, capsules, ellipsoids, cylinders and boxes; `where` begins the
-    message.
+    They are those of its <inertial> element, or else the sum of those of its geoms, as the compiler setting
+    inertiafromgeom decides; zero where neither counts. `inertial` is None where there is none; `geoms` are pairs of a
+    geom, with its defaults, and the pose, in the body, of the body or <frame> that contains it; `settings` are the
+    file's. Raises `InputError` for missing or wrong numbers, a negative mass or density, and geoms of other shapes than
+    spheres, capsules, ellipsoids, cylinders and boxes; `where` begins the message.
     """
     if inertial is not None and (settings.inertia_from_geoms != "true" or not geoms):
         return _written(inertial, settings, where)

@@ -28,12 +28,14 @@ NO_LIMIT = 1e9
 
 
 def joint_of(joint: Element, name: str, settings: Settings, effort: float | None) -> Joint:
-    """The joint called `name` of an MJCF <joint> element, a hinge or a slide, its axis in the frame the element stands
-    in; a hinge without limits is a continuous joint. `settings` say how angles are written; `effort` is the bound of
-    the joint's actuators (N m or N), None without actuators. Limits of at least 1e9 rad (m) in size are none. Raises
-    `InputError` for a ball joint, an unknown type or attribute, for attributes that are no finite numbers, a zero axis,
-    a range that is missing though limited or not rising, armature, damping or friction below 0, and nonlinear
-    damping."""
+    """The joint, called `name`, that an MJCF <joint> element gives, a hinge or a slide; a hinge without limits is a
+    continuous joint. Its axis is in the frame of the body or <frame> that contains the element.
+
+    `settings` say how angles are written; `effort` is the bound of the joint's actuators (N m, N for a slide), None
+    without actuators. Limits of at least 1e9 rad (m for a slide) in size count as none. Raises `InputError` for a ball
+    joint, an unknown type or attribute, attributes that are not finite numbers, a zero axis, a range that is missing
+    though limited or not rising, armature, damping or friction below 0, and nonlinear damping.
+    """
     where = f"joint {name!r}"
     _require_known(joint, _ATTRIBUTES, where)
     kind = joint.get("type", "hinge")
@@ -50,8 +52,8 @@ def joint_of(joint: Element, name: str, settings: Settings, effort: float | None
 
 
 def is_free(joint: Element) -> bool:
-    """True where an MJCF joint element is a free joint (freejoint, or of type free), which lets its body move in all
-    six directions."""
+    """True where an MJCF joint element, `joint`, is a free joint (freejoint, or of type free), which lets its body move
+    in all six directions. Nothing is raised."""
     return joint.tag == "freejoint" or joint.get("type") == "free"
 
 
@@ -59,9 +61,9 @@ def unfolded(joint: Element, body: str) -> list[Element]:
     """The six <joint> elements that stand for the free joint of an MJCF file: slides along x, y and z, then hinges yaw,
     pitch and roll, named after the joint, or after its `body` where it has no name, as in ``name_x``.
 
-    MuJoCo gives a free joint a quaternion, and ignores its place, axis and range. Its armature, damping, frictionloss
-    and stiffness would act on the angular velocity, not on the hinges' rates. Raises `InputError` where one of these is
-    not 0, and for unknown attributes.
+    The joint's position, axis and range are ignored, as MuJoCo ignores them. Armature, damping, frictionloss and
+    stiffness of a free joint act on the angular velocity, not on the hinges' rates, and are not read. Raises
+    `InputError` where one of these is not 0, and for unknown attributes.
     """
     name = joint.get("name") or body
     where = f"joint {name!r}"
@@ -77,10 +79,10 @@ def unfolded(joint: Element, body: str) -> list[Element]:
 
 
 def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float, Pose]:
-    """The pair of the coordinate (rad or m) at which an MJCF file draws a joint, its attribute ref, 0 without one, and
-    the pose (m) that the joint's frame has at coordinate zero, seen in that frame as drawn. `moving` is the joint read
-    from the element `joint`; `settings` say how angles are written. Raises `ElementError` for a ref that is no finite
-    number."""
+    """The pair (coordinate, pose) of a joint as an MJCF file draws it. The coordinate (rad, m for a slide) is the
+    joint's attribute ref, 0 without one; the pose (m) is that of the joint's frame at coordinate zero, in the joint's
+    frame as drawn. `moving` is the joint read from the element `joint`; `settings` say how angles are written. Raises
+    `ElementError` for a ref that is not a finite number."""
     where = f"joint {moving.name!r}"
     ref = number(joint, "ref", where) if "ref" in joint.attrib else 0.0
     if moving.kind.turns:
@@ -90,16 +92,16 @@ def offset_of(joint: Element, moving: Joint, settings: Settings) -> tuple[float,
 
 
 def is_sprung(joint: Element, name: str) -> bool:
-    """True where the MJCF joint element called `name` has a spring: a stiffness other than zero. Raises `ElementError`
-    where the stiffness is no list of 1 to 3 finite numbers."""
+    """True where the MJCF joint element `joint`, called `name` in messages, has a spring: a stiffness other than zero.
+    Raises `ElementError` where the stiffness is not 1 to 3 finite numbers."""
     return "stiffness" in joint.attrib and any(numbers(joint, "stiffness", range(1, 4), f"joint {name!r}"))
 
 
 def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
-    """The greatest efforts (N m or N) of the joints of an MJCF file that actuators drive, by joint name: the sum over a
-    joint's actuators, infinite without bounds. `root` is the file's root element, `settings` has its defaults. Raises
-    `ElementError` for an actuator of an unknown joint or default class, and for gears and bounds that are no
-    numbers."""
+    """The greatest efforts (N m, N for a slide) of the joints of an MJCF file that actuators drive, by joint name: the
+    sum over a joint's actuators, infinite where one has no bound. `root` is the file's root element, `settings` has its
+    defaults. Raises `ElementError` for an actuator of an unknown joint or default class, and for gears and bounds that
+    are not numbers."""
     efforts: dict[str, float] = {}
     known = {name for joint in root.iter() if joint.tag in ("joint", "freejoint") and (name := joint.get("name"))}
     for section in root.findall("actuator"):
@@ -117,8 +119,8 @@ def motor_efforts(root: Element, settings: Settings) -> dict[str, float]:
 
 def no_torques(root: Element, settings: Settings, joints: Container[str]) -> list[str]:
     """Names of the actuators of the given `joints` of an MJCF file whose force is not a multiple of their control, such
-    as servos and muscles, each with its tag, as in "position 'elbow'". `root` is the file's root element, `settings`
-    has its defaults. Raises `ElementError` for an unknown default class."""
+    as servos and muscles; each has its tag before it, as in "position 'elbow'". `root` is the file's root element,
+    `settings` has its defaults. Raises `ElementError` for an unknown default class."""
     found = []
     for actuator in (actuator for section in root.findall("actuator") for actuator in section):
         full = settings.full(actuator, MAIN)
@@ -156,14 +158,15 @@ def _largest(element: Element, name: str, where: str) -> float:
 
 
 def position_limits(lower: float, upper: float) -> tuple[float, float]:
-    """The position limits of a joint, rad or m, from a range `lower` to `upper` of MuJoCo's, which has two sides: a
-    limit of at least 1e9 rad (m) in size is none, infinite. Nothing is checked."""
+    """The pair of a joint's lower and upper position limit (rad, m if prismatic) for a range `lower` to `upper` of
+    MuJoCo's: a `lower` of -1e9 or less becomes minus infinity, an `upper` of 1e9 or more infinity, no limit. Nothing is
+    checked."""
     return (-math.inf if lower <= -NO_LIMIT else lower, math.inf if upper >= NO_LIMIT else upper)
 
 
 def kind_within(limits: Limits, turns: bool) -> JointKind:
-    """The kind of a joint with these `limits`: prismatic unless it `turns`, as a hinge does, continuous without limits
-    of its position, else revolute. Nothing is raised."""
+    """The kind of a joint with the given `limits`: prismatic unless it `turns`, as a hinge does; else continuous where
+    both position limits are infinite, revolute where not. Nothing is raised."""
     if not turns:
         return JointKind.PRISMATIC
     free = (limits.lower, limits.upper) == (-math.inf, math.inf)

@@ -55,25 +55,25 @@ _BODY = ("name", "childclass", "pos", "quat", "axisangle", "xyaxes", "zaxis", "e
 
 
 def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
-    """The description of the mechanism that moves in an MJCF file, and of the loops that its equalities close.
+    """The description of the mechanism that moves in the MJCF file at `path`, with the loops that its equalities close.
 
     `root` names the body that the mechanism begins with, where the file is a scene: that body and all on it are read,
-    and the rest of the scene is left out; nothing that moves may carry it. None stands for the one root body that
-    moves. What <include> names is read as part of the file.
+    and the rest of the scene is left out. It must not stand on a body that moves. None stands for the one root body
+    that moves. What <include> names is read as part of the file.
 
     Link frames stand at the joints, turned as their bodies; a link is named after its body. A body with several joints
-    becomes as many links, massless but the last. Bodies without joints become part of the one that carries them.
+    becomes as many links, massless but the last. Bodies without joints become part of the one that they are fixed to.
     <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are then
     primary (independent), or, where nothing is driven and only joints are coupled, all that follow no other. Armature,
     damping and dry friction become the joint's drive; where they are zero they are not modelled. Effort limits are the
     actuators'. A free joint becomes three slides and three hinges, named after it or its body with `_x`, `_y`, `_z`,
     `_yaw`, `_pitch` and `_roll`, primary too.
 
-    Raises `FileError` for a file that cannot be read, for a `root` that is no such body and, naming the element, for
-    wrong contents and for motion that is not read, such as ball joints and, without a `root`, more than one root body
-    that moves. Warns (`SimplificationWarning`) of springs, tendons and gravity compensation, which are left out, of
-    actuators that command no torque, of angles that look like degrees, and of links that move without mass and carry no
-    link that has one.
+    Raises `FileError` for a file that cannot be read, for a `root` that is unknown or stands on a body that moves and,
+    naming the element, for wrong contents and for motion that is not read, such as ball joints and, without a `root`,
+    more than one root body that moves. Warns (`SimplificationWarning`) of springs, tendons and gravity compensation,
+    which are left out, of actuators that command no torque, of angles that look like degrees, and of links that move
+    without mass and whose descendants have none.
     """
     try:
         scene = included(parsed(read_text(path), "mujoco"), path)
@@ -86,10 +86,10 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
 
 @dataclass(frozen=True, eq=False)
 class MjcfBody:
-    """A body of an MJCF file: its `number` among the file's <body> elements, from 0, None where it stands in an
-    included file; its ten inertial parameters `ten` (10,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg,
-    kg m, kg m^2), without the bodies fixed to it, about its frame's origin; and `place`, that frame's pose in the link
-    that carries it (m)."""
+    """A body of an MJCF file with its own inertia. `number` is its zero-based index among the file's <body> elements,
+    None where it stands in an included file; `ten` (10,) are its inertial parameters m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about its frame's origin, without those of bodies fixed to it; and
+    `place` is its frame's pose in the frame of the link that it is part of (m). Nothing is checked at construction."""
 
     number: int | None
     ten: Array
@@ -98,20 +98,23 @@ class MjcfBody:
 
 @dataclass(frozen=True, eq=False)
 class MjcfBodies:
-    """The bodies of an MJCF file that a writer of inertias needs: `of_links` has, by the index of each link with mass,
-    the body at its joint; `from_geoms` is True if the file's setting inertiafromgeom is true, by which inertias are
-    computed from geoms and <inertial> elements are ignored."""
+    """The bodies of an MJCF file whose inertias a writer can change: `of_links` has, by the zero-based index of each
+    link with mass, the body at its joint. `from_geoms` is True if the file's setting inertiafromgeom is true, by which
+    inertias are computed from geoms and <inertial> elements are ignored. Nothing is checked at construction."""
 
     of_links: dict[int, MjcfBody]
     from_geoms: bool
 
 
 def mjcf_bodies(path: str | Path, root: str | None = None) -> MjcfBodies:
-    """The bodies at the joints of the links that `read_mjcf` reads from the MJCF file at `path`, `root` being the name
-    of the mechanism's first body, None the one root body that moves. Raises `FileError` for a file that cannot be read,
-    `NotFoundError` for an unknown root, and `InputError` for wrong contents and for what `read_mjcf` refuses: ball
-    joints, mocap bodies, no joint, a `root` on a body that moves and, without a `root`, several root bodies that move.
-    Simplifications are not warned of."""
+    """The bodies of the MJCF file at `path` that sit at the joints of the links that `read_mjcf` makes of it, one for
+    each link with mass, with their own inertias.
+
+    `root` is the name of the mechanism's first body, None the one root body that moves. Raises `FileError` for a file
+    that cannot be read, `NotFoundError` for an unknown root, and `InputError` for wrong contents and for what
+    `read_mjcf` refuses: ball joints, mocap bodies, no joint, a `root` on a body that moves and, without a `root`,
+    several root bodies that move. Simplifications are not warned of.
+    """
     scene = parsed(read_text(path), "mujoco")
     numbers_of = {id(body): k for k, body in enumerate(scene.iter("body"))}
     reader = _Reader(included(scene, path), path, root)

@@ -43,9 +43,9 @@ class Settings:
 
     @classmethod
     def of(cls, root: Element) -> Settings:
-        """The settings of a whole MJCF file, given its `root` element. Raises `InputError` for unknown values, for a
-        default class without a name, and for compiler settings that are not read: settotalmass, boundmass,
-        boundinertia, balanceinertia and global coordinates."""
+        """The compiler settings and defaults of an MJCF file, from its `root` element. Raises `InputError` for unknown
+        values, for a default class without a name, and for compiler settings that are not read: settotalmass,
+        boundmass, boundinertia, balanceinertia and global coordinates."""
         compiler: dict[str, str] = {}
         for element in root.findall("compiler"):
             compiler |= element.attrib
@@ -64,13 +64,14 @@ class Settings:
         )
 
     def angle(self, value: float) -> float:
-        """The angle in rad of an angle `value` that is written in the file, in degrees or rad as these settings say."""
+        """The angle in rad of an angle `value` as an MJCF file writes it: in degrees where this object's `degrees` is
+        True, else in rad. Nothing is raised."""
         return math.radians(value) if self.degrees else value
 
     def full(self, element: Element, childclass: str) -> Element:
-        """A copy of an element of the file, without its children, with its own attributes and, for those it lacks, the
-        attributes of the default class that it names or else of the class `childclass`, which its body gives its
-        children. Raises `ElementError` for an unknown class."""
+        """A copy of the MJCF `element` without its children, with its own attributes and, for those it lacks, those of
+        its default class. That is the class it names or else `childclass`, the class that its body gives its children.
+        Raises `ElementError` for an unknown class."""
         name = element.get("class", childclass)
         if name not in self.classes:
             known = ", ".join(self.classes)
