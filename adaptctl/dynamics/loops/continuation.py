@@ -79,9 +79,9 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def follow_alone(self, p: object) -> Array | None:
-        """The closed configuration (n,) that `follow` finds from the reference at the positions `p` of one sample, in a
-        thirtieth of the time; None for anything but a float64 array (r,) of finite numbers, and where `follow` has to
-        decide: where a step is not surely right, and before native code pays."""
+        """The closed configuration (n,), rad (m if prismatic), that `follow` finds from the reference at the positions
+        `p` of one sample, by native code alone. None, so that `follow` has to decide, for anything but a float64 array
+        (r,) of finite numbers, where the test `surely_regular` fails at a step, and before native code pays."""
         if not self._ways.ready or type(p) is not np.ndarray or p.shape != self._start.shape or p.dtype != np.float64:
             return None
         start: list[float] = self._start.tolist()

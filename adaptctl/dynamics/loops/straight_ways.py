@@ -1,4 +1,4 @@
-"""Following of loops along straight lines in native code, as far as each step is surely right."""
+"""Following of loops along straight lines in native code, as far as a cheap test shows each step to be regular."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ CALLS, STEPS = 50, 5000
 
 @dataclass(eq=False)
 class StraightWays:
-    """Straight ways of r primary (independent) joints along which the n joints of a tree with loops are followed in
-    native code, step by step, for as long as each step is surely right.
+    """Native code that follows the n joints of a tree with closed loops while its r primary (independent) joints move
+    along straight lines, in steps, each of which a cheap test must show to be regular.
 
     `following(p, q)` is the equation of one step, from Columns (vectors of scalars of any kind): the configuration (n,)
-    at positions p (r,), rad (m if prismatic), near a closed one q (n,); `sure(q)` is 1.0 where what was found is surely
-    closed and away from singularities, else 0.0. `joints` and `primary` are the numbers n and r. Nothing is checked.
+    at positions p (r,), rad (m if prismatic), near a closed one q (n,); `sure(q)`, the test, is 1.0 where the
+    configuration found is closed and away from singularities, 0.0 where it is not or the test cannot tell. `joints` and
+    `primary` are the numbers n and r. `work` counts what has been asked for, as `pays` has it. Nothing is checked.
     """
 
     following: Callable[[Column, Column], Column]
@@ -32,24 +33,24 @@ class StraightWays:
     joints: int
     primary: int
     work: float = 0.0
-    """what has been asked for, 1 where native code pays"""
+    """calls over 50 plus steps over 5,000, so far; native code pays from 1 on"""
 
     @property
     def ready(self) -> bool:
-        """True if native code pays, after all that has been asked for."""
+        """True if native code pays by now: after 50 calls, 5,000 steps, or what comes to as much together."""
         return self.work >= 1.0
 
     def pays(self, steps: NDArray[np.int64]) -> bool:
-        """True if native code pays by now, for ways of `steps` (m,) steps: after 50 calls, 5,000 steps of one sample,
-        or what comes to as much together."""
+        """True if native code pays by now, after one call more, for m lines of `steps` (m,) steps each, which are
+        counted: after 50 calls, 5,000 steps of one line, or what comes to as much together."""
         self.work += 1.0 / CALLS + float(steps.sum()) / STEPS
         return self.ready
 
     def followed(self, q: Array, begin: Array, way: Array, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-        """The configurations (m, n) at the ends of m ways, and a mask (m,): True where all steps were surely right. The
-        ways begin at closed configurations q (m, n), whose primary joints are at `begin` (m, r), and lead by `way` (m,
-        r), rad (m if prismatic), in as many equal steps as `steps` (m,) says. Where the mask is False, configurations
-        mean nothing."""
+        """The configurations (m, n) at the ends of m straight lines, rad (m if prismatic), and a mask (m,), True where
+        every step passed the test `sure`; where it is False, the configuration is undefined. The lines begin at closed
+        configurations q (m, n), whose primary joints are at `begin` (m, r), and move these by `way` (m, r) in as many
+        equal steps as `steps` (m,) says. Nothing is checked."""
         arms = self._many.ensemble(len(q))
         arms.state["q"], arms.state["sure"] = q, 1.0
         arms.held["begin"], arms.held["way"], arms.held["steps"] = begin, way, steps[:, None]
@@ -57,8 +58,9 @@ class StraightWays:
         return arms.state["q"], arms.state["sure"][:, 0] > 0.0
 
     def followed_alone(self, q: Array, begin: list[float], way: list[float], steps: int) -> Array | None:
-        """The configuration (n,) at the end of one way, which begins at q (n,), as `followed` has it of many; None
-        where not all steps were surely right."""
+        """The configuration (n,) at the end of one straight line, rad (m if prismatic), or None where a step failed the
+        test `sure`: `followed` for a single line, from the closed q (n,), whose primary joints are at `begin` (r), by
+        `way` (r) in `steps` equal steps. Nothing is checked."""
         state, held = np.array([*q, 0.0, 1.0]), np.array([*begin, *way, steps])
         end = self._single.alone(steps, state, held)
         return end[: self.joints] if end[-1] > 0.0 else None
@@ -78,7 +80,7 @@ class StraightWays:
     def _step(
         self, q: Column, gone: Column, sure: Column, begin: Column, way: Column, steps: Column
     ) -> tuple[Column, Column, Column]:
-        """A step; at the end of a shorter way than others, none."""
+        """A step; none once the line's own number of steps is taken."""
         k = gone[0] + 1.0
         found = self.following(begin + way * (k / steps[0]), q)
         right = sure[0] * self.sure(found)
