@@ -9,6 +9,7 @@ from sampled_loops import arm
 from adaptctl.compilation import compile_function
 from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.dynamics.loops.determinant import determinant
+from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
 
@@ -44,3 +45,21 @@ def test_what_is_surely_regular_is_regular(name: str) -> None:
     assert np.all(regularity[found == 1.0] >= NEAREST)
     assert found[0] == 1.0
     assert np.mean(found[regularity >= 2.0 * NEAREST]) > 0.99
+
+
+@pytest.mark.parametrize("name", ["semi_direct_drive", "semi_direct_drive_parallelogram"])
+def test_regular_is_what_the_regularity_says(name: str) -> None:
+    continuation = arm(name).continuation
+    assert continuation is not None
+    far = np.random.default_rng(1).uniform(-np.pi, np.pi, (300, len(continuation.reference)))
+    closed = continuation._closed(far[:, continuation.primary], far)
+    q = np.concatenate((closed, far, np.full((1, 5), np.nan), continuation.reference[None]))
+    expected = continuation.regularity(q) >= NEAREST
+    assert expected.any()
+    assert not expected.all()
+    np.testing.assert_array_equal(continuation.is_regular(q), expected)
+    np.testing.assert_array_equal(continuation.is_regular(q.reshape(2, -1, 5)), expected.reshape(2, -1))
+    np.testing.assert_array_equal([continuation.is_regular(row) for row in q[::20]], expected[::20])
+    assert continuation.is_regular(q[:0]).shape == (0,)
+    with pytest.raises(InputError):
+        continuation.is_regular(q[:, :4])

@@ -17,7 +17,6 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.floats import native_or_floats
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.loops.continuation import NEAREST
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
@@ -203,7 +202,7 @@ class Plant(Tunable):
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
-        return np.asarray(inside & (self.mechanism.continuation.regularity(q) >= NEAREST))
+        return np.asarray(inside & self.mechanism.continuation.is_regular(q))
 
     @cached_property
     def equation(self) -> ControlPeriod:
