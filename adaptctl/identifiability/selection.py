@@ -83,17 +83,17 @@ def independent_columns(columns: Array, tolerance: float, negligible: float) -> 
     `negligible`, in the same unit, and else no more are taken. With an infinite tolerance this is column pivoting
     (Businger and Golub 1965).
     """
-    left, taken, directions = columns, list[int](), list[Array]()
-    for _ in range(min(columns.shape)):
-        sizes = np.einsum("ij,ij->j", left, left)
+    left, taken = np.ascontiguousarray(columns.T), list[int]()
+    directions = np.empty((min(columns.shape), len(columns)))
+    for k in range(len(directions)):
+        sizes = np.vecdot(left, left)
         sizes[taken] = -1.0
         best = int((sizes > tolerance**2).argmax())
         if not sizes[best] > tolerance**2:
             best = int(sizes.argmax())
             if sizes[best] <= negligible**2:
                 break
-        direction = left[:, best] / math.sqrt(sizes[best])
-        left = left - direction[:, None] * (direction @ left)
+        directions[k] = left[best] / math.sqrt(sizes[best])
+        left = left - np.multiply.outer(left @ directions[k], directions[k])
         taken.append(best)
-        directions.append(direction)
-    return taken, np.array(directions).reshape(len(taken), len(columns))
+    return taken, directions[: len(taken)]
