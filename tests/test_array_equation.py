@@ -143,7 +143,7 @@ def test_the_rule() -> None:
 
 
 def is_whole(mechanism: Mechanism, name: str) -> bool:
-    """Whether a matrix has an equation of its own, and is not made column by column."""
+    """Whether a matrix has an equation of its own, and is not made row by row."""
     return isinstance(getattr(mechanism._arrays, name), rule.ArrayEquation)
 
 

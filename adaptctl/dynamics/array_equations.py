@@ -11,8 +11,8 @@ from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.description import Description
 from adaptctl.dynamics.array_equation import LONGEST_MATRIX, LONGEST_REGRESSOR, ArrayEquation, OnArrays
-from adaptctl.dynamics.column_by_column import ColumnByColumn, unit_rows
 from adaptctl.dynamics.equations import Equations
+from adaptctl.dynamics.row_by_row import RowByRow, unit_rows
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
@@ -91,7 +91,7 @@ class ArrayEquations:
         self.inverse_dynamics = self.of(torque, "v", "a", "parameters")
         self.forward_dynamics = self.of(accelerations, "v", "torque", "parameters")
         self.mass_matrix = self._inertia()
-        self._torque = self.of(self._parameters_torque, "v", "v_r", "a_r", "parameters")
+        self._powers = self.of(self._all_powers, "v", "v_r", "a_r", "s")
         self.torque_regressor, self.slotine_li_regressor = (self._regressor(name, None) for name in REGRESSORS)
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> OnArrays:
@@ -138,17 +138,16 @@ class ArrayEquations:
         )
 
     def _regressor(self, name: str, columns: tuple[int, ...] | None) -> OnArrays:
-        """A regressor of all parameters, or of some; a long mechanism's column by column."""
-        mechanism = self._mechanism
-        chosen = range(len(mechanism.parameter_names)) if columns is None else columns
+        """A regressor of all parameters, or of some; a long mechanism's row by row."""
+        mechanism, r = self._mechanism, self._mechanism.dof
 
         def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
-            return mechanism.equations.torque_regressor(q, v, v_r, a_r, chosen)
+            equations = mechanism.equations
+            chosen = range(equations.parameters) if columns is None else columns
+            return equations.torque_regressor(q, v, v_r, a_r, chosen)
 
         def arranged(p: Array, v: Array, *reference: Array) -> tuple[Array, ...]:
-            v_r, a_r = reference if len(reference) == 2 else (v, *reference)
-            units = unit_rows(len(mechanism.parameter_names))
-            return p, v, v_r, a_r, units if columns is None else units[list(columns)]
+            return p, v, *(reference if len(reference) == 2 else (v, *reference)), unit_rows(r)
 
         if name == "slotine_li_regressor":
             whole = self.of(rows, "v", "v_r", "a_r", longest=LONGEST_REGRESSOR)
@@ -156,17 +155,15 @@ class ArrayEquations:
             whole = self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", longest=LONGEST_REGRESSOR)
         if self._links <= LONGEST_REGRESSOR:
             return whole
-        return ColumnByColumn(whole, self._torque, arranged, len(chosen))
+        return RowByRow(whole, self._powers, arranged, r, columns)
 
-    def _parameters_torque(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
-        """The torque of parameters, without what is known of it."""
+    def _all_powers(self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column) -> Column:
+        """Y' s, of which each row of Y is that of a unit vector s."""
         equations = self._mechanism.equations
-        motion = equations.motion(q, v, v_r, a_r)
-        torque = motion.torque(parameters)
-        return torque - motion.torque(Column.zeros(len(parameters))) if equations.has_known_share else torque
+        return equations.motion(q, v, v_r, a_r).powers(s, range(equations.parameters))
 
     def _inertia(self) -> OnArrays:
-        """The mass matrix; a long mechanism's column by column, each the torque that one acceleration needs."""
+        """The mass matrix; a long mechanism's row by row, each the torque that one joint's acceleration needs."""
         mechanism, r = self._mechanism, self._mechanism.dof
 
         def inertia(q: Column, parameters: Column) -> list[Column]:
@@ -180,4 +177,4 @@ class ArrayEquations:
         whole = self.of(inertia, "parameters", longest=LONGEST_MATRIX)
         if self._links <= LONGEST_MATRIX:
             return whole
-        return ColumnByColumn(whole, self.of(torque, "a", "parameters"), lambda p, D: (p, unit_rows(r), D), r)
+        return RowByRow(whole, self.of(torque, "a", "parameters"), lambda p, D: (p, unit_rows(r), D), r)

@@ -1,4 +1,4 @@
-"""Matrices of long mechanisms, column by column: those of the equations, from the first call to the last."""
+"""Matrices of long mechanisms, row by row: those of the equations, from the first call to the last."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from random_trees import random_tree
 from adaptctl import load
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, array_equation, array_equations
-from adaptctl.dynamics.column_by_column import unit_rows
+from adaptctl.dynamics.row_by_row import unit_rows
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import Constraints, constrained
 

@@ -1,0 +1,81 @@
+"""Matrices of long mechanisms on arrays, row by row: each the powers at one joint's velocity, or one acceleration's
+torques.
+
+Whole matrices grow with the square of the links, and take LLVM from seconds to minutes. A row grows with the links
+alone, is compiled in a second or two, and is evaluated for several joints at once in SIMD registers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, checked, same_samples, writable
+from adaptctl.dynamics.array_equation import ArrayEquation
+
+
+class RowByRow:
+    """Function that computes a matrix (r, m) on NumPy arrays row by row, by native code of a single row, which compiles
+    where that of the whole matrix would take too long. `call` and `into` are those of an `ArrayEquation`.
+
+    Made of `whole`, the `ArrayEquation` of the matrix, which is used for several states at once until the row's native
+    code is compiled; `row`, the `ArrayEquation` of a row (m,); `arranged`, a callable that makes of the matrix's
+    arguments at one state, (size,) each, those of `row` for all r rows, (size,) or (r, size) each; `rows`, r; and
+    `columns`, the zero-based indices of the entries of a row that the matrix has, None for all. `call` and `into` raise
+    `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity in arguments or results, and `ValueError` for
+    another number of arguments.
+    """
+
+    def __init__(
+        self,
+        whole: ArrayEquation,
+        row: ArrayEquation,
+        arranged: Callable[..., Sequence[Array]],
+        rows: int,
+        columns: Sequence[int] | None = None,
+    ) -> None:
+        self._whole, self._row, self._arranged, self._rows = whole, row, arranged, rows
+        self._columns = None if columns is None else list(columns)
+
+    def call(self, *arguments: ArrayLike) -> Array:
+        """Matrices (..., r, m) at `arguments` (..., size), whose leading axes are samples and broadcast. Raises
+        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `ValueError` for another number of
+        arguments."""
+        sizes, name = self._whole.sizes, self._whole.name
+        pairs = zip(sizes.items(), arguments, strict=True)
+        arrays = {what: checked(values, size, f"{name}: {what}") for (what, size), values in pairs}
+        samples = same_samples(**arrays)
+        count = math.prod(samples)
+        if not self._row.is_native(count * self._rows) and count != 1:
+            return self._whole.call(*arguments)
+        if not samples:
+            return self._at(*arrays.values())
+        given = [np.broadcast_to(x, (*samples, x.shape[-1])).reshape(count, x.shape[-1]) for x in arrays.values()]
+        matrices = [self._at(*state) for state in zip(*given, strict=True)]
+        return np.reshape(matrices, (*samples, *matrices[0].shape)) if matrices else self._whole.call(*arguments)
+
+    def _at(self, *state: Array) -> Array:
+        """The matrix at one state."""
+        rows = self._row.on_rows(*self._arranged(*state))
+        return rows if self._columns is None else rows[:, self._columns]
+
+    def into(self, out: Array, *arguments: ArrayLike) -> Array:
+        """The array `out`, float64 of the result's shape, filled with the matrices that `call` returns for the
+        `arguments`. Raises `InputError` for an `out` of another type or shape or that is read-only, and what `call`
+        raises."""
+        found = self.call(*arguments)
+        writable(out, found.shape, self._whole.name)[...] = found
+        return out
+
+
+@lru_cache(maxsize=4)
+def unit_rows(n: int) -> Array:
+    """Identity matrix (n, n) of floats, read-only: a view of 2n - 1 numbers, of which each row is another part. `n` is
+    a whole number of at least 1, not checked."""
+    numbers = np.zeros(2 * n - 1)
+    numbers[n - 1] = 1.0
+    return np.lib.stride_tricks.sliding_window_view(numbers, n)[::-1]
