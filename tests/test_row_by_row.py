@@ -12,7 +12,7 @@ from random_trees import random_tree
 
 from adaptctl import load
 from adaptctl.arrays import Array
-from adaptctl.dynamics import Mechanism, array_equation, array_equations
+from adaptctl.dynamics import Mechanism, array_equation, array_equations, row_by_row
 from adaptctl.dynamics.row_by_row import unit_rows
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import Constraints, constrained
@@ -28,8 +28,9 @@ CASES = {
 
 @pytest.fixture
 def short() -> Iterator[None]:
-    """Mechanisms of any length count as long."""
+    """Mechanisms of any length count as long, and more than four states as many."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(row_by_row, "STATES", 4)
         for name in ("LONGEST_MATRIX", "LONGEST_REGRESSOR"):
             patch.setattr(array_equations, name, 0)
         yield

@@ -12,7 +12,7 @@ from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.description import Description
 from adaptctl.dynamics.array_equation import LONGEST_MATRIX, LONGEST_REGRESSOR, ArrayEquation, OnArrays
 from adaptctl.dynamics.equations import Equations
-from adaptctl.dynamics.row_by_row import RowByRow, unit_rows
+from adaptctl.dynamics.row_by_row import RowByRow
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
@@ -146,8 +146,8 @@ class ArrayEquations:
             chosen = range(equations.parameters) if columns is None else columns
             return equations.torque_regressor(q, v, v_r, a_r, chosen)
 
-        def arranged(p: Array, v: Array, *reference: Array) -> tuple[Array, ...]:
-            return p, v, *(reference if len(reference) == 2 else (v, *reference)), unit_rows(r)
+        def arranged(units: Array, p: Array, v: Array, *reference: Array) -> tuple[Array, ...]:
+            return p, v, *(reference if len(reference) == 2 else (v, *reference)), units
 
         if name == "slotine_li_regressor":
             whole = self.of(rows, "v", "v_r", "a_r", longest=LONGEST_REGRESSOR)
@@ -177,4 +177,4 @@ class ArrayEquations:
         whole = self.of(inertia, "parameters", longest=LONGEST_MATRIX)
         if self._links <= LONGEST_MATRIX:
             return whole
-        return RowByRow(whole, self.of(torque, "a", "parameters"), lambda p, D: (p, unit_rows(r), D), r)
+        return RowByRow(whole, self.of(torque, "a", "parameters"), lambda units, p, D: (p, units, D), r)

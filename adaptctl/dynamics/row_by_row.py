@@ -17,14 +17,17 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, same_samples, writable
 from adaptctl.dynamics.array_equation import ArrayEquation
 
+STATES = 64
+"""States whose rows are computed at once."""
+
 
 class RowByRow:
     """Function that computes a matrix (r, m) on NumPy arrays row by row, by native code of a single row, which compiles
     where that of the whole matrix would take too long. `call` and `into` are those of an `ArrayEquation`.
 
     Made of `whole`, the `ArrayEquation` of the matrix, which is used for several states at once until the row's native
-    code is compiled; `row`, the `ArrayEquation` of a row (m,); `arranged`, a callable that makes of the matrix's
-    arguments at one state, (size,) each, those of `row` for all r rows, (size,) or (r, size) each; `rows`, r; and
+    code is compiled; `row`, the `ArrayEquation` of a row (m,); `arranged`, a callable that makes of unit vectors (k, r)
+    and the matrix's arguments, (size,) or (k, size) each, those of `row` for the k rows of these; `rows`, r; and
     `columns`, the zero-based indices of the entries of a row that the matrix has, None for all. `call` and `into` raise
     `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity in arguments or results, and `ValueError` for
     another number of arguments.
@@ -52,15 +55,23 @@ class RowByRow:
         count = math.prod(samples)
         if not self._row.is_native(count * self._rows) and count != 1:
             return self._whole.call(*arguments)
-        if not samples:
-            return self._at(*arrays.values())
+        if not samples or not count:
+            return self._rows_at(*arrays.values()) if not samples else self._whole.call(*arguments)
         given = [np.broadcast_to(x, (*samples, x.shape[-1])).reshape(count, x.shape[-1]) for x in arrays.values()]
-        matrices = [self._at(*state) for state in zip(*given, strict=True)]
-        return np.reshape(matrices, (*samples, *matrices[0].shape)) if matrices else self._whole.call(*arguments)
+        first = self._rows_at(*(x[:STATES] for x in given))
+        found = np.empty((count * self._rows, first.shape[1]))
+        found[: len(first)] = first
+        for k in range(STATES, count, STATES):
+            found[k * self._rows : (k + STATES) * self._rows] = self._rows_at(*(x[k : k + STATES] for x in given))
+        return found.reshape(*samples, self._rows, first.shape[1])
 
-    def _at(self, *state: Array) -> Array:
-        """The matrix at one state."""
-        rows = self._row.on_rows(*self._arranged(*state))
+    def _rows_at(self, *states: Array) -> Array:
+        """The rows at one state (size,) or at several (c, size), one state's after another's."""
+        units = unit_rows(self._rows)
+        if states[0].ndim > 1:
+            units = np.tile(units, (len(states[0]), 1))
+            states = tuple(np.repeat(x, self._rows, axis=0) for x in states)
+        rows = self._row.on_rows(*self._arranged(units, *states))
         return rows if self._columns is None else rows[:, self._columns]
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
