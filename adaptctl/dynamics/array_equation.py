@@ -169,7 +169,7 @@ class ArrayEquation:
         if self._configured is None:
             self.call, self.into = kernel.otherwise(self._generally), self._into_native
         else:
-            self.call = self._closing
+            self.call, self.into = self._closing, self._closing_into
         self._kernel = kernel
         return kernel
 
@@ -180,6 +180,13 @@ class ArrayEquation:
                 found: Array = self._kernel(self._configured(p), *rest)
                 return found
         return self._generally(p, *rest)
+
+    def _closing_into(self, out: Array, p: ArrayLike, *rest: ArrayLike) -> Array:
+        if np.ndim(p) != 1:
+            return self._filling(out, p, *rest)
+        found = self._closing(p, *rest)
+        writable(out, found.shape, self._name)[...] = found
+        return out
 
     def _into_native(self, out: Array, *arguments: ArrayLike) -> Array:
         """`into` until it is called for a single state: the native code that fills an `out` is made then."""
