@@ -79,10 +79,10 @@ def identify(
     for loops that do not fit together, `MissingExtraError` for ROS bags without rosbags, and `InputError` for no logs,
     drives of other joints, missing or unknown columns or units and those given beside `drives`, unknown names in `skip`
     or `friction`, a `rate`, `cutoff` or `weight` that is not positive and finite, a `cutoff` that the logs do not
-    allow, a link without mass, payloads of unknown links or that no body can be, torque constants that the logs do not
-    tell, and logs that are at rest, too short or slow, or not this robot's; `RankError` where the robot's rank, the
-    number of its identifiable parameters, cannot be certified, `SingularityError` near locked loops, and
-    `AdaptctlError` where no consistent estimate is found.
+    allow, a link without mass, constraints on parameters, payloads of unknown links or that no body can be, torque
+    constants that the logs do not tell, and logs that are at rest, too short or slow, or not this robot's; `RankError`
+    where the robot's rank, the number of its identifiable parameters, cannot be certified, `SingularityError` near
+    locked loops, and `AdaptctlError` where no consistent estimate is found.
     """
     given = _paths(logs)
     if not given:
@@ -148,10 +148,10 @@ def identified(
     (False by default).
 
     Raises `InputError` for a cutoff or weight that is not positive and finite, a cutoff that the logs do not allow,
-    unknown steps, a link without mass, payloads of unknown links or that no body can be, logs that are at rest, too
-    short or slow, or not this robot's, and unknown torque constants that they do not tell; `RankError` where the number
-    of identifiable parameters cannot be certified, `SingularityError` near locked loops, `AdaptctlError` where no
-    consistent estimate is found.
+    unknown steps, a link without mass, constraints on parameters, payloads of unknown links or that no body can be,
+    logs that are at rest, too short or slow, or not this robot's, and unknown torque constants that they do not tell;
+    `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked loops,
+    `AdaptctlError` where no consistent estimate is found.
     """
     _require_settings(cutoff, weight)
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
@@ -203,9 +203,9 @@ def gathered(
     (independent) joints, `logs` are at least one. `skip` names steps of preparation to leave out, none by default;
     `cutoff` (Hz) is a cut-off of the low-pass filter that is added to the usual 12.5, 25 and 50 Hz, or to those of them
     that the logs allow; None adds none. Payloads are subtracted where all torque constants are known. Raises
-    `InputError` for unknown steps, a cutoff that the logs do not allow, a link without mass, payloads of unknown links
-    or that no body can be, and logs that are at rest, too short or slow, or not this robot's; `RankError` where the
-    number of identifiable parameters cannot be certified, `SingularityError` near locked loops.
+    `InputError` for unknown steps, a cutoff that the logs do not allow, a link without mass, constraints on parameters,
+    payloads of unknown links or that no body can be, and logs that are at rest, too short or slow, or not this robot's;
+    `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked loops.
     """
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]
