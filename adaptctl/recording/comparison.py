@@ -15,8 +15,9 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.markup import table, titled
-from adaptctl.recording.units import error_unit, position_units, torque_units
+from adaptctl.recording.units import error_unit, torque_units
 from adaptctl.recording.verdict import Failure
+from adaptctl.simulation.rollout_file import position_units
 from adaptctl.simulation.run import Rollout
 
 if TYPE_CHECKING:

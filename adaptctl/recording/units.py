@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 from adaptctl.dynamics import Mechanism
-
-
-def position_units(mechanism: Mechanism) -> tuple[str, ...]:
-    """Units of position of a mechanism's r primary (independent) joints, r texts in their order: "rad", or "m" for a
-    prismatic joint."""
-    return tuple(joint.kind.position_unit for joint in mechanism.primary_joints)
+from adaptctl.simulation.rollout_file import position_units
 
 
 def torque_units(mechanism: Mechanism) -> tuple[str, ...]:

@@ -11,9 +11,11 @@ import numpy as np
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.kept_samples import KeptSamples
+from adaptctl.simulation.rollout_file import position_units
 from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE
 
@@ -149,6 +151,7 @@ class _SteppedRun:
             terminated=self.terminated,
             info=dict(self._info),
             every=self._kept_samples.every,
+            position_units=_units(self._env),
         )
 
     def _read(self) -> tuple[Array, Array, ReferencePoint]:
@@ -212,6 +215,12 @@ def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
     and `env.spec.max_episode_steps` that is a positive int, None where neither is. Nothing is raised."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
+
+
+def _units(env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
+    """Units of position of the joints of an environment's plant; none where it has no plant that is known."""
+    mechanism = getattr(getattr(env.unwrapped, "plant", None), "mechanism", None)
+    return position_units(mechanism) if isinstance(mechanism, Mechanism) else ()
 
 
 def _estimate(state: object) -> Array:

@@ -23,7 +23,7 @@ from adaptctl.simulation.kept_samples import KeptSamples
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.rollout import interface, known_steps, rollout
-from adaptctl.simulation.rollout_file import KEPT, RolloutFile
+from adaptctl.simulation.rollout_file import KEPT, RolloutFile, position_units
 from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
@@ -81,7 +81,7 @@ def simulate(
         kind = _WholeRun if kept == KeptSamples() else _NativeRun
         return kind(episode, controller, steps, period, kept).driven(env.unwrapped, progress)
     native = _NativeRun(episode, controller, steps, period, kept)
-    with RolloutFile(stream, controller.dof) as file:
+    with RolloutFile(stream, controller.dof, None, position_units(episode.plant.mechanism)) as file:
         result = native.driven(env.unwrapped, progress, file)
         file.about = {name: getattr(result, name) for name in KEPT}
     return result
@@ -301,6 +301,7 @@ class _NativeRun:
             info=env.take_back(self._reached(), self.count, self.clips, self.terminated),
             marks=self._marks(*marks),
             every=self.kept.every,
+            position_units=position_units(self.episode.plant.mechanism),
         )
 
     def _columns_kept(self) -> dict[str, Array]:
