@@ -84,12 +84,12 @@ class CounterweightedTracking(ClosedLoopExperiment):
 
     def run(self, progress: Progress) -> Result:
         """Result of the comparison: outcome in words, facts (questions with answers), and a function that writes its
-        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C during a run keeps what
-        was run; before the first sample of an arm `KeyboardInterrupt` passes. Raises `NotFoundError` for an unknown
-        robot, `FileError` for a file that cannot be used, `InputError` for an arm with friction or linear constraints
-        between its inertial parameters, for more `components` than the arm has essential (identifiable) parameters, for
-        an unknown link or objective and for joints that no gains can hold, `RankError` where the number of essential
-        parameters cannot be certified."""
+        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C keeps the runs begun;
+        where there are none, `KeyboardInterrupt` passes. Raises `NotFoundError` for an unknown robot, `FileError` for a
+        file that cannot be used, `InputError` for an arm with friction or linear constraints between its inertial
+        parameters, for more `components` than the arm has essential (identifiable) parameters, for an unknown link or
+        objective and for joints that no gains can hold, `RankError` where the number of essential parameters cannot be
+        certified."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:
@@ -113,8 +113,13 @@ class CounterweightedTracking(ClosedLoopExperiment):
         """Runs of both arms, in turn, and whether all were run to their end."""
         runs: list[ControllerRun] = []
         for name, task in ((BEFORE, study.task), (AFTER, study.counterweights.balanced)):
-            env = self._environment(task, tuning)
-            outcome = contest(env, task.mechanism, self._contenders(name, task, tuning), self.seed, progress)
+            try:
+                env = self._environment(task, tuning)
+                outcome = contest(env, task.mechanism, self._contenders(name, task, tuning), self.seed, progress)
+            except KeyboardInterrupt:
+                if not runs:
+                    raise
+                return tuple(runs), False
             runs += outcome.runs
             if not outcome.complete:
                 return tuple(runs), False
@@ -319,7 +324,8 @@ def _facts(burdens: dict[str, Burden], components: int) -> Iterator[Fact]:
     words = {EVERY: "all adapted", FEW: f"{components} adapted", HELD: f"true {components}"}
     for kind, what in words.items():
         found = [burdens[name] for name in (f"{kind}-{BEFORE}", f"{kind}-{AFTER}") if name in burdens]
-        yield Fact(f"Error, {what}", " → ".join(map(_error, found)))
+        if found:
+            yield Fact(f"Error, {what}", " → ".join(map(_error, found)))
     first = [burdens[name] for name in (f"{EVERY}-{BEFORE}", f"{EVERY}-{AFTER}") if name in burdens]
     yield Fact("Torque, of its limit (RMS)", " → ".join(f"{100.0 * b.rms_torque:.3g}" for b in first) + " %")
     yield Fact("Motors' work", " → ".join(f"{b.work:.3g}" for b in first) + " J")

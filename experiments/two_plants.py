@@ -80,19 +80,21 @@ class TwoPlants(AdaptiveTracking):
         """Outcome of the contest: runs of the `contenders` (controllers with names) on the environment `env`, then of
         the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the arm
         `mechanism`. `env` is MuJoCo's. `progress(label, share)` gets a run's label and the share of it done, 0 to 1.
-        Ctrl-C keeps the runs begun; before the first sample of the contest, or of one of the two runs after it,
-        `KeyboardInterrupt` passes. Raises `GainError` for gains too large for the control period, `NonFiniteError`
-        where a motion runs away."""
+        Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises `GainError` for gains too
+        large for the control period, `NonFiniteError` where a motion runs away."""
         done = super().outcome(env, mechanism, contenders, progress)
-        for name, label, other in (
-            (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
-            (OURS, "Slotine-Li on adaptctl's plant", AdaptiveTracking(**_settings(self) | {"plant": "adaptctl"})),
-        ):
-            if not done.complete:
-                break
-            contender = replace(contenders[0], name=name, label=label)
-            more = contest(other.environment(mechanism), mechanism, [contender], self.seed, progress, self.options)
-            done = Outcome(mechanism, (*done.runs, *more.runs), more.complete)
+        try:
+            for name, label, other in (
+                (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
+                (OURS, "Slotine-Li on adaptctl's plant", AdaptiveTracking(**_settings(self) | {"plant": "adaptctl"})),
+            ):
+                if not done.complete:
+                    break
+                contender = replace(contenders[0], name=name, label=label)
+                more = contest(other.environment(mechanism), mechanism, [contender], self.seed, progress, self.options)
+                done = Outcome(mechanism, (*done.runs, *more.runs), more.complete)
+        except KeyboardInterrupt:
+            return replace(done, complete=False)
         return done
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
