@@ -9,6 +9,7 @@ import pytest
 
 from adaptctl.control import Sinusoids, SlotineLi
 from adaptctl.description import Pose
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.closed_positions import ClosedPositions
 from adaptctl.envs import TrackingEnv
@@ -22,6 +23,16 @@ def arm() -> Mechanism:
     return load("semi_direct_drive")
 
 
+def longer(arm: Mechanism) -> Mechanism:
+    """The same with one bar 1 % longer."""
+    tree = arm.description
+    links = tuple(
+        replace(link, near=Pose(link.near.rotation, 1.01 * link.near.translation)) if i == 4 else link
+        for i, link in enumerate(tree.links)
+    )
+    return Mechanism(replace(tree, links=links))
+
+
 def test_the_known_configuration_is_the_one_that_closing_finds(arm: Mechanism) -> None:
     equations, rng = arm.equations, np.random.default_rng(0)
     middle = np.array([0.0, -1.57, -3.14])
@@ -31,6 +42,31 @@ def test_the_known_configuration_is_the_one_that_closing_finds(arm: Mechanism) -
         known = equations.closed(ClosedPositions(positions, q, equations), Column.zeros(5))
         assert known is q
         np.testing.assert_allclose(equations.closed(positions, q).of, q.of, rtol=0.0, atol=1e-14)
+
+
+def test_a_mechanism_loaded_twice_is_one_geometry(arm: Mechanism) -> None:
+    """By value: another object, other inertias and other drives close their loops alike; other bars do not."""
+    q = column(arm.configuration([0.1, -1.5, -3.0]))
+    positions = ClosedPositions(Column(q[i] for i in arm.description.primary), q, arm.equations)
+    again = load("semi_direct_drive")
+    rough = again.with_parameters(1.5 * again.inertial_parameters).with_drives(Drive(0.1))
+    weightless = Mechanism(replace(arm.description, gravity=np.zeros(3)))
+    for same in (again, rough, weightless):
+        assert same.equations is not arm.equations
+        assert same.equations.closed(positions, q) is q
+    for other in (longer(arm), load("semi_direct_drive_parallelogram")):
+        assert other.equations.closed(positions, q) is not q
+
+
+def test_a_controller_of_a_mechanism_loaded_twice_acts_as_on_the_plants_own(arm: Mechanism) -> None:
+    reference = Sinusoids(np.array([0.0, -1.57, -3.14]), np.full(3, 0.2), np.full(3, 0.3))
+    env = TrackingEnv(arm, reference, duration=0.2)
+    shared, loaded = (
+        simulate(env, SlotineLi(ReducedModel.full(own), 4.0, np.full(3, 60.0), np.full(50, 0.1)), seed=1)
+        for own in (arm, load("semi_direct_drive"))
+    )
+    np.testing.assert_array_equal(loaded.p, shared.p)
+    np.testing.assert_array_equal(loaded.torque, shared.torque)
 
 
 def test_arithmetic_forgets_the_configuration(arm: Mechanism) -> None:
@@ -49,12 +85,7 @@ def test_a_tree_needs_no_configuration() -> None:
 
 def test_a_controller_of_another_geometry_closes_its_own_loops(arm: Mechanism) -> None:
     """Its bars are 1 % longer: native code and step by step, it acts on the same configuration."""
-    tree = arm.description
-    links = tuple(
-        replace(link, near=Pose(link.near.rotation, 1.01 * link.near.translation)) if i == 4 else link
-        for i, link in enumerate(tree.links)
-    )
-    rough = Mechanism(replace(tree, links=links))
+    rough = longer(arm)
     assert rough.equations.rules
     model = ReducedModel(rough, fundamental_basis(essential_space(rough)))
     controller = SlotineLi(model, 4.0, np.full(3, 60.0), None, initial=model.fundamental_parameters)

@@ -11,8 +11,8 @@ class ClosedPositions(Column):
     scalars of any kind), of which the closed `configuration` (n,) of the tree's n joints, rad (m), is known by the
     mechanism's `equations`.
 
-    The method `closed` of the same equations, the same object, returns that configuration where it would close the
-    loops anew in closed form; other equations, such as those of a rough model, close their own loops. What arithmetic
+    The method `closed` of equations of the same geometry, by value, returns that configuration where it would close the
+    loops anew in closed form; others, such as those of bars of other lengths, close their own loops. What arithmetic
     makes of the positions is a plain `Column`. Nothing is checked.
     """
 
