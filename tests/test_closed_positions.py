@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from adaptctl.control import Sinusoids, SlotineLi
+from adaptctl.arrays import Array
+from adaptctl.control import Controller, Guarded, ReferencePoint, Sinusoids, SlotineLi
+from adaptctl.control.memory import leaves, like
 from adaptctl.description import Pose
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
@@ -67,6 +70,51 @@ def test_a_controller_of_a_mechanism_loaded_twice_acts_as_on_the_plants_own(arm:
     )
     np.testing.assert_array_equal(loaded.p, shared.p)
     np.testing.assert_array_equal(loaded.torque, shared.torque)
+
+
+class Seeing(Controller[tuple[()]]):
+    """Asks for no torque, and remembers the positions that it was given."""
+
+    dof = 3
+
+    def __init__(self) -> None:
+        self.seen: list[Column] = []
+
+    def start(self, p: Array, v: Array) -> tuple[()]:
+        return ()
+
+    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: tuple[()]) -> tuple[Column, tuple[()]]:
+        self.seen.append(p)
+        return Column.zeros(3), ()
+
+
+def test_guards_pass_the_configuration_on(arm: Mechanism) -> None:
+    law, q = Seeing(), column(arm.configuration([0.1, -1.5, -3.0]))
+    guarded, nothing = Guarded(law, stop_damping=1.0), Column.zeros(3)
+    blank = guarded.start(np.zeros(3), np.zeros(3))
+    memory = like(blank, map(column, leaves(blank)))
+    reference = ReferencePoint(nothing, nothing, nothing)
+    law.seen.clear()
+    p = ClosedPositions(Column(q[i] for i in arm.description.primary), q, arm.equations)
+    guarded.law(p, nothing, reference, memory)
+    (seen,) = law.seen
+    assert isinstance(seen, ClosedPositions)
+    assert (seen.of, seen.configuration.of) == (p.of, q.of)
+    bad = Column((math.nan, *q.of[1:]))
+    _, after = guarded.law(ClosedPositions(Column(bad.of[:3]), bad, arm.equations), nothing, reference, memory)
+    assert isinstance(law.seen[1], ClosedPositions)
+    assert law.seen[1].configuration.of == (0.0, *q.of[1:])
+    assert after.marks.stopped[0] == 1.0
+    guarded.law(Column(p.of), nothing, reference, memory)
+    assert type(law.seen[2]) is Column
+
+
+def test_guards_that_never_act_leave_a_run_on_loops_as_it_is(arm: Mechanism) -> None:
+    reference = Sinusoids(np.array([0.0, -1.57, -3.14]), np.full(3, 0.2), np.full(3, 0.3))
+    env, law = TrackingEnv(arm, reference, duration=0.2), SlotineLi(ReducedModel.full(arm), 4.0, np.full(3, 60.0))
+    bare, guarded = (simulate(env, own, seed=1) for own in (law, Guarded(law, torque_limits=1e9)))
+    np.testing.assert_array_equal(guarded.torque, bare.torque)
+    np.testing.assert_array_equal(guarded.p, bare.p)
 
 
 def test_arithmetic_forgets_the_configuration(arm: Mechanism) -> None:

@@ -14,6 +14,7 @@ from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.hold import require_period
 from adaptctl.control.memory import leaves
 from adaptctl.control.ringing import Ringing
+from adaptctl.dynamics.closed_positions import ClosedPositions
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
@@ -175,7 +176,7 @@ class Guarded(Controller[GuardedState]):
         Numbers that are not finite raise nothing: the wrapped law is given 0 for them, and the arm is braked. Shapes
         are not checked here: `step` checks them."""
         given = (p, v, *reference)
-        clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
+        clean = list(map(_cleaned, given))
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
         after, bounded = self._bounded(after)
         sound = _sound((*given, torque, *leaves(after)))
@@ -282,6 +283,14 @@ def _bounds(law: Controller[Any], bounds: object) -> tuple[Array, Array]:
 
 def _finite(x: Scalar) -> Condition:
     return absolute(x) <= LARGEST
+
+
+def _cleaned(part: Column) -> Column:
+    """The numbers with 0 for those that are not finite, and so the closed configuration, if they come with one."""
+    clean = Column(where(_finite(x), x, 0.0) for x in part)
+    if isinstance(part, ClosedPositions):
+        return ClosedPositions(clean, _cleaned(part.configuration), part.equations)
+    return clean
 
 
 def _sound(columns: Iterable[Column]) -> Condition:
