@@ -78,6 +78,13 @@ def test_what_does_not_fit_an_arm_is_refused(effect: Effect, error: type[Excepti
         TrackingEnv(load("puma560_measured"), effects=[effect])
 
 
+def test_a_mass_is_any_kind_of_number() -> None:
+    """Of NumPy's too, alone in an array or not."""
+    for given in (2, 2.0, np.float32(2.0), np.int8(2), np.array(2.0)):
+        mass = Payload(given).mass
+        assert (type(mass), mass) == (float, 2.0)
+
+
 @dataclass(frozen=True)
 class Backlash(Effect):
     """An effect of no kind that a plant knows where to put."""
