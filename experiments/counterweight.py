@@ -14,6 +14,7 @@ from adaptctl.control import SlotineLi, Subspace
 from adaptctl.control.controller import Reference
 from adaptctl.design import DesignStudy, DesignTask, design_study
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting
@@ -173,7 +174,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
     def _judged(self, study: DesignStudy, tuning: Tuning, runs: tuple[ControllerRun, ...], complete: bool) -> Result:
         burdens = {run.name: burden(run, tuning.torque_limits) for run in runs}
         words = _outcome_words(study, burdens, self.components)
-        facts = tuple(_facts(burdens, self.components))
+        facts = tuple(_facts(burdens, self.components, error_unit(study.task.mechanism)))
         write = partial(self._write, study, runs, burdens, words, complete)
         return Result(complete, words, facts, Verdict(), write)
 
@@ -191,7 +192,8 @@ class CounterweightedTracking(ClosedLoopExperiment):
         from adaptctl.recording.designed.summary import as_builtins
 
         title = self.title.format(robot=study.task.mechanism.name)
-        shown, facts = tuple(self._drawings(study.task.mechanism, runs)), tuple(_facts(burdens, self.components))
+        shown = tuple(self._drawings(study.task.mechanism, runs))
+        facts = tuple(_facts(burdens, self.components, error_unit(study.task.mechanism)))
         named = Named(self.name, title, "summary.json", self.seed, complete, words, facts, shown, runs)
         content = as_builtins(study) | {
             "experiment": self.name,
@@ -239,7 +241,6 @@ def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Fi
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
-    from adaptctl.recording.units import error_unit
 
     figure = sheet(3.6)
     axes = figure.subplots()
@@ -290,19 +291,20 @@ def _outcome_words(study: DesignStudy, burdens: dict[str, Burden], components: i
     text = f"{start}, the arm carries {_carried(study)} energy."
     pairs = [(burdens.get(f"{EVERY}-{name}"), burdens.get(f"{FEW}-{name}")) for name in (BEFORE, AFTER)]
     (old, few_old), (new, few_new) = pairs
+    unit = error_unit(study.task.mechanism)
     if old and new and few_old and few_new:
         text += (
             f" In closed loop its motors do {_change(old.work, new.work)} work. With few components adapted, the "
-            f"tracking error of the last two seconds is {_error(few_new)} instead of {_error(few_old)}."
+            f"tracking error of the last two seconds is {_error(few_new, unit)} instead of {_error(few_old, unit)}."
         )
     return text
 
 
-def _error(found: Burden) -> str:
+def _error(found: Burden, unit: str) -> str:
     """The error of the last two seconds; where the environment ended the run, when."""
     if found.stopped or found.final_rms_error is None:
         return f"{'stopped' if found.stopped else 'ended'} at {found.duration:.3g} s"
-    return f"{1e3 * found.final_rms_error:.3g} mrad"
+    return f"{1e3 * found.final_rms_error:.3g} {unit}"
 
 
 def _carried(study: DesignStudy) -> str:
@@ -320,12 +322,12 @@ def _more_or_less(share: float) -> str:
     return f"{100.0 * abs(share):.3g} % {'more' if share > 0.0 else 'less'}"
 
 
-def _facts(burdens: dict[str, Burden], components: int) -> Iterator[Fact]:
+def _facts(burdens: dict[str, Burden], components: int, unit: str) -> Iterator[Fact]:
     words = {EVERY: "all adapted", FEW: f"{components} adapted", HELD: f"true {components}"}
     for kind, what in words.items():
         found = [burdens[name] for name in (f"{kind}-{BEFORE}", f"{kind}-{AFTER}") if name in burdens]
         if found:
-            yield Fact(f"Error, {what}", " → ".join(map(_error, found)))
+            yield Fact(f"Error, {what}", " → ".join(_error(one, unit) for one in found))
     first = [burdens[name] for name in (f"{EVERY}-{BEFORE}", f"{EVERY}-{AFTER}") if name in burdens]
     yield Fact("Torque, of its limit (RMS)", " → ".join(f"{100.0 * b.rms_torque:.3g}" for b in first) + " %")
     yield Fact("Motors' work", " → ".join(f"{b.work:.3g}" for b in first) + " J")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit, position_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.experiments.contest import Contender, Outcome, contest
@@ -17,7 +18,6 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Progress
-from adaptctl.recording.units import error_unit
 from adaptctl.simulation.mujoco_plant import as_mujoco
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class TwoPlants(AdaptiveTracking):
         ):
             if other in runs and OURS in runs:
                 text = f"largest difference of a joint's position between MuJoCo and adaptctl's plant, {meaning}"
-                yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
+                yield Finding(name, _apart(runs[other], runs[OURS]), position_unit(outcome.mechanism), text)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence, never None here, on how far the two plants' motions are apart at most, mrad (mm), and whether

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.simulation.rollout_file import position_units
 
 
 def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
     """Units of torque of a mechanism's r primary (independent) joints, r texts in their order: "N·m", or "N" for a
     prismatic joint's force."""
     return tuple(typeset(joint.kind.effort_unit) for joint in mechanism.primary_joints)
-
-
-def error_unit(mechanism: Mechanism) -> str:
-    """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own: "mrad",
-    "mm", or "mrad or mm" where its primary (independent) joints are of both kinds."""
-    return " or ".join(f"m{unit}" for unit in sorted(set(position_units(mechanism)), reverse=True))
 
 
 def torque_error_unit(mechanism: Mechanism) -> str:

@@ -12,10 +12,10 @@ import numpy as np
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import position_units
 from adaptctl.errors import InputError
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.kept_samples import KeptSamples
-from adaptctl.simulation.rollout_file import position_units
 from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE
 

@@ -19,8 +19,6 @@ from adaptctl.packages import needed
 if TYPE_CHECKING:
     import pyarrow
 
-    from adaptctl.dynamics import Mechanism
-
 SCHEMA = "adaptctl/rollout/1"
 WHOLE = ("control_period", "wall_time", "complete", "terminated")
 """Entries on the whole run that every run has."""
@@ -119,12 +117,6 @@ def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
     if len(set(names)) < dof:
         raise InputError(f"joints: expected different names, got {', '.join(names)}")
     return names
-
-
-def position_units(mechanism: Mechanism) -> tuple[str, ...]:
-    """Units of position of a mechanism's r primary (independent) joints, r texts in their order: "rad", or "m" for a
-    prismatic joint."""
-    return tuple(joint.kind.position_unit for joint in mechanism.primary_joints)
 
 
 def stated_units(dof: int, given: Sequence[str]) -> tuple[str, ...]:

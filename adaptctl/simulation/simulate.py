@@ -16,6 +16,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.dynamics.joint_units import position_units
 from adaptctl.errors import NonFiniteError, NotCompiledWarning
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.episode import Episode
@@ -23,7 +24,7 @@ from adaptctl.simulation.kept_samples import KeptSamples
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.rollout import interface, known_steps, rollout
-from adaptctl.simulation.rollout_file import KEPT, RolloutFile, position_units
+from adaptctl.simulation.rollout_file import KEPT, RolloutFile
 from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
