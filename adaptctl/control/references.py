@@ -175,7 +175,8 @@ class Sinusoids:
         terms = np.atleast_2d(numbers(self.amplitude, "amplitude")).shape[0]
         for name in ("amplitude", "frequency", "phase"):
             given = getattr(self, name)
-            rows = np.zeros((terms, center.size)) if given is None else np.atleast_2d(numbers(given, name))
+            blank = given is None and name == "phase"
+            rows = np.zeros((terms, center.size)) if blank else np.atleast_2d(numbers(given, name))
             object.__setattr__(self, name, frozen_array(rows, (terms, center.size), name))
         if not 0.0 <= real_number(self.start_time, "start_time") < math.inf:
             raise InputError(f"start_time: expected a finite time of at least 0 s, got {self.start_time}")

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, whole_count
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.gains.hold import hold_numbers
 from adaptctl.control.lyapunov import sliding_variable
@@ -56,8 +56,10 @@ def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1
     `run` must have every control period as a sample: positions, velocities, the reference's and its accelerations, and
     the estimates. The first two numbers cost a regressor and a mass matrix a sample. Raises `InputError` for relatives
     of Slotine and Li's law with another sliding variable, such as `TaskSpaceSlotineLi`, and for an adaptation law
-    without a constant gain; `SingularityError` near a configuration that locks kinematic loops.
+    without a constant gain, and an `every` that is no whole number of at least 1; `SingularityError` near a
+    configuration that locks kinematic loops.
     """
+    every = whole_count(every, "watch: every", 1)
     s = sliding_variable(controller, run)
     p, v, estimate = run.p[::every], run.v[::every], run.estimate[::every]
     parameters = controller.model.embed(estimate)

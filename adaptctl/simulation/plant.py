@@ -129,9 +129,7 @@ class Plant(Tunable):
         normal, positions' first, None for zero. Raises `SingularityError` where loops cannot be followed to p,
         `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity; parameters are used only with actuator
         effects or elastic joints, noise only with sensors."""
-        arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
-        given = zip(arrays, ("p", "v"), strict=True)
-        p, v = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
+        p, v = (self._checked(values, what) for values, what in ((p, "p"), (v, "v")))
         shape = *same_samples(p=p, v=v), self.dof
         p, v = np.broadcast_to(p, shape).copy(), np.broadcast_to(v, shape).copy()
         q, arms = self.mechanism.configuration(p), p.shape[:-1]
@@ -351,16 +349,20 @@ class Plant(Tunable):
         return np.asarray(self.torque_limits, dtype=np.float64)
 
     def _finite(self, torque: ArrayLike) -> Array:
-        array = torque if isinstance(torque, np.ndarray) else np.asarray(torque)
+        array = torque if isinstance(torque, np.ndarray) else numbers(torque, f"{self.mechanism.name}: torque")
         if array.dtype is not _DOUBLE or array.shape != self._shape or not math.isfinite(array.dot(array)):
             return self._vector(array, "torque")
         return array
 
     def _vector(self, values: ArrayLike, what: str) -> Array:
-        array = checked(np.atleast_1d(np.asarray(values)), self.dof, f"{self.mechanism.name}: {what}")
+        array = self._checked(values, what)
         if array.ndim != 1:
             raise InputError(f"{self.mechanism.name}: {what}: expected shape ({self.dof},), got {array.shape}")
         return array
+
+    def _checked(self, values: ArrayLike, what: str) -> Array:
+        name = f"{self.mechanism.name}: {what}"
+        return checked(np.atleast_1d(numbers(values, name)), self.dof, name)
 
     def _blame(self, state: PlantState, parameters: ArrayLike) -> NoReturn:
         self._vector(state.p, "p"), self._vector(state.v, "v")

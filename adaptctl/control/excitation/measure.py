@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, per_joint
+from adaptctl.arrays import Array, frozen_array, per_joint, real_number
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.adaptation import PriorRanges
@@ -83,7 +83,8 @@ def persistent_excitation(
     is not finite or of another shape.
     """
     count, k = len(run.p), len(model.columns)
-    samples = round(window / run.control_period) if np.isfinite(window) else 0
+    length = real_number(window, "window")
+    samples = round(length / run.control_period) if np.isfinite(length) else 0
     if not BLOCKS <= samples <= count:
         shortest, longest = BLOCKS * run.control_period, count * run.control_period
         raise InputError(f"window: expected a time from {shortest:g} s to the run's {longest:g} s, got {window}")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, frozen_array, per_joint, stacked_rows
+from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, stacked_rows
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation.result_cache import kept
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
@@ -335,5 +335,4 @@ def _lightness(mechanism: Mechanism, p: Array) -> str:
 
 def require_period(period: float) -> None:
     """Raise `InputError` unless the control `period`, a number in s, is positive and finite."""
-    if not (np.isfinite(period) and period > 0.0):
-        raise InputError(f"control period: expected a positive time in s, got {period}")
+    positive_number(period, "control period: expected a positive time in s")

@@ -1,0 +1,100 @@
+"""Texts and other things where lists of names, of pairs or of drives belong: refused, not taken letter by letter."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptctl.control import Sinusoids, SlotineLi, persistent_excitation, watch
+from adaptctl.description import Closure, Joint, Loops, Pose
+from adaptctl.description.drive import Drive
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import InputError
+from adaptctl.identifiability import Priority, ReducedModel
+from adaptctl.simulation import Rollout, rollout, simulate
+
+
+@cache
+def arm() -> Mechanism:
+    return load("docs/examples/two_link.toml")
+
+
+@cache
+def law() -> SlotineLi:
+    return SlotineLi(ReducedModel.full(arm()), 5.0, np.full(2, 5.0), np.ones(20))
+
+
+def env() -> TrackingEnv:
+    return TrackingEnv(arm(), 1, duration=0.05)
+
+
+@cache
+def run() -> Rollout:
+    return simulate(env(), law(), seed=0)
+
+
+@pytest.mark.parametrize("wrong", ["lower.m", 3, None])
+def test_a_priority_is_a_list_of_names(wrong: Any) -> None:
+    for name in ("order", "keep"):
+        with pytest.raises(InputError, match=f"priority: {name}: expected names of parameters, got {wrong!r}"):
+            Priority(**{name: wrong})
+    assert Priority(["lower.m"], keep=iter(["upper.m"])) == Priority(("lower.m",), ("upper.m",))  # type: ignore[arg-type]
+
+
+def test_primary_joints_are_a_list_of_names() -> None:
+    closure = Closure("c", "a", "b", Pose.identity(), Pose.identity())
+    with pytest.raises(InputError, match="loops: primary: expected names of joints, got the text 'abc'"):
+        Loops("abc", (closure,))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", ["abc", 3.0, None, [("a", 1.0, 2.0)], [1.0], [("a", "b")], [(1, 1.0)], ["ab"]])
+def test_a_shaft_turns_with_pairs_of_names_and_ratios(wrong: Any) -> None:
+    with pytest.raises(InputError, match="turns_with: "):
+        Drive(turns_with=wrong)
+
+
+@pytest.mark.parametrize("wrong", [3.0, None, [1.0, 2.0], [None, None], "ab"])
+def test_drives_are_drives(wrong: Any) -> None:
+    with pytest.raises(InputError, match="two_link: drives: expected Drives, got"):
+        arm().with_drives(wrong)
+
+
+@pytest.mark.parametrize("wrong", ["revolute", None, 0])
+def test_a_joint_has_a_kind(wrong: Any) -> None:
+    with pytest.raises(InputError, match=f"joint 'a': kind: expected a JointKind, such as REVOLUTE, got {wrong!r}"):
+        Joint("a", wrong)
+
+
+def test_sinusoids_have_amplitudes_and_frequencies() -> None:
+    for given in ((None, np.ones(2)), (np.ones(2), None)):
+        with pytest.raises(InputError, match=r"(amplitude|frequency): expected"):
+            Sinusoids(np.zeros(2), *given)  # type: ignore[arg-type]
+    assert np.all(Sinusoids(np.zeros(2), np.ones(2), np.ones(2), None)(0.0).p == 0.0)
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 1.5, "a", None, True])
+def test_samples_are_watched_by_whole_numbers(wrong: Any) -> None:
+    with pytest.raises(InputError, match="watch: every: expected a whole number of at least 1, got"):
+        watch(law(), run(), arm(), wrong)
+
+
+@pytest.mark.parametrize("wrong", ["a", None, [1.0], np.inf, np.nan])
+def test_a_window_is_a_time(wrong: Any) -> None:
+    with pytest.raises(InputError, match=r"window: expected a (time|number)"):
+        persistent_excitation(law().model, run(), wrong)
+
+
+@pytest.mark.parametrize("wrong", [1, 1.0, object()])
+def test_columns_are_a_sequence(wrong: Any) -> None:
+    still = np.zeros(2)
+    with pytest.raises(InputError, match="two_link: columns: expected whole numbers from 0 to 19, got"):
+        arm().torque_regressor(still, still, still, columns=wrong)
+
+
+def test_any_length_of_a_runs_end_is_kept() -> None:
+    for make in (simulate, rollout):
+        np.testing.assert_array_equal(make(env(), law(), seed=0, last=1e300).p, make(env(), law(), seed=0).p)
