@@ -71,6 +71,14 @@ def checked(values: ArrayLike, size: int, what: str) -> Array:
     return array
 
 
+def vectors(values: ArrayLike, size: int, what: str) -> Array:
+    """The `values` as a float64 array (..., size) of finite numbers, vectors of the given `size`; if that is 1, a
+    number alone counts too. An array that is one already is returned as it is, not copied. Raises `InputError` for
+    another shape and for what holds no numbers, `NonFiniteError` for NaN and infinity; `what` names the values in the
+    messages."""
+    return checked(np.atleast_1d(numbers(values, what)), size, what)
+
+
 def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
     """The array `out` itself, into which a result of the given `shape` can be written. Raises `InputError` unless it is
     a writable float64 array of exactly that shape; `what` names the caller in the message."""

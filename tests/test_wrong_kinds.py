@@ -2,20 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from adaptctl.control import Sinusoids, SlotineLi, persistent_excitation, watch
+from adaptctl.control import (
+    AdaptiveComputedTorque,
+    ComputedTorque,
+    Gains,
+    Guarded,
+    PDGravity,
+    Sinusoids,
+    SlotineLi,
+    hold_number,
+    persistent_excitation,
+    typical_inertia,
+    watch,
+)
 from adaptctl.description import Closure, Joint, Loops, Pose
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
-from adaptctl.identifiability import Priority, ReducedModel
-from adaptctl.simulation import Rollout, rollout, simulate
+from adaptctl.identifiability import (
+    Constraints,
+    Priority,
+    ReducedModel,
+    constrained,
+    essential_space,
+    fundamental_basis,
+    random_states,
+    states_within_limits,
+)
+from adaptctl.simulation import ClosedLoop, Plant, Rollout, rollout, simulate, simulate_many
+from adaptctl.tuning import tune
 
 
 @cache
@@ -98,3 +121,42 @@ def test_columns_are_a_sequence(wrong: Any) -> None:
 def test_any_length_of_a_runs_end_is_kept() -> None:
     for make in (simulate, rollout):
         np.testing.assert_array_equal(make(env(), law(), seed=0, last=1e300).p, make(env(), law(), seed=0).p)
+
+
+KINDS: dict[str, tuple[Callable[[Any], object], str]] = {
+    "essential space": (essential_space, "Mechanism"),
+    "fundamental basis": (fundamental_basis, "EssentialSpace"),
+    "tune": (tune, "Mechanism"),
+    "plant": (lambda x: Plant(x, 1e-3), "Mechanism"),
+    "model": (ReducedModel.full, "Mechanism"),
+    "constrained": (lambda x: constrained(x, Constraints()), "Mechanism"),
+    "constraints": (lambda x: constrained(arm(), x), "Constraints"),
+    "random states": (lambda x: random_states(x, 10, np.random.default_rng(0)), "Mechanism"),
+    "states within limits": (lambda x: states_within_limits(x, 10), "Mechanism"),
+    "computed torque": (lambda x: ComputedTorque(x, 5.0), "Mechanism"),
+    "gravity compensation": (lambda x: PDGravity(x, 5.0, 1.0), "Mechanism"),
+    "Slotine and Li": (lambda x: SlotineLi(x, 5.0, 5.0), "ReducedModel"),
+    "adaptive computed torque": (lambda x: AdaptiveComputedTorque(x, 5.0, np.ones(1)), "ReducedModel"),
+    "gains": (lambda x: Gains.from_bandwidth(x, 1.0), "Mechanism"),
+    "hold number": (lambda x: hold_number(x, 1.0, 1e-3), "Mechanism"),
+    "typical inertia": (typical_inertia, "Mechanism"),
+    "guarded": (Guarded, "Controller"),
+    "controller of a run": (lambda x: simulate(env(), x), "Controller"),
+    "environment of a run": (lambda x: rollout(x, law()), "Env"),
+    "plant of a loop": (lambda x: ClosedLoop(x, law()), "Plant"),
+    "controller of a loop": (lambda x: ClosedLoop(Plant(arm(), 1e-3), x), "Controller"),
+    "plant of many": (lambda x: simulate_many(x, law(), Sinusoids(*np.ones((3, 2))), duration=0.01), "Plant"),
+}
+
+
+@pytest.mark.parametrize("wrong", ["puma560", None, 3.0, Pose.identity()])
+@pytest.mark.parametrize("taker", KINDS)
+def test_a_name_is_no_mechanism_and_a_mechanism_no_model(taker: str, wrong: Any) -> None:
+    take, kind = KINDS[taker]
+    with pytest.raises(InputError, match=f": expected an? {kind}, as .*, got"):
+        take(wrong)
+
+
+def test_a_mechanism_is_no_model() -> None:
+    with pytest.raises(InputError, match=r"SlotineLi: expected a ReducedModel, .* got <Mechanism 'two_link'"):
+        SlotineLi(arm(), 5.0, 5.0)  # type: ignore[arg-type]

@@ -40,6 +40,7 @@ class ComputedTorque(ModelBased):
     parameters: Array | None = None
 
     def __post_init__(self) -> None:
+        self._require_mechanism()
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self.dof, "bandwidth"))
         if not (np.isfinite(self.damping_ratio) and self.damping_ratio > 0.0):
             raise InputError(f"damping ratio: expected a positive number, got {self.damping_ratio}")

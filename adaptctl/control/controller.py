@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, numbers
+from adaptctl.arrays import Array, numbers, vectors
 from adaptctl.caching import cached_property, replaced_by
 from adaptctl.compilation import Kernel
 from adaptctl.compilation.builtin import Finite, Form, Place, has_builtins
@@ -358,8 +358,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return equation
 
     def _measured(self, values: ArrayLike, what: str, size: int | None = None) -> Array:
-        name = f"{type(self).__name__}: {what}"
-        return checked(np.atleast_1d(numbers(values, name)), self.dof if size is None else size, name)
+        return vectors(values, self.dof if size is None else size, f"{type(self).__name__}: {what}")
 
     def _blame(
         self, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, made: ArrayLike = 0.0, what: str = "torque"

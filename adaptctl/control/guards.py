@@ -15,7 +15,7 @@ from adaptctl.control.gains.hold import require_period
 from adaptctl.control.memory import leaves
 from adaptctl.control.ringing import Ringing
 from adaptctl.dynamics.closed_positions import ClosedPositions
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
 
@@ -117,6 +117,7 @@ class Guarded(Controller[GuardedState]):
     velocity_limits: ArrayLike = np.inf
 
     def __post_init__(self) -> None:
+        require_kind(self.of, Controller, "guarded", "as SlotineLi(...) is one")
         for name in ("torque_limits", "rate_limits", "velocity_limits"):
             object.__setattr__(self, name, _limits(getattr(self, name), self.dof, name))
         own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping

@@ -15,7 +15,7 @@ from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equation import ArrayEquation
 from adaptctl.dynamics.array_equations import ArrayEquations
-from adaptctl.errors import InputError, printable
+from adaptctl.errors import InputError, printable, require_kind
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 from adaptctl.scalars import Column, Keyed, spread
 
@@ -36,6 +36,7 @@ class ReducedModel(Keyed):
     basis: FundamentalBasis | None
 
     def __post_init__(self) -> None:
+        require_kind(self.mechanism, Mechanism, "reduced model", "as load(...) gives one")
         if self.basis is None:
             return
         if not isinstance(self.basis, FundamentalBasis):

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import position_units
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.kept_samples import KeptSamples
 from adaptctl.simulation.run import Rollout
@@ -183,8 +183,12 @@ def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tupl
     They are read from `env.unwrapped.observation_slices`, a mapping from these names, and
     `env.unwrapped.control_period`. Raises `InputError` where either is missing or of another kind (the period must be a
     float), a name is missing, observations are not of shape (n,), or the slices or the action have another number of
-    joints than the `controller`.
+    joints than the `controller`, and for what is no environment or no controller.
     """
+    import gymnasium
+
+    require_kind(env, gymnasium.Env, "environment", "as gymnasium.make(...) gives one")
+    require_kind(controller, Controller, "controller", "as SlotineLi(...) is one")
     slices = getattr(env.unwrapped, "observation_slices", None)
     period = getattr(env.unwrapped, "control_period", None)
     if not isinstance(slices, Mapping) or not isinstance(period, float):

@@ -12,7 +12,7 @@ from adaptctl.caching import sent_as_made
 from adaptctl.control.gains.hold import hold_number
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 
 
 def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
@@ -59,6 +59,7 @@ class Gains:
         ratio is stiffer against unknown torques. Raises `InputError` for numbers that are not positive or of another
         shape, and where a joint's typical inertia is not positive.
         """
+        require_kind(mechanism, Mechanism, "gains", "as load(...) gives one")
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
         ratio = positive_number(ratio, "ratio: expected a positive number")
         inertia = typical_inertia(mechanism)

@@ -15,7 +15,7 @@ from adaptctl.compilation.result_cache import kept
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import GainError, InputError
+from adaptctl.errors import GainError, InputError, require_kind
 from adaptctl.scalars import column
 
 LARGEST_SAMPLED_GAIN = 1.5
@@ -67,6 +67,7 @@ def hold_number(
     B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
     least 0 and all finite, and on a wrong shape.
     """
+    require_kind(mechanism, Mechanism, "hold number", "as load(...) gives one")
     require_period(period)
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     if not (np.all((K > 0.0) & np.isfinite(K)) and np.all((L >= 0.0) & np.isfinite(L))):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, checked, frozen, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 
 TURNS = 4.0 * np.pi
 """rad (m): limits farther apart than two turns are none"""
@@ -100,6 +100,7 @@ class Workspace:
         goes pi rad farther on each side on which a joint that turns has no limit. Samples that kinematic loops cannot
         reach are left out. Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one
         from 0 to 2^32 - 1, and where loops reach none of the samples."""
+        require_kind(mechanism, Mechanism, "workspace", "as load(...) gives one")
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
