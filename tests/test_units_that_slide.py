@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from synthetic_logs import known
 
 from adaptctl.description import JointKind, Limits
+from adaptctl.design import DesignTask
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.joint_units import error_unit, position_unit, position_units
 from adaptctl.errors import InputError
@@ -18,7 +19,9 @@ from adaptctl.experiments.counterweight import CounterweightedTracking
 from adaptctl.experiments.friction_curves import Curve, friction_curves
 from adaptctl.experiments.two_plants import TwoPlants
 from adaptctl.identification.preparation import prepare
+from adaptctl.recording.designed.wording import quantities
 from adaptctl.recording.result import silent
+from adaptctl.recording.units import coupling_unit
 from adaptctl.tuning import tune
 
 CART = """
@@ -76,6 +79,17 @@ def test_counterweights_say_so(cart: Path) -> None:
     result = CounterweightedTracking(robot=str(cart), duration=2.5, samples=50, components=3).run(silent)
     assert "mrad or mm instead of" in result.headline
     assert "mrad or mm" in next(fact.answer for fact in result.facts if fact.question == "Error, all adapted")
+
+
+def test_coupling_is_in_the_unit_of_its_joints(cart: Path) -> None:
+    assert [coupling_unit(load(arm)) for arm in (str(cart), "puma560_measured")] == ["kg m", "kg m²"]
+    task = DesignTask.within_limits(load(cart), 50, 0, 0.25)
+    assert dict(quantities(task, 1.0))["coupling (RMS off the diagonal)"].endswith(" kg m")
+    links = load(cart).description.links
+    alone = Mechanism(replace(load(cart).description, links=links[:1]))
+    joint = replace(links[1].joint, kind=JointKind.PRISMATIC)
+    sliding = Mechanism(replace(load(cart).description, links=(links[0], replace(links[1], joint=joint))))
+    assert [coupling_unit(arm) for arm in (alone, sliding)] == ["kg m²", "kg"]
 
 
 def test_two_plants_say_so(cart: Path) -> None:

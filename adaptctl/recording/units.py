@@ -17,6 +17,15 @@ def torque_error_unit(mechanism: Mechanism) -> str:
     return " or ".join(sorted(set(torque_units(mechanism)), reverse=True))
 
 
+def coupling_unit(mechanism: Mechanism) -> str:
+    """Unit, as text, of the entries off the diagonal of a mechanism's mass matrix, over all pairs of its primary
+    (independent) joints: "kg m²" where all turn or there is one joint alone, "kg" where all are prismatic, "kg m" where
+    one is and one is not, and those that there are, joined by "or", for more joints of both kinds."""
+    turns = [joint.kind.turns for joint in mechanism.primary_joints]
+    found = {first + second for i, first in enumerate(turns) for second in turns[:i]}
+    return " or ".join(("kg", "kg m", "kg m²")[power] for power in sorted(found or {2}, reverse=True))
+
+
 def typeset(unit: str) -> str:
     """Text of a unit as pages show it: "kg m^2" becomes "kg·m²". Spaces become middle dots, "^2" and "^1/2" raised
     signs, and "us" is "µs"; all else stays as it is."""
