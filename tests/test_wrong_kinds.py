@@ -18,6 +18,7 @@ from adaptctl.control import (
     Sinusoids,
     SlotineLi,
     hold_number,
+    lyapunov,
     persistent_excitation,
     typical_inertia,
     watch,
@@ -37,8 +38,11 @@ from adaptctl.identifiability import (
     random_states,
     states_within_limits,
 )
+from adaptctl.identification import identify
+from adaptctl.recording import compared_runs
 from adaptctl.simulation import ClosedLoop, Plant, Rollout, rollout, simulate, simulate_many
 from adaptctl.tuning import tune
+from adaptctl.tuning.rough_links import scaled_links
 
 
 @cache
@@ -160,3 +164,31 @@ def test_a_name_is_no_mechanism_and_a_mechanism_no_model(taker: str, wrong: Any)
 def test_a_mechanism_is_no_model() -> None:
     with pytest.raises(InputError, match=r"SlotineLi: expected a ReducedModel, .* got <Mechanism 'two_link'"):
         SlotineLi(arm(), 5.0, 5.0)  # type: ignore[arg-type]
+
+
+def test_runs_are_runs_of_the_same_arm() -> None:
+    with pytest.raises(InputError, match=r"run 'a': expected a Rollout, as simulate\(...\) gives one, got 3"):
+        compared_runs(arm(), {"a": 3})  # type: ignore[dict-item]
+    other = ReducedModel.full(load("semi_direct_drive"))
+    with pytest.raises(InputError, match="run: expected 3 joints, as semi_direct_drive has, got 2"):
+        persistent_excitation(other, run(), 0.03)
+    with pytest.raises(InputError, match="logs: expected files, got 3"):
+        identify(3, arm())  # type: ignore[arg-type]
+
+
+def test_a_lyapunov_function_is_of_the_controllers_own_parameters() -> None:
+    rough = arm().with_parameters(1.1 * arm().inertial_parameters)
+    assert lyapunov(law(), run(), rough).shape == (len(run().time),)
+    with pytest.raises(InputError, match=r"lyapunov: the parameters of two_link, 22, are not those of .* two_link, 20"):
+        lyapunov(law(), run(), arm().with_drives(Drive(0.1)))
+    with pytest.raises(InputError, match="run: expected 2 joints, as the controller has, got 3"):
+        lyapunov(law(), Rollout.from_arrays(*np.zeros((3, 5, 3)), control_period=1e-3), arm())
+
+
+def test_gains_are_found_under_constraints_too() -> None:
+    """Links that are off are off in what is left free."""
+    slim = constrained(arm(), Constraints({"lower.mc_y": 0.0}))
+    rough = scaled_links(slim, 0.3, 1)
+    plain = dict(zip(arm().parameter_names, scaled_links(arm(), 0.3, 1).tolist(), strict=True))
+    assert rough.tolist() == [plain[name] for name in slim.parameter_names]
+    assert all(run.learns for run in tune(slim).verified)

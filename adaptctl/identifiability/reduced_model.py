@@ -44,8 +44,8 @@ class ReducedModel(Keyed):
         geometry = self.mechanism.geometry_sha256
         if self.basis.geometry_sha256 != geometry:
             raise InputError(
-                f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity or link names are "
-                f"not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
+                f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity, link names or "
+                f"constraints are not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
             )
         _require_energies(self.mechanism, self.basis)
 

@@ -79,10 +79,12 @@ def persistent_excitation(
     prior ranges of the parameters, their greatest plausible errors, by which the regressor's columns are scaled, those
     of `PriorRanges` where None. Eigenvalues come from singular values of triangular factors, so that their error,
     relative to the largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a
-    window shorter than 16 samples or longer than the run, for a bandwidth of another shape or NaN, and for a scale that
-    is not finite or of another shape.
+    window shorter than 16 samples or longer than the run, a run of another number of joints, for a bandwidth of another
+    shape or NaN, and for a scale that is not finite or of another shape.
     """
     count, k = len(run.p), len(model.columns)
+    if (joints := run.p.shape[1]) != model.mechanism.dof:
+        raise InputError(f"run: expected {model.mechanism.dof} joints, as {model.mechanism.name} has, got {joints}")
     length = real_number(window, "window")
     samples = round(length / run.control_period) if np.isfinite(length) else 0
     if not BLOCKS <= samples <= count:
