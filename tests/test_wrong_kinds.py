@@ -14,16 +14,21 @@ from adaptctl.control import (
     ComputedTorque,
     Gains,
     Guarded,
+    Halted,
+    MinimumJerk,
     PDGravity,
     Sinusoids,
     SlotineLi,
+    Workspace,
+    adaptation_gain,
     hold_number,
+    least_definite,
     lyapunov,
     persistent_excitation,
     typical_inertia,
     watch,
 )
-from adaptctl.description import Closure, Joint, Loops, Pose
+from adaptctl.description import Closure, Description, Joint, Link, Loops, Pose
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
@@ -36,6 +41,7 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
     random_states,
+    reduce,
     states_within_limits,
 )
 from adaptctl.identification import identify
@@ -192,3 +198,46 @@ def test_gains_are_found_under_constraints_too() -> None:
     plain = dict(zip(arm().parameter_names, scaled_links(arm(), 0.3, 1).tolist(), strict=True))
     assert rough.tolist() == [plain[name] for name in slim.parameter_names]
     assert all(run.learns for run in tune(slim).verified)
+
+
+def test_a_workspace_has_the_masses_of_the_mechanism_that_is_judged() -> None:
+    """One made for an arm as described, and a model of it twice as heavy: half the hold number."""
+    heavy = arm().with_parameters(2.0 * arm().inertial_parameters)
+    found = [
+        hold_number(own, 5.0, 1e-3, workspace=Workspace.within_limits(made, 50)).value
+        for own, made in ((arm(), arm()), (heavy, arm()), (heavy, heavy))
+    ]
+    assert found[1] == found[2] == pytest.approx(0.5 * found[0], rel=1e-9)
+    other = Workspace.within_limits(load("semi_direct_drive"), 20)
+    with pytest.raises(InputError, match="workspace: expected one of 2 joints, as two_link has, got 3"):
+        SlotineLi(ReducedModel.full(arm()), 5.0, np.full(2, 5.0), workspace=other)
+    for wrong in (3, "all", [1.0]):
+        with pytest.raises(InputError, match=r"workspace: expected a Workspace, as .*, got"):
+            least_definite(arm(), arm().inertial_parameters, wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", ["puma560", None, 3])
+def test_a_mechanism_is_made_of_a_description(wrong: Any) -> None:
+    with pytest.raises(InputError, match=r"mechanism: expected a Description, .* load\(...\) gives mechanisms, got"):
+        Mechanism(wrong)
+    with pytest.raises(InputError, match=r"x: links: expected a Link, as .* got 'a'"):
+        Description("x", "ab")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="link 'a': parent: expected a whole number of at least -1, got 'ground'"):
+        Link("a", "ground", Joint("j"), Pose.identity(), Pose.identity())  # type: ignore[arg-type]
+
+
+def test_switches_and_ranges_are_what_they_are() -> None:
+    with pytest.raises(InputError, match="freeze: expected True or False, got 'no'"):
+        Guarded(law(), 10.0, freeze="no")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"adaptation gain: ranges: expected a PriorRanges, as .*, got 3"):
+        adaptation_gain(law().model, 3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"reduce: expected an? EssentialSpace, as .*, got <Mechanism"):
+        reduce(arm(), arm(), components=2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", ["a", {}, [[1.0], [1.0, 2.0]]])
+def test_references_are_asked_for_times(wrong: Any) -> None:
+    moving = Sinusoids(np.zeros(2), np.ones(2), np.ones(2))
+    for reference in (moving, MinimumJerk(np.eye(2), np.arange(2.0)), Halted(moving, 1.0)):
+        with pytest.raises(InputError, match="reference: time: expected numbers, got"):
+            reference(wrong)

@@ -118,6 +118,8 @@ class Guarded(Controller[GuardedState]):
 
     def __post_init__(self) -> None:
         require_kind(self.of, Controller, "guarded", "as SlotineLi(...) is one")
+        if not isinstance(self.freeze, bool):
+            raise InputError(f"freeze: expected True or False, got {self.freeze!r}")
         for name in ("torque_limits", "rate_limits", "velocity_limits"):
             object.__setattr__(self, name, _limits(getattr(self, name), self.dof, name))
         own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping

@@ -184,8 +184,8 @@ class Sinusoids:
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
         velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
-        numbers = SinusoidNumbers(*(Column(values.tolist()) for values in self.numbers))
-        point = sinusoids_at(np.asarray(t, dtype=np.float64), numbers)
+        own = SinusoidNumbers(*(Column(values.tolist()) for values in self.numbers))
+        point = sinusoids_at(numbers(t, "reference: time"), own)
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
     def at(self, t: float) -> ReferencePoint:
@@ -240,7 +240,7 @@ class Spline:
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
         velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2). Raises `MissingExtraError` without SciPy."""
-        time = np.asarray(t, dtype=np.float64)
+        time = numbers(t, "reference: time")
         inside = np.clip(time, self.times[0], self.times[-1])
         resting = ((time < self.times[0]) | (time > self.times[-1]))[..., None]
         p, v, a = (curve(inside) for curve in self._curves)
@@ -310,7 +310,7 @@ class MinimumJerk:
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
         velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
-        time = np.asarray(t, dtype=np.float64)
+        time = numbers(t, "reference: time")
         stretch = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2)
         start, length = self.times[stretch], np.diff(self.times)[stretch][..., None]
         fade, slope, bend = quintic((time - start)[..., None] / length)
@@ -361,7 +361,7 @@ class Halted:
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point at times `t` (...) in s: positions, velocities and accelerations in the shapes and units
         of the reference that is halted."""
-        time = np.asarray(t, dtype=np.float64)
+        time = numbers(t, "reference: time")
         u = np.clip((time - self.stop) / self.over, 0.0, 1.0)
         fallen, slope, _ = quintic(u)
         gone = u**4 * (2.5 + u * (u - 3.0))  # the integral of the step

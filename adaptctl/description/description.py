@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array, whole_number
+from adaptctl.arrays import Array, frozen_array, whole_count, whole_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.limits import Limits
 from adaptctl.description.pose import Pose
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.files import hashed
 
 if TYPE_CHECKING:
@@ -103,6 +103,7 @@ class Link:
     massless: bool = False
 
     def __post_init__(self) -> None:
+        whole_count(self.parent, f"link {self.name!r}: parent", GROUND)
         object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
         if np.abs(self.inertia).max() > LARGEST_INERTIA:
             raise InputError(f"link {self.name!r}: expected inertial parameters of at most {LARGEST_INERTIA:g}")
@@ -138,6 +139,8 @@ class Description:
             )
         if not self.links:
             raise InputError(f"{self.name}: a mechanism needs at least one movable link")
+        for each in self.links:
+            require_kind(each, Link, f"{self.name}: links", "as Link(...) is one")
         _require_unique([link.name for link in self.links], f"{self.name}: link")
         _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
         _require_depth_first(self.name, self.parents)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, stacked_rows
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation.result_cache import kept
-from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
+from adaptctl.control.gains.workspace import Workspace, Worst, everywhere, workspace_of
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, require_kind
@@ -69,6 +69,7 @@ def hold_number(
     """
     require_kind(mechanism, Mechanism, "hold number", "as load(...) gives one")
     require_period(period)
+    workspace = None if workspace is None else workspace_of(mechanism, workspace)
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     if not (np.all((K > 0.0) & np.isfinite(K)) and np.all((L >= 0.0) & np.isfinite(L))):
         raise InputError(
@@ -242,7 +243,7 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
     parameters of another shape or not finite.
     """
     D = _all_parameters(mechanism, parameters)
-    found = (workspace or everywhere(mechanism)).highest(
+    found = workspace_of(mechanism, workspace).highest(
         lambda p: -scaled_eigenvalues(mass_matrix_of(mechanism, p, D))[..., 0]
     )
     return Worst(-found.value, found.p)
@@ -255,7 +256,7 @@ def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace
     joints' limits allow. Raises `InputError` for a damping of another shape or NaN; that it is positive is not
     checked."""
     root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
-    found = (workspace or everywhere(mechanism)).highest(
+    found = workspace_of(mechanism, workspace).highest(
         lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
     )
     return 1.0 / found.value

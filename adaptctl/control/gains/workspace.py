@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -193,3 +193,22 @@ def everywhere(mechanism: Mechanism) -> Workspace:
     joints, less those that kinematic loops cannot reach. Workspaces of the last 8 mechanisms are kept, so that the next
     call returns the same one at once. Raises `InputError` where loops reach none of the samples."""
     return Workspace.within_limits(mechanism)
+
+
+def workspace_of(mechanism: Mechanism, workspace: Workspace | None) -> Workspace:
+    """The workspace in which a mechanism is judged: all that its joints' limits allow for a `workspace` of None, else
+    the given one, with the masses of this mechanism where it was made for another, such as a rough model of it. Raises
+    `InputError` for what is no workspace, and for one of another number of joints."""
+    if workspace is None:
+        return everywhere(mechanism)
+    require_kind(workspace, Workspace, "workspace", "as Workspace.within_limits(mechanism) gives one")
+    if workspace.mechanism is mechanism:
+        return workspace
+    if (joints := workspace.samples.shape[-1]) != mechanism.dof:
+        raise InputError(f"workspace: expected one of {mechanism.dof} joints, as {mechanism.name} has, got {joints}")
+    return _with_masses(workspace, mechanism)
+
+
+@lru_cache(maxsize=8)
+def _with_masses(workspace: Workspace, mechanism: Mechanism) -> Workspace:
+    return replace(workspace, mechanism=mechanism)
