@@ -17,6 +17,7 @@ from adaptctl.control import (
     Halted,
     MinimumJerk,
     PDGravity,
+    Projection,
     Sinusoids,
     SlotineLi,
     Workspace,
@@ -45,7 +46,7 @@ from adaptctl.identifiability import (
     states_within_limits,
 )
 from adaptctl.identification import identify
-from adaptctl.recording import compared_runs
+from adaptctl.recording import Live, compared_runs
 from adaptctl.simulation import ClosedLoop, Plant, Rollout, rollout, simulate, simulate_many
 from adaptctl.tuning import tune
 from adaptctl.tuning.rough_links import scaled_links
@@ -151,6 +152,8 @@ KINDS: dict[str, tuple[Callable[[Any], object], str]] = {
     "hold number": (lambda x: hold_number(x, 1.0, 1e-3), "Mechanism"),
     "typical inertia": (typical_inertia, "Mechanism"),
     "guarded": (Guarded, "Controller"),
+    "projected": (lambda x: Projection(x, -np.ones(2), np.ones(2)), "AdaptationLaw"),
+    "live view": (Live, "Mechanism"),
     "controller of a run": (lambda x: simulate(env(), x), "Controller"),
     "environment of a run": (lambda x: rollout(x, law()), "Env"),
     "plant of a loop": (lambda x: ClosedLoop(x, law()), "Plant"),
@@ -224,6 +227,16 @@ def test_a_mechanism_is_made_of_a_description(wrong: Any) -> None:
         Description("x", "ab")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="link 'a': parent: expected a whole number of at least -1, got 'ground'"):
         Link("a", "ground", Joint("j"), Pose.identity(), Pose.identity())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", ["a", None, [1.0, 2.0], np.nan, -1.0])
+def test_a_damping_ratio_and_a_margin_are_numbers(wrong: Any) -> None:
+    with pytest.raises(InputError, match="damping ratio: expected a positive number, got"):
+        ComputedTorque(arm(), 5.0, wrong)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="workspace: margin: expected"):
+        Workspace.along(arm(), np.zeros(2), wrong)
+    with pytest.raises(InputError, match="halted: expected a reference, a function of time, got"):
+        Halted(wrong, 1.0)
 
 
 def test_switches_and_ranges_are_what_they_are() -> None:

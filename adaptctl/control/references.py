@@ -343,7 +343,7 @@ class Halted:
     After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
     1 to 0, so that positions, velocities and accelerations stay continuous. Called with times t (...) in s, it returns
     a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for a negative stop, an `over` that
-    is not positive, or either no number or not finite.
+    is not positive, either no number or not finite, and for what is no function of time.
     """
 
     of: Reference
@@ -351,6 +351,8 @@ class Halted:
     over: float = 1.0
 
     def __post_init__(self) -> None:
+        if not callable(self.of):
+            raise InputError(f"halted: expected a reference, a function of time, got {self.of!r}")
         stop, over = (real_number(getattr(self, name), f"halted: {name}") for name in ("stop", "over"))
         if not (0.0 <= stop < math.inf and 0.0 < over < math.inf):
             raise InputError(

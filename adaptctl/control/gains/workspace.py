@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, frozen, whole_number
+from adaptctl.arrays import Array, checked, frozen, real_number, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, require_kind
@@ -118,7 +118,7 @@ class Workspace:
         Raises `InputError` for a negative margin or a wrong shape, and where the mechanism reaches none of the
         positions, `NonFiniteError` for positions that are not finite.
         """
-        if not (np.isfinite(margin) and margin >= 0.0):
+        if not 0.0 <= real_number(margin, "workspace: margin") < np.inf:
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
         path = np.atleast_2d(checked(p, mechanism.dof, "workspace: positions"))
         path = path[reachable(mechanism, path)]
