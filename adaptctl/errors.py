@@ -31,6 +31,13 @@ def printable(text: str, most: int = 80) -> str:
     return text
 
 
+def require_kind(given: object, kind: type, what: str, made: str) -> None:
+    """Raise `InputError` unless `given` is an object of a class, `kind`. `what` begins its message, and `made` says
+    there how such an object is made, as in "plant: expected a Mechanism, as load(...) gives one, got 'puma560'"."""
+    if not isinstance(given, kind):
+        raise InputError(f"{what}: expected a {kind.__name__}, {made}, got {printable(repr(given))}")
+
+
 class InputError(AdaptctlError, ValueError):
     """Error of a caller's input, such as one of a wrong shape, kind or range: the message names the element, what it
     was, and what would be right. It is a `ValueError` too."""

@@ -71,7 +71,7 @@ def _called(arm: adaptctl.Mechanism, method: Method) -> Mapping[str, object]:
 
 
 def _compared(arm: adaptctl.Mechanism, what: str, method: Method, effort: Effort) -> Iterator[Finding]:
-    """At one state."""
+    """Speed-up at one state."""
     names, given = _called(arm, method), ", ".join(("p", "v", "a")[: method.arguments])
     statements = {"ours": f"ours({given})", "theirs": f"theirs(model, data, {given})"}
     raced = race({name: Statement(text, names) for name, text in statements.items()}, effort)
@@ -80,7 +80,7 @@ def _compared(arm: adaptctl.Mechanism, what: str, method: Method, effort: Effort
 
 
 def _many(arm: adaptctl.Mechanism, what: str, method: Method, effort: Effort) -> Iterator[Finding]:
-    """At many states."""
+    """Speed-up at many states."""
     states, model = _states(arm, STATES)[: method.arguments], arm.to_pinocchio()
     data, theirs = model.createData(), getattr(pinocchio, method.theirs)
     ours: Callable[..., Array] = getattr(arm, method.ours)
@@ -115,7 +115,7 @@ def _with_loops(effort: Effort) -> Iterator[Finding]:
 
 
 def _agreement(arm: adaptctl.Mechanism, method: Method) -> Iterator[Finding]:
-    """Relative to the largest entry, before and after the code is native."""
+    """Difference over the largest entry, before and after the code is native."""
     states, model = _states(arm)[: method.arguments], arm.to_pinocchio()
     theirs = np.array(getattr(pinocchio, method.theirs)(model, model.createData(), *states))
     if method.theirs == "crba":

@@ -14,6 +14,7 @@ from adaptctl.control import SlotineLi, Subspace
 from adaptctl.control.controller import Reference
 from adaptctl.design import DesignStudy, DesignTask, design_study
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting
@@ -84,14 +85,13 @@ class CounterweightedTracking(ClosedLoopExperiment):
     energy_error: float = setting(1.0, "at which components are counted, %", low=0.0, high=100.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of comparing an arm with and without counterweights, a `Result`: outcome in words, facts (questions
-        with answers), and a function that writes summary, figures, recording and report into a folder that it is given.
-        `progress(what, share)` is called with the step's name and the fraction done, 0 to 1. Ctrl-C during a run keeps
-        what was run; before the first sample of an arm `KeyboardInterrupt` is raised. Raises `NotFoundError` for an
-        unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm with friction or linear
-        constraints between its inertial parameters, for more `components` than the arm has essential (identifiable)
-        parameters, for an unknown link or objective and for joints that no gains stabilise under a held torque,
-        `RankError` where the number of essential parameters cannot be certified."""
+        """Result of the comparison: outcome in words, facts (questions with answers), and a function that writes its
+        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C keeps the runs begun;
+        where there are none, `KeyboardInterrupt` passes. Raises `NotFoundError` for an unknown robot, `FileError` for a
+        file that cannot be used, `InputError` for an arm with friction or linear constraints between its inertial
+        parameters, for more `components` than the arm has essential (identifiable) parameters, for an unknown link or
+        objective and for joints that no gains can hold, `RankError` where the number of essential parameters cannot be
+        certified."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:
@@ -115,8 +115,13 @@ class CounterweightedTracking(ClosedLoopExperiment):
         """Runs of both arms, in turn, and whether all were run to their end."""
         runs: list[ControllerRun] = []
         for name, task in ((BEFORE, study.task), (AFTER, study.counterweights.balanced)):
-            env = self._environment(task, tuning)
-            outcome = contest(env, task.mechanism, self._contenders(name, task, tuning), self.seed, progress)
+            try:
+                env = self._environment(task, tuning)
+                outcome = contest(env, task.mechanism, self._contenders(name, task, tuning), self.seed, progress)
+            except KeyboardInterrupt:
+                if not runs:
+                    raise
+                return tuple(runs), False
             runs += outcome.runs
             if not outcome.complete:
                 return tuple(runs), False
@@ -170,7 +175,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
     def _judged(self, study: DesignStudy, tuning: Tuning, runs: tuple[ControllerRun, ...], complete: bool) -> Result:
         burdens = {run.name: burden(run, tuning.torque_limits) for run in runs}
         words = _outcome_words(study, burdens, self.components)
-        facts = tuple(_facts(burdens, self.components))
+        facts = tuple(_facts(burdens, self.components, error_unit(study.task.mechanism)))
         write = partial(self._write, study, runs, burdens, words, complete)
         return Result(complete, words, facts, Verdict(), write)
 
@@ -188,7 +193,8 @@ class CounterweightedTracking(ClosedLoopExperiment):
         from adaptctl.recording.designed.summary import as_builtins
 
         title = self.title.format(robot=study.task.mechanism.name)
-        shown, facts = tuple(self._drawings(study.task.mechanism, runs)), tuple(_facts(burdens, self.components))
+        shown = tuple(self._drawings(study.task.mechanism, runs))
+        facts = tuple(_facts(burdens, self.components, error_unit(study.task.mechanism)))
         named = Named(self.name, title, "summary.json", self.seed, complete, words, facts, shown, runs)
         content = as_builtins(study) | {
             "experiment": self.name,
@@ -236,7 +242,6 @@ def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Fi
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
-    from adaptctl.recording.units import error_unit
 
     figure = sheet(3.6)
     axes = figure.subplots()
@@ -287,19 +292,20 @@ def _outcome_words(study: DesignStudy, burdens: dict[str, Burden], components: i
     text = f"{start}, the arm carries {_carried(study)} energy."
     pairs = [(burdens.get(f"{EVERY}-{name}"), burdens.get(f"{FEW}-{name}")) for name in (BEFORE, AFTER)]
     (old, few_old), (new, few_new) = pairs
+    unit = error_unit(study.task.mechanism)
     if old and new and few_old and few_new:
         text += (
             f" In closed loop its motors do {_change(old.work, new.work)} work. With few components adapted, the "
-            f"tracking error of the last two seconds is {_error(few_new)} instead of {_error(few_old)}."
+            f"tracking error of the last two seconds is {_error(few_new, unit)} instead of {_error(few_old, unit)}."
         )
     return text
 
 
-def _error(found: Burden) -> str:
+def _error(found: Burden, unit: str) -> str:
     """The error of the last two seconds; where the environment ended the run, when."""
     if found.stopped or found.final_rms_error is None:
         return f"{'stopped' if found.stopped else 'ended'} at {found.duration:.3g} s"
-    return f"{1e3 * found.final_rms_error:.3g} mrad"
+    return f"{1e3 * found.final_rms_error:.3g} {unit}"
 
 
 def _carried(study: DesignStudy) -> str:
@@ -317,11 +323,12 @@ def _more_or_less(share: float) -> str:
     return f"{100.0 * abs(share):.3g} % {'more' if share > 0.0 else 'less'}"
 
 
-def _facts(burdens: dict[str, Burden], components: int) -> Iterator[Fact]:
+def _facts(burdens: dict[str, Burden], components: int, unit: str) -> Iterator[Fact]:
     words = {EVERY: "all adapted", FEW: f"{components} adapted", HELD: f"true {components}"}
     for kind, what in words.items():
         found = [burdens[name] for name in (f"{kind}-{BEFORE}", f"{kind}-{AFTER}") if name in burdens]
-        yield Fact(f"Error, {what}", " → ".join(map(_error, found)))
+        if found:
+            yield Fact(f"Error, {what}", " → ".join(_error(one, unit) for one in found))
     first = [burdens[name] for name in (f"{EVERY}-{BEFORE}", f"{EVERY}-{AFTER}") if name in burdens]
     yield Fact("Torque, of its limit (RMS)", " → ".join(f"{100.0 * b.rms_torque:.3g}" for b in first) + " %")
     yield Fact("Motors' work", " → ".join(f"{b.work:.3g}" for b in first) + " J")

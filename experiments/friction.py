@@ -13,6 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
@@ -21,6 +22,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Finding, wording
+from adaptctl.recording.units import typeset
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -177,14 +179,15 @@ class FrictionInJoints(OnRealPlant):
             true = (joint.drive.viscous or 0.0, joint.drive.coulomb or 0.0)
             found = (learned.get(f"{joint.name}.viscous", 0.0), learned.get(f"{joint.name}.coulomb", 0.0))
             excess = self.stribeck * true[1]
-            curves.append(Curve(joint.name, true, excess, self.stribeck_speed, found, run.v[:, j]))
+            units = typeset(joint.kind.effort_unit), f"{joint.kind.position_unit}/s"
+            curves.append(Curve(joint.name, true, excess, self.stribeck_speed, found, run.v[:, j], units))
         return curves
 
 
 def _final(outcome: Outcome, name: str) -> str:
     """Text of the RMS error of a run's last two seconds, a dash where there is none."""
     errors = {run.name: run.final_rms_error for run in outcome.runs}
-    return wording.error(errors.get(name), "mrad")
+    return wording.error(errors.get(name), error_unit(outcome.mechanism))
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:

@@ -17,10 +17,10 @@ COLUMNS = 3
 
 
 class Curve(NamedTuple):
-    """Named tuple of the data of one joint's friction over speed: `joint`, its name; `true` and `learned`, pairs of
-    viscous (N m s/rad) and Coulomb (N m) friction; `stribeck`, the excess of static over Coulomb friction, N m;
-    `speed`, rad/s, at which half of that is gone; and `speeds` (T,), rad/s, the joint's velocities at T samples of a
-    run. Nothing is checked at construction."""
+    """Friction curve of a `joint`, given by its name; `true` and `learned`, pairs of viscous (N m s) and Coulomb (N m)
+    friction; `stribeck`, the excess of static over Coulomb friction, N m; `speed`, rad/s, at which half of that is
+    gone; and `speeds` (T,), rad/s, the joint's velocities at T samples of a run. `units` are those of friction and of
+    speed, N·m and rad/s unless given, for a prismatic joint's N and m/s. Nothing is checked at construction."""
 
     joint: str
     true: tuple[float, float]
@@ -33,6 +33,8 @@ class Curve(NamedTuple):
     """as `true`"""
     speeds: Array
     """(T,) rad/s, at which the joint moved"""
+    units: tuple[str, str] = ("N·m", "rad/s")
+    """of friction and of speed"""
 
 
 def friction_curves(curves: Sequence[Curve]) -> Figure:
@@ -55,9 +57,10 @@ def friction_curves(curves: Sequence[Curve]) -> Figure:
         axes.plot(v, curve.true[0] * v + curve.true[1] + excess, color=TRUTH.hex, label="true, with Stribeck's")
         axes.plot(v, curve.learned[0] * v + curve.learned[1], color=run_color(0).hex, label="learned: viscous, Coulomb")
         axes.set_ylim(bottom=0.0)
-        axes.set_title(f"{curve.joint} [N·m]")
+        axes.set_title(f"{curve.joint} [{curve.units[0]}]")
     for unused in panels[len(curves) :]:
         unused.set_visible(False)
-    figure.supxlabel("speed [rad/s]", size=9)
+    units = " or ".join(sorted({curve.units[1] for curve in curves}, reverse=True))
+    figure.supxlabel(f"speed [{units}]", size=9)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure

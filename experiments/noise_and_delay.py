@@ -10,6 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import position_unit
 from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import FAR, setting
@@ -140,7 +141,8 @@ class NoiseAndDelay(AdaptationLaws):
             yield Finding(f"parameter_error.{run.name}", float(over_time[-1]), "1", f"{run.label}: at the end")
             meaning = f"{run.label}: how far the estimate moves in a minute of the second half"
             yield Finding(f"drift.{run.name}", _drift(errors, run), "1/min", meaning)
-            yield Finding(f"true_rms_error.{run.name}", run.rms_error() or np.nan, "rad", f"{run.label}: of all joints")
+            unit, error = position_unit(outcome.mechanism), run.rms_error() or np.nan
+            yield Finding(f"true_rms_error.{run.name}", error, unit, f"{run.label}: of all joints")
             share = float(run.rollout.marks["torque_limited"].mean())
             yield Finding(f"saturated.{run.name}", share, "1", f"{run.label}: share of periods with a torque held back")
             yield from memory_findings(contenders[run.name].controller, run, outcome.mechanism)

@@ -12,6 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import Natural
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.adaptation_laws import AdaptationLaws
 from adaptctl.experiments.contest import Outcome
@@ -122,7 +123,7 @@ class PayloadDrop(AdaptationLaws):
         for run in outcome.runs:
             if (earlier := self._earlier(run)) is not None:
                 meaning = f"{run.label}: RMS error in the {WINDOW:g} s before the pickup"
-                yield Finding(f"earlier_error.{run.name}", 1e3 * earlier, "mrad", meaning)
+                yield Finding(f"earlier_error.{run.name}", 1e3 * earlier, error_unit(outcome.mechanism), meaning)
         yield from super().findings(outcome, basis)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
@@ -155,7 +156,8 @@ class PayloadDrop(AdaptationLaws):
             yield Drawing(
                 "recovery",
                 f"Time from either event until the error over {WINDOW:g} s is below twice the earlier one, which is "
-                "given in brackets, in mrad: a law that tracked better before has more to come back to.",
+                f"given in brackets, in {error_unit(outcome.mechanism)}: a law that tracked better before has more to "
+                "come back to.",
                 partial(recovery_times, found),
             )
         yield from super().drawings(outcome, basis)

@@ -12,6 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import Subspace
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
@@ -107,7 +108,8 @@ class ReducedModelTracking(Puma560Adaptive):
             yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
         for run in outcome.runs:
             if (error := run.final_rms_error) is not None:
-                yield Finding(f"final_rms_error.{run.name}", 1e3 * error, "mrad", f"{run.label}: RMS error, last 2 s")
+                unit, meaning = error_unit(outcome.mechanism), f"{run.label}: RMS error, last 2 s"
+                yield Finding(f"final_rms_error.{run.name}", 1e3 * error, unit, meaning)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence for the report, never None here, with three RMS tracking errors of all joints in the last two
@@ -115,12 +117,12 @@ class ReducedModelTracking(Puma560Adaptive):
         directions that make most energy), of that which adapts the fewest, and of that which uses the true values of
         the fewest with adaptation off; a dash for a missing error. `found` has the findings by name; `outcome`, with
         the runs, is not used."""
-        least, most = min(self.components), max(self.components)
+        least, most, unit = min(self.components), max(self.components), error_unit(outcome.mechanism)
         few, many = (found.text(f"final_rms_error.{ADAPTIVE}-{s}") for s in (least, most))
         return (
-            f"Adapting {most} components from zero, the controller ends at {many} mrad of tracking error; adapting "
-            f"{least}, at {few} mrad, and holding the true values of these {least}, at "
-            f"{found.text(f'final_rms_error.{FIXED}-{least}')} mrad."
+            f"Adapting {most} components from zero, the controller ends at {many} {unit} of tracking error; adapting "
+            f"{least}, at {few} {unit}, and holding the true values of these {least}, at "
+            f"{found.text(f'final_rms_error.{FIXED}-{least}')} {unit}."
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
@@ -135,7 +137,7 @@ class ReducedModelTracking(Puma560Adaptive):
             "components",
             "Tracking error over the last two seconds, and the energy error of Sheu and Walker's equation 23, by the "
             "number of components that the controller carries.",
-            partial(error_by_count, self.components, outcome.runs, errors),
+            partial(error_by_count, self.components, outcome.runs, errors, error_unit(outcome.mechanism)),
         )
 
     def _reduction(self, mechanism: Mechanism) -> tuple[Reduction, Array]:
@@ -159,12 +161,14 @@ class ReducedModelTracking(Puma560Adaptive):
             raise InputError("components: expected each at most once")
 
 
-def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array) -> Figure:
-    """Matplotlib figure of errors, on logarithmic scales, over the number of essential components (parts of the
-    parameters along the directions that make most energy) in a controller's model: the RMS tracking errors of all
-    joints in the last two seconds of the `runs`, mrad, and the energy errors `percent_errors` (k + 1,), %, with 0 to k
+def error_by_count(
+    counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array, unit: str = "mrad"
+) -> Figure:
+    """Matplotlib figure over the number of essential components (parts of the parameters along the directions that make
+    most energy) in a controller's model, errors on logarithmic scales: the RMS tracking errors of the last two seconds
+    of the `runs`, in thousandths as `unit` says, and the energy errors `percent_errors` (k + 1,), %, with 0 to k
     components; `counts` are the numbers of components that were run, and runs are taken by name, "adaptive-10" or
-    "fixed-10" for 10 of them; runs that are missing or shorter have no point."""
+    "fixed-10" for 10 of them; those that are missing or shorter have no point."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 
@@ -178,7 +182,7 @@ def error_by_count(counts: tuple[int, ...], runs: tuple[ControllerRun, ...], per
     if off is not None:
         axes.axhline(1e3 * off, color=MUTED.hex, linestyle=(0, (4, 3)), label="adaptation off, nothing known")
     axes.set_xlabel("components")
-    axes.set_ylabel("RMS tracking error [mrad]")
+    axes.set_ylabel(f"RMS tracking error [{unit}]")
     energy = axes.twinx()
     every = np.arange(1, len(percent_errors))
     energy.semilogy(every[:-1], percent_errors[1:-1], color=run_color(2).hex, linewidth=1.2)

@@ -12,6 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import Guarded
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit, position_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Contender, Outcome
 from adaptctl.experiments.experiment import setting
@@ -110,15 +111,16 @@ class Saturation(OnRealPlant):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Iterator over the findings, a `Finding` (named number with unit) each. Of each run: the RMS tracking error of
-        all joints from the payload's drop on, rad (NaN for a run that ended before); the fraction of samples (no unit)
-        with a limited torque; and the largest magnitude of any estimated parameter, SI units. Once: the RMS error of
-        all joints over the whole run with adaptation frozen, divided by that with it never frozen (no unit). `outcome`,
-        an `Outcome`, has the runs; `basis` is not used."""
+        """Findings, named numbers. Of each run: the RMS tracking error of all joints from the payload's drop on, rad
+        (m) (NaN for a run that ended before); the share of samples with a torque held back (no unit); and the largest
+        magnitude of any estimated parameter, SI units. Once: the RMS error of all joints over the whole run with
+        adaptation frozen, divided by that with it never frozen (no unit). `outcome` has the runs; `basis` is not
+        used."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"
-            yield Finding(f"rms_error_after.{run.name}", run.rms_error(start=self.stop) or np.nan, "rad", meaning)
+            after = run.rms_error(start=self.stop) or np.nan
+            yield Finding(f"rms_error_after.{run.name}", after, position_unit(outcome.mechanism), meaning)
         if {ADAPTIVE, WITHOUT_FREEZE} <= set(runs):
             ratio = (runs[ADAPTIVE].rms_error() or np.nan) / (runs[WITHOUT_FREEZE].rms_error() or np.nan)
             yield Finding("freeze_over_none", ratio, "1", "RMS error of the whole run, frozen over never frozen")
@@ -135,12 +137,13 @@ class Saturation(OnRealPlant):
         an `Outcome`, has the runs; `found`, the findings by name, is not used. Raises `KeyError` where one of the three
         runs is missing."""
         runs = {run.name: run for run in outcome.runs}
+        unit = error_unit(outcome.mechanism)
         frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
         return (
-            f"With adaptation frozen while motors saturate, the RMS error of the run is {frozen:.3g} mrad, never "
-            f"frozen {never:.4g} mrad. In the last 2 s, the payload long gone, it is "
-            f"{wording.error(runs[ADAPTIVE].final_rms_error, 'mrad')}, with adaptation off "
-            f"{wording.error(runs[ADAPTATION_OFF].final_rms_error, 'mrad')}."
+            f"With adaptation frozen while motors saturate, the RMS error of the run is {frozen:.3g} {unit}, never "
+            f"frozen {never:.4g} {unit}. In the last 2 s, the payload long gone, it is "
+            f"{wording.error(runs[ADAPTIVE].final_rms_error, unit)}, with adaptation off "
+            f"{wording.error(runs[ADAPTATION_OFF].final_rms_error, unit)}."
         )
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

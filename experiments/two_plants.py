@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit, position_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.experiments.contest import Contender, Outcome, contest
@@ -17,7 +18,6 @@ from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Progress
-from adaptctl.recording.units import error_unit
 from adaptctl.simulation.mujoco_plant import as_mujoco
 
 if TYPE_CHECKING:
@@ -77,22 +77,24 @@ class TwoPlants(AdaptiveTracking):
     def outcome(
         self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
-        """Outcome of the contest, an `Outcome`: runs of the `contenders` (controllers with names) on the environment
-        `env`, then of the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the
-        arm `mechanism`. `env` is MuJoCo's. `progress(label, share)` is called with a run's label and the fraction of it
-        done, 0 to 1. Ctrl-C keeps the runs begun; before the first sample of the contest, or of one of the two runs
-        after it, `KeyboardInterrupt` is raised. Raises `GainError` for gains too large for the control period,
-        `NonFiniteError` where a motion diverges to non-finite values."""
+        """Outcome of the contest: runs of the `contenders` (controllers with names) on the environment `env`, then of
+        the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the arm
+        `mechanism`. `env` is MuJoCo's. `progress(label, share)` gets a run's label and the share of it done, 0 to 1.
+        Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises `GainError` for gains too
+        large for the control period, `NonFiniteError` where a motion runs away."""
         done = super().outcome(env, mechanism, contenders, progress)
-        for name, label, other in (
-            (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
-            (OURS, "Slotine-Li on adaptctl's plant", AdaptiveTracking(**_settings(self) | {"plant": "adaptctl"})),
-        ):
-            if not done.complete:
-                break
-            contender = replace(contenders[0], name=name, label=label)
-            more = contest(other.environment(mechanism), mechanism, [contender], self.seed, progress, self.options)
-            done = Outcome(mechanism, (*done.runs, *more.runs), more.complete)
+        try:
+            for name, label, other in (
+                (FINE, f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter", _Finer(**_settings(self))),
+                (OURS, "Slotine-Li on adaptctl's plant", AdaptiveTracking(**_settings(self) | {"plant": "adaptctl"})),
+            ):
+                if not done.complete:
+                    break
+                contender = replace(contenders[0], name=name, label=label)
+                more = contest(other.environment(mechanism), mechanism, [contender], self.seed, progress, self.options)
+                done = Outcome(mechanism, (*done.runs, *more.runs), more.complete)
+        except KeyboardInterrupt:
+            return replace(done, complete=False)
         return done
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
@@ -106,7 +108,7 @@ class TwoPlants(AdaptiveTracking):
         ):
             if other in runs and OURS in runs:
                 text = f"largest difference of a joint's position between MuJoCo and adaptctl's plant, {meaning}"
-                yield Finding(name, _apart(runs[other], runs[OURS]), "rad", text)
+                yield Finding(name, _apart(runs[other], runs[OURS]), position_unit(outcome.mechanism), text)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence for the report, never None here, with the largest difference of joint positions between the two

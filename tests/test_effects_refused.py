@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,29 @@ def test_what_cannot_be_is_refused(make: Any, error: type[Exception], message: s
 def test_what_does_not_fit_an_arm_is_refused(effect: Effect, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         TrackingEnv(load("puma560_measured"), effects=[effect])
+
+
+def test_a_mass_is_any_kind_of_number() -> None:
+    """Of NumPy's too, alone in an array or not."""
+    for given in (2, 2.0, np.float32(2.0), np.int8(2), np.array(2.0)):
+        mass = Payload(given).mass
+        assert (type(mass), mass) == (float, 2.0)
+
+
+@dataclass(frozen=True)
+class Backlash(Effect):
+    """An effect of no kind that a plant knows where to put."""
+
+    gap: float
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """Nothing."""
+
+
+def test_an_effect_of_no_known_kind_is_refused_and_not_left_out() -> None:
+    message = r"effects: expected .* ActuatorEffect, SensorEffect, JointEffect or LoadEffect, got Backlash\(gap=0.1\)"
+    with pytest.raises(InputError, match=message):
+        PlantEffects.of([ControlDelay(1), Backlash(0.1)])
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -293,7 +293,7 @@ def test_what_is_returned_is_the_callers(env: TrackingEnv) -> None:
     [
         ({"paylod": 1.0}, NotFoundError, "'paylod'; options: payload, trajectory, initial_error, parameters"),
         ({"payload": -1.0}, InputError, "expected a mass of at least 0 kg, got -1.0"),
-        ({"payload": "heavy"}, InputError, "payload: expected a mass"),
+        ({"payload": "heavy"}, InputError, "payload: mass: expected a number"),
         ({"payload": {"center": np.zeros(3)}}, InputError, "the mass is missing; entries: mass, center, inertia"),
         ({"payload": {"mass": 1.0, "centre": 0.0}}, NotFoundError, "unknown entry 'centre'"),
         ({"payload": {"mass": 1.0, "center": [0.0, 0.0]}}, InputError, r"payload: center: expected shape \(3,\)"),

@@ -12,13 +12,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from random_trees import random_chain
+from synthetic_logs import known
 
 from adaptctl.cli.main import main
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.identifiability import Constraints, constrained
 from adaptctl.identification import read_drives
 from adaptctl.identification.columns import joint_columns
 from adaptctl.identification.examples import example
+from adaptctl.identification.identify import identified
 from adaptctl.identification.joint_log import joint_log
 from adaptctl.identification.preparation import prepare
 from adaptctl.identification.prior_links import prior_links
@@ -330,6 +333,13 @@ def test_priors_are_made_consistent_and_said() -> None:
     D[20:30] = 0.0
     with pytest.raises(InputError, match="link 'link_3' has no mass in the robot's file"):
         prior_links(arm.with_parameters(D))
+
+
+def test_constraints_on_parameters_are_refused_and_not_left_out() -> None:
+    case = known(1, 2, duration=4.0)
+    slim = constrained(case.guess, Constraints({"link1.mc_z": 0.0}))
+    with pytest.raises(InputError, match=r"cannot keep to the relations .*: give `mechanism\.unconstrained`"):
+        identified(slim, case.drives, [case.log])
 
 
 def test_the_command_says_what_it_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

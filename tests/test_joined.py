@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from random_trees import random_tree
 
-from adaptctl.description import Pose
+from adaptctl.description import Description, Pose
 from adaptctl.description.loops import Closure, ClosureKind, Loops
 from adaptctl.description.named_frame import FrameKind, NamedFrame
 from adaptctl.description.pose import rotation_about
@@ -75,7 +76,7 @@ def test_named_frames_stay_where_they_are_on_their_parts() -> None:
     )
     frames = (NamedFrame("tool", 1, place), NamedFrame("camera", -1, place, FrameKind.SENSOR))
     arm = replace(random_tree(1, 2).description, frames=frames)
-    both = joined("both", {"a": (arm, Pose.identity()), "b": (arm, stand)})
+    both = joined("both", {"a": (arm, Pose.identity()), "b": (arm, stand)}, gravity=arm.gravity)
     assert both.frames == (
         NamedFrame("a.tool", 1, place),
         NamedFrame("a.camera", -1, place, FrameKind.SENSOR),
@@ -84,11 +85,41 @@ def test_named_frames_stay_where_they_are_on_their_parts() -> None:
     )
 
 
+def on_a_wall(arm: Description, gravity: ArrayLike | None) -> Description:
+    """An arm beside one like it that is mounted on a wall."""
+    wall = Pose(rotation_about((1, 0, 0), 0.5 * np.pi), (0.0, 1.0, 0.0))
+    return joined("pair", {"floor": (arm, Pose.identity()), "wall": (arm, wall)}, gravity=gravity)
+
+
+def test_gravity_is_asked_for_where_a_pose_turns_it() -> None:
+    """An arm on the wall: does its file have the gravity of the wall, or of the floor?"""
+    arm = load("puma560_measured").description
+    message = (
+        r"pair: part 'wall' has the gravity \[0.0, 0.0, -9.81\] in its own ground frame, \[0.0, 9.81, .*\] in the "
+        r"common one by its pose: give `gravity` in the common one, .* \(0, 0, -9.81\)"
+    )
+    with pytest.raises(InputError, match=message):
+        on_a_wall(arm, None)
+    down = np.array([0.0, 0.0, -9.81])
+    both = Mechanism(on_a_wall(arm, down))
+    sideways = Mechanism(replace(arm, gravity=np.array([0.0, -9.81, 0.0])))
+    p, v, a = np.random.default_rng(0).normal(size=(3, 12))
+    expected = Mechanism(arm).inverse_dynamics(p[:6], v[:6], a[:6])
+    np.testing.assert_allclose(both.inverse_dynamics(p, v, a)[:6], expected, rtol=1e-12, atol=1e-12)
+    turned = rotation_about((1, 0, 0), 0.5 * np.pi).T @ down
+    np.testing.assert_allclose(turned, sideways.description.gravity, atol=1e-14)
+    expected = sideways.inverse_dynamics(p[6:], v[6:], a[6:])
+    np.testing.assert_allclose(both.inverse_dynamics(p, v, a)[6:], expected, rtol=1e-12, atol=1e-11)
+
+
 def test_parts_that_do_not_go_together_are_refused(two_arms: Mechanism) -> None:
     with pytest.raises(InputError, match="at least one part"):
         joined("none", {})
     with pytest.raises(InputError, match="part 'a' has loops of its own"):
         joined("nested", {"a": (two_arms.description, Pose.identity())})
     parts = {name: (random_tree(seed, 2).description, Pose.identity()) for name, seed in (("a", 1), ("b", 2))}
-    with pytest.raises(InputError, match="must agree on gravity"):
+    with pytest.raises(InputError, match=r"apart: part 'b' has the gravity .*, part 'a' \[.*\]: give `gravity`"):
         joined("apart", parts)
+    np.testing.assert_array_equal(joined("apart", parts, gravity=(0.0, 0.0, -1.6)).gravity, [0.0, 0.0, -1.6])
+    with pytest.raises(InputError, match="gravity"):
+        joined("apart", parts, gravity=(0.0, -9.81))

@@ -22,6 +22,7 @@ from adaptctl.scalars import (
     cos,
     cross,
     dot,
+    each,
     log,
     maximum,
     minimum,
@@ -93,6 +94,17 @@ def test_lists_make_columns_and_a_number_makes_none() -> None:
     for wrong in (1.0, np.array(1.0), "ab", None):
         with pytest.raises(InputError, match="column: expected"):
             column(wrong)
+
+
+def test_one_number_stands_for_each_entry_and_what_is_none_is_refused() -> None:
+    dual, doubled = Dual(1.0, 2.0), trace(lambda x: sum(each(x[0], 2).of), {"x": 1})
+    assert each(2.0, 2).of == each(np.float64(2.0), 2).of == each([2.0], 2).of == each(np.full(2, 2.0), 2).of
+    assert each(dual, 2).of == (dual, dual)
+    assert doubled.operations[Op.ADD] > 0
+    wrongs = ("abc", "1", b"1", None, {1.0}, {}, True, 1j, ["a", "b", "c"], [1.0, 2.0], np.ones((3, 2)), [[1.0], "a"])
+    for wrong in wrongs:
+        with pytest.raises(InputError, match=r"each: expected .*3.*, got"):
+            each(wrong, 3)
 
 
 def everything(x: object) -> object:

@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 import adaptctl.envs  # noqa: F401  # registers
-from adaptctl.control import ComputedTorque, PDGravity, ReferencePoint
+from adaptctl.control import ComputedTorque, DeadZone, Gains, PDGravity, ReferencePoint, sampled_gain
+from adaptctl.description import Condition, Coupling, Limits
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import AdaptctlError, NonFiniteError
 from adaptctl.simulation import Plant
 
 WRONG: tuple[Any, ...] = ("x", None, 10**400, float("nan"), float("inf"), [None] * 6, ["a"] * 6, {}, 1j)
+WRONG += ([[1.0, 2.0], [3.0]], np.timedelta64(3, "s"), np.full(6, np.timedelta64(3, "s")))
 ENV = "adaptctl/Puma560Tracking-v0"
 
 
@@ -44,8 +47,32 @@ TAKERS: dict[str, Callable[[Mechanism, gymnasium.Env[Any, Any], Any], object]] =
     "parameters": lambda arm, env, x: env.reset(options={"parameters": x}),
     "duration": lambda arm, env, x: gymnasium.make(ENV, duration=x),
     "period of an environment": lambda arm, env, x: gymnasium.make(ENV, control_period=x),
+    "sampled gain": lambda arm, env, x: sampled_gain(arm, 1.0, x),
+    "ratio of gains": lambda arm, env, x: Gains.from_bandwidth(arm, 1.0, x),
+    "start of a controller": lambda arm, env, x: ComputedTorque(arm, 5.0).init(x, np.zeros(6)),
+    "positions of a controller": lambda arm, env, x: positions(arm, x),
+    "start of a plant": lambda arm, env, x: Plant(arm, 1e-3).init(np.zeros(6), x),
+    "torque of a plant": lambda arm, env, x: moved(Plant(arm, 1e-3), x),
+    "dead zone": lambda arm, env, x: DeadZone(np.ones(3), x),
+    "rotor": lambda arm, env, x: Drive({} if x is None else x),
+    "lower limit": lambda arm, env, x: Limits(x, -1e300),
+    "velocity limit": lambda arm, env, x: Limits(velocity=-1.0 if x is WRONG[4] else x),
+    "ratio of a coupling": lambda arm, env, x: Coupling("c", "a", "b", x),
+    "offset of a coupling": lambda arm, env, x: Coupling("c", "a", "b", 1.0, x),
+    "condition": lambda arm, env, x: Condition("c", {"a": 1.0}, x, -1e300),
+    "weight of a condition": lambda arm, env, x: Condition("c", {"a": x}),
+    "ratio of a shaft": lambda arm, env, x: Drive(turns_with=(("a", x),)),
     "reference": lambda arm, env, x: tick(arm, ReferencePoint(np.zeros(6), np.zeros(6), x)),
 }
+
+
+def positions(arm: Mechanism, p: Any) -> object:
+    law, zero = ComputedTorque(arm, 5.0), np.zeros(6)
+    return law.step(law.init(zero, zero), p, zero, ReferencePoint(zero, zero, zero))
+
+
+def moved(plant: Plant, torque: Any) -> object:
+    return plant.step(plant.init(np.zeros(6), np.zeros(6)), torque)
 
 
 def tick(arm: Mechanism, reference: ReferencePoint, arms: tuple[int, ...] = ()) -> object:
@@ -60,6 +87,12 @@ def tick(arm: Mechanism, reference: ReferencePoint, arms: tuple[int, ...] = ()) 
 def test_what_is_no_number_is_refused(arm: Mechanism, env: gymnasium.Env[Any, Any], taker: str, wrong: Any) -> None:
     with pytest.raises(AdaptctlError):
         TAKERS[taker](arm, env, wrong)
+
+
+def test_true_and_false_are_no_numbers_of_joints(arm: Mechanism) -> None:
+    for wrong in (True, np.True_, [True] * 6):
+        with pytest.raises(AdaptctlError, match=r"expected numbers, got .*True"):
+            ComputedTorque(arm, wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("arms", [(), (4,)])

@@ -15,7 +15,7 @@ from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller
 from adaptctl.control.gains.hold import require_period
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
 
@@ -88,6 +88,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     def _settle(self) -> None:
         """Check the period, the initial estimate and the adaptation law, and freeze them."""
+        self._require_model()
         k = len(self.model.columns)
         require_period(self.period)
         self._settle_torque_limits()
@@ -98,6 +99,10 @@ class AdaptiveController(Controller[AdaptiveState]):
         if not isinstance(self.adaptation, AdaptationLaw):
             object.__setattr__(self, "adaptation", self.adaptation_law.gain)  # type: ignore[attr-defined]  # a gain was given
         self.adaptation_law.require(self.model, np.asarray(self.initial), self.period)
+
+    def _require_model(self) -> None:
+        """Raise `InputError` for what is no model, such as a mechanism."""
+        require_kind(self.model, ReducedModel, type(self).__name__, "as ReducedModel(mechanism, basis) is one")
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:

@@ -68,6 +68,7 @@ class AdaptiveComputedTorque(AdaptiveController):
     torque_limits: ArrayLike | None = None
 
     def __post_init__(self) -> None:
+        self._require_model()
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self.dof, "bandwidth"))
         weight = typical_inertia(self.model.mechanism) if self.weight is None else self.weight
         object.__setattr__(self, "weight", positive_per_joint(weight, self.dof, "weight"))

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.control.model_based import BranchState, ModelBased, embedded_parameters
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 
@@ -40,9 +39,9 @@ class ComputedTorque(ModelBased):
     parameters: Array | None = None
 
     def __post_init__(self) -> None:
+        self._require_mechanism()
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self.dof, "bandwidth"))
-        if not (np.isfinite(self.damping_ratio) and self.damping_ratio > 0.0):
-            raise InputError(f"damping ratio: expected a positive number, got {self.damping_ratio}")
+        positive_number(self.damping_ratio, "damping ratio: expected a positive number")
         self._settle()
 
     @classmethod

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked
+from adaptctl.arrays import Array, numbers, vectors
 from adaptctl.caching import cached_property, replaced_by
 from adaptctl.compilation import Kernel
 from adaptctl.compilation.builtin import Finite, Form, Place, has_builtins
@@ -188,7 +188,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     def _step_any(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
         """A tick on whatever is like arrays, of one arm or many."""
-        if np.ndim(p) > 1:
+        if numbers(p, f"{type(self).__name__}: p").ndim > 1:
             return self._step_many(state, p, v, reference)
         given = Given(type(self).__name__, self._given_sizes).arrays((p, v, *reference))
         columns = given[0], given[1], ReferencePoint(*given[2:])
@@ -361,8 +361,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return equation
 
     def _measured(self, values: ArrayLike, what: str, size: int | None = None) -> Array:
-        array = np.atleast_1d(np.asarray(values))
-        return checked(array, self.dof if size is None else size, f"{type(self).__name__}: {what}")
+        return vectors(values, self.dof if size is None else size, f"{type(self).__name__}: {what}")
 
     def _blame(
         self, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, made: ArrayLike = 0.0, what: str = "torque"

@@ -14,7 +14,8 @@ from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.hold import require_period
 from adaptctl.control.memory import leaves
 from adaptctl.control.ringing import Ringing
-from adaptctl.errors import InputError
+from adaptctl.dynamics.closed_positions import ClosedPositions
+from adaptctl.errors import InputError, require_kind
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
 
@@ -121,6 +122,9 @@ class Guarded(Controller[GuardedState]):
     velocity_limits: ArrayLike = np.inf
 
     def __post_init__(self) -> None:
+        require_kind(self.of, Controller, "guarded", "as SlotineLi(...) is one")
+        if not isinstance(self.freeze, bool):
+            raise InputError(f"freeze: expected True or False, got {self.freeze!r}")
         for name in ("torque_limits", "rate_limits", "velocity_limits"):
             object.__setattr__(self, name, _limits(getattr(self, name), self.dof, name))
         own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping
@@ -181,7 +185,7 @@ class Guarded(Controller[GuardedState]):
         control period. NaN and infinity raise nothing: the wrapped law is given 0 in their place, and the arm is
         braked. Shapes are not checked here: the method `step` checks them."""
         given = (p, v, *reference)
-        clean = [Column(where(_finite(x), x, 0.0) for x in part) for part in given]
+        clean = list(map(_cleaned, given))
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
         after, bounded = self._bounded(after)
         sound = _sound((*given, torque, *leaves(after)))
@@ -288,6 +292,14 @@ def _bounds(law: Controller[Any], bounds: object) -> tuple[Array, Array]:
 
 def _finite(x: Scalar) -> Condition:
     return absolute(x) <= LARGEST
+
+
+def _cleaned(part: Column) -> Column:
+    """The numbers with 0 for those that are not finite, and so the closed configuration, if they come with one."""
+    clean = Column(where(_finite(x), x, 0.0) for x in part)
+    if isinstance(part, ClosedPositions):
+        return ClosedPositions(clean, _cleaned(part.configuration), part.equations)
+    return clean
 
 
 def _sound(columns: Iterable[Column]) -> Condition:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.control.controller import Controller
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import require_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 
@@ -34,9 +35,14 @@ class ModelBased(Controller[BranchState]):
 
     def _settle(self) -> None:
         """Check the parameters, the mechanism's own unless given, and freeze them."""
+        self._require_mechanism()
         own = self.mechanism.inertial_parameters
         given = frozen_array(own if self.parameters is None else self.parameters, own.shape, "parameters")
         object.__setattr__(self, "parameters", given)
+
+    def _require_mechanism(self) -> None:
+        """Raise `InputError` for what is no mechanism, such as a robot's name."""
+        require_kind(self.mechanism, Mechanism, type(self).__name__, "as load(...) gives one")
 
     @property
     def dof(self) -> int:

@@ -48,6 +48,7 @@ class PDGravity(ModelBased):
     parameters: Array | None = None
 
     def __post_init__(self) -> None:
+        self._require_mechanism()
         for name in ("stiffness", "damping"):
             object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name))
         self._settle()

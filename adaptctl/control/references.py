@@ -178,7 +178,8 @@ class Sinusoids:
         terms = np.atleast_2d(numbers(self.amplitude, "amplitude")).shape[0]
         for name in ("amplitude", "frequency", "phase"):
             given = getattr(self, name)
-            rows = np.zeros((terms, center.size)) if given is None else np.atleast_2d(numbers(given, name))
+            blank = given is None and name == "phase"
+            rows = np.zeros((terms, center.size)) if blank else np.atleast_2d(numbers(given, name))
             object.__setattr__(self, name, frozen_array(rows, (terms, center.size), name))
         if not 0.0 <= real_number(self.start_time, "start_time") < math.inf:
             raise InputError(f"start_time: expected a finite time of at least 0 s, got {self.start_time}")
@@ -186,8 +187,8 @@ class Sinusoids:
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
         velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
-        numbers = SinusoidNumbers(*(Column(values.tolist()) for values in self.numbers))
-        point = sinusoids_at(np.asarray(t, dtype=np.float64), numbers)
+        own = SinusoidNumbers(*(Column(values.tolist()) for values in self.numbers))
+        point = sinusoids_at(numbers(t, "reference: time"), own)
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
     def at(self, t: float) -> ReferencePoint:
@@ -244,7 +245,7 @@ class Spline:
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
         velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2). Raises `MissingExtraError` without SciPy."""
-        time = np.asarray(t, dtype=np.float64)
+        time = numbers(t, "reference: time")
         inside = np.clip(time, self.times[0], self.times[-1])
         resting = ((time < self.times[0]) | (time > self.times[-1]))[..., None]
         p, v, a = (curve(inside) for curve in self._curves)
@@ -314,7 +315,7 @@ class MinimumJerk:
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
         velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
-        time = np.asarray(t, dtype=np.float64)
+        time = numbers(t, "reference: time")
         stretch = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2)
         start, length = self.times[stretch], np.diff(self.times)[stretch][..., None]
         fade, slope, bend = quintic((time - start)[..., None] / length)
@@ -341,13 +342,13 @@ class MinimumJerk:
 
 @dataclass(frozen=True, eq=False)
 class Halted:
-    """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then comes to rest along its path
-    within `over` (s; 1 by default), and stays there. It excites an adaptive controller for a limited interval.
+    """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then along its path to rest within
+    `over` (s; 1 by default), and stays there. It excites an adaptive controller for an interval, and no longer.
 
     After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
     1 to 0, so that positions, velocities and accelerations stay continuous. Called with times t (...) in s, it returns
-    a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for a `stop` below 0, an `over` that
-    is not positive, and for either that is no number or not finite.
+    a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for a negative stop, an `over` that
+    is not positive, either no number or not finite, and for what is no function of time.
     """
 
     of: Reference
@@ -355,6 +356,8 @@ class Halted:
     over: float = 1.0
 
     def __post_init__(self) -> None:
+        if not callable(self.of):
+            raise InputError(f"halted: expected a reference, a function of time, got {self.of!r}")
         stop, over = (real_number(getattr(self, name), f"halted: {name}") for name in ("stop", "over"))
         if not (0.0 <= stop < math.inf and 0.0 < over < math.inf):
             raise InputError(
@@ -365,7 +368,7 @@ class Halted:
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point at times `t` (...) in s: positions, velocities and accelerations in the shapes and units
         of the reference that is halted."""
-        time = np.asarray(t, dtype=np.float64)
+        time = numbers(t, "reference: time")
         u = np.clip((time - self.stop) / self.over, 0.0, 1.0)
         fallen, slope, _ = quintic(u)
         gone = u**4 * (2.5 + u * (u - 3.0))  # the integral of the step

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, numbers
 from adaptctl.errors import InputError
 
 
@@ -18,13 +18,8 @@ def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tu
     `ValueError` for more or fewer `values` than `sizes`."""
     columns = {}
     for (name, size), given in zip(sizes.items(), values, strict=True):
-        try:
-            numbers = np.asarray(given, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{name}: expected numbers, got {given!r}") from error
-        if numbers.shape not in ((*arms, size), (size,)):
-            raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {numbers.shape}")
-        columns[name] = numbers.reshape(-1, size) if numbers.ndim > 2 else numbers
+        array = _for_arms(numbers(given, name), size, arms, name)
+        columns[name] = array.reshape(-1, size) if array.ndim > 2 else array
     return columns
 
 
@@ -33,6 +28,12 @@ def row_each(array: Array, arms: tuple[int, ...], name: str) -> Array:
     `array` itself where that has this shape, and a read-only view, repeated for all arms, of an `array` (n,). Raises
     `InputError` for another shape; `name` is the numbers' name in its message."""
     size = array.shape[-1]
+    array = _for_arms(array, size, arms, name)
+    return array if array.shape[:-1] == arms else np.broadcast_to(array, (*arms, size))
+
+
+def _for_arms(array: Array, size: int, arms: tuple[int, ...], name: str) -> Array:
+    """The array itself, (..., n) of each of the arms or (n,) for all. Raises `InputError` for another shape."""
     if array.shape not in ((*arms, size), (size,)):
         raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {array.shape}")
-    return array if array.shape[:-1] == arms else np.broadcast_to(array, (*arms, size))
+    return array

@@ -81,6 +81,7 @@ class SlotineLi(AdaptiveController):
     prior: ArrayLike | None = None
 
     def __post_init__(self) -> None:
+        self._require_model()
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self._coordinates, "bandwidth"))
         object.__setattr__(self, "damping", positive_per_joint(self.damping, self.dof, "damping"))
         self._settle()

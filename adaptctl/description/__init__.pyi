@@ -2,9 +2,9 @@ from adaptctl.description.description import GROUND as GROUND
 from adaptctl.description.description import Description as Description
 from adaptctl.description.description import Joint as Joint
 from adaptctl.description.description import JointKind as JointKind
-from adaptctl.description.description import Limits as Limits
 from adaptctl.description.description import Link as Link
 from adaptctl.description.description import depth_first as depth_first
+from adaptctl.description.limits import Limits as Limits
 from adaptctl.description.loops import Closure as Closure
 from adaptctl.description.loops import ClosureKind as ClosureKind
 from adaptctl.description.loops import Condition as Condition

@@ -6,17 +6,18 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array, whole_number
+from adaptctl.arrays import Array, frozen_array, whole_count, whole_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
+from adaptctl.description.limits import Limits
 from adaptctl.description.pose import Pose
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.files import hashed
 
 if TYPE_CHECKING:
@@ -55,38 +56,23 @@ class JointKind(Enum):
         return "N m" if self.turns else "N"
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits of a joint: its position range `lower` to `upper` (rad, or m if prismatic), greatest speed `velocity`
-    (rad/s, or m/s) and greatest torque or force `effort` (N m, or N), each infinite, so no limit, by default. Raises
-    `InputError` unless lower < upper and the others are positive."""
-
-    lower: float = -math.inf
-    upper: float = math.inf
-    velocity: float = math.inf
-    effort: float = math.inf
-
-    def __post_init__(self) -> None:
-        if not self.lower < self.upper:
-            raise InputError(f"position limits: expected lower < upper, got {self.lower} and {self.upper}")
-        if not (self.velocity > 0.0 and self.effort > 0.0):
-            raise InputError(f"limits: expected positive velocity and effort, got {self.velocity}, {self.effort}")
-
-
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint of one coordinate called `name`: a rotation about or a translation along `axis` (3,), in the joint's
-    frame, of any length, kept as a unit vector, z by default. Its `kind` is by default revolute, its `limits` are
-    infinite, its `drive` without terms. Raises `InputError` for an axis not (3,), not finite or shorter than 1e-9."""
+    """A joint called `name`, of one coordinate, about or along `axis` (3,), by default z, in the joint's frame, of any
+    length and made a unit vector. It has a `kind`, by default revolute, `limits`, by default none, and a `drive`, by
+    default without rotor and friction. Raises `InputError` for another `kind` than a `JointKind` and for an axis not
+    (3,), shorter than 1e-9 or not finite."""
 
     name: str
     kind: JointKind = JointKind.REVOLUTE
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    limits: Limits = Limits()
+    limits: Limits = field(default_factory=Limits)
     drive: Drive = field(default_factory=Drive)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.kind, JointKind):
+            raise InputError(f"joint {self.name!r}: kind: expected a JointKind, such as REVOLUTE, got {self.kind!r}")
         axis = frozen_array(self.axis, (3,), f"joint {self.name!r}: axis")
         norm = math.hypot(*axis) if np.abs(axis).max() > 1e100 else float(np.linalg.norm(axis))
         if not 1e-9 <= norm < math.inf:
@@ -117,6 +103,7 @@ class Link:
     massless: bool = False
 
     def __post_init__(self) -> None:
+        whole_count(self.parent, f"link {self.name!r}: parent", GROUND)
         object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
         if np.abs(self.inertia).max() > LARGEST_INERTIA:
             raise InputError(f"link {self.name!r}: expected inertial parameters of at most {LARGEST_INERTIA:g}")
@@ -152,6 +139,8 @@ class Description:
             )
         if not self.links:
             raise InputError(f"{self.name}: a mechanism needs at least one movable link")
+        for each in self.links:
+            require_kind(each, Link, f"{self.name}: links", "as Link(...) is one")
         _require_unique([link.name for link in self.links], f"{self.name}: link")
         _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
         _require_depth_first(self.name, self.parents)
@@ -284,11 +273,15 @@ class Description:
         return replace(self, links=tuple(links))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
-        """A copy of this description with other drives (rotor inertia and friction), one for all joints or one each in
-        order. Raises `InputError` for another number of drives, and for one that turns with unknown joints."""
-        each = [drives] * len(self.links) if isinstance(drives, Drive) else list(drives)
+        """Description of the same mechanism with other drives (rotor inertia and friction), one for all joints or one
+        each in order. Raises `InputError` for another number of drives, for what is no drive, and for one that turns
+        with unknown joints."""
+        several = isinstance(drives, Iterable) and not isinstance(drives, str)
+        each: list[Any] = list(drives) if several else [drives] * len(self.links)  # type: ignore[arg-type]
         if len(each) != len(self.links):
             raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
+        if odd := [drive for drive in each if not isinstance(drive, Drive)]:
+            raise InputError(f"{self.name}: drives: expected Drives, got {odd[0]!r}")
         pairs = zip(self.links, each, strict=True)
         links = tuple(replace(link, joint=replace(link.joint, drive=drive)) for link, drive in pairs)
         return replace(self, links=links)

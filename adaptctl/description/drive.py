@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
@@ -75,7 +75,9 @@ class Drive:
             if value is not None and not least <= real_number(value, kind.value) <= LARGEST_TERM:
                 allowed = f"of at least {least:g} and at most {LARGEST_TERM:g}"
                 raise InputError(f"{kind.value}: expected a finite number {allowed}, got {value}")
-        object.__setattr__(self, "turns_with", tuple((name, float(ratio)) for name, ratio in self.turns_with))
+        if isinstance(self.turns_with, str) or not isinstance(self.turns_with, Iterable):
+            raise InputError(f"turns_with: expected pairs of a joint's name and a ratio, got {self.turns_with!r}")
+        object.__setattr__(self, "turns_with", tuple(map(_pair, self.turns_with)))
         for name, ratio in self.turns_with:
             if not (math.isfinite(ratio) and ratio != 0.0):
                 raise InputError(f"turns_with: {name}: expected a finite ratio other than 0, got {ratio}")
@@ -92,3 +94,11 @@ class Drive:
         modelled. Nothing is raised."""
         value: float | None = getattr(self, kind.value)
         return value
+
+
+def _pair(given: object) -> tuple[str, float]:
+    """The name of a joint and the ratio in which a shaft turns with it."""
+    name, ratio = given if isinstance(given, tuple | list) and len(given) == 2 else (None, None)
+    if not isinstance(name, str):
+        raise InputError(f"turns_with: expected pairs of a joint's name and a ratio, got {given!r}")
+    return name, real_number(ratio, f"turns_with: {name}")

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from adaptctl.arrays import real_number
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError, NotFoundError
 
@@ -70,6 +71,8 @@ class Coupling:
     def __post_init__(self) -> None:
         if self.follower == self.leader:
             raise InputError(f"coupling {self.name!r}: joint {self.follower!r} cannot follow itself")
+        for name in ("ratio", "offset"):
+            object.__setattr__(self, name, real_number(getattr(self, name), f"coupling {self.name!r}: {name}"))
         if not (np.isfinite(self.ratio) and np.isfinite(self.offset)) or self.ratio == 0.0:
             raise InputError(
                 f"coupling {self.name!r}: expected a finite ratio other than zero and a finite offset, "
@@ -94,7 +97,10 @@ class Condition:
     upper: float = np.inf
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "weights", MappingProxyType(dict(self.weights)))
+        given = {joint: real_number(x, f"condition {self.name!r}: weight") for joint, x in self.weights.items()}
+        object.__setattr__(self, "weights", MappingProxyType(given))
+        for name in ("lower", "upper"):
+            object.__setattr__(self, name, real_number(getattr(self, name), f"condition {self.name!r}: {name}"))
         if not self.weights or not all(np.isfinite(w) for w in self.weights.values()):
             raise InputError(f"condition {self.name!r}: expected finite weights of at least one joint")
         if not self.lower < self.upper:
@@ -103,17 +109,17 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loop constraints of a mechanism: closures, couplings and primary joints that turn a tree of links into a
-    mechanism with loops.
+    """The loops of a mechanism: the closures, couplings and primary joints that make a mechanism with loops of a tree
+    of links.
 
     `primary` names the primary (independent) joints, which are driven and whose positions describe the motion; the
     others follow. `closures` and `couplings` are the constraints between links and between joints, by default none.
-    `reference` gives the configuration (rad, m if prismatic, by joint name, zero where not given) from which the motion
-    is followed, and so the assembly branch, which of several ways to close the loops is meant; the values of joints
-    that are not primary only start the Newton iteration that closes the loops there. `conditions`, by default none,
-    bound weighted sums of primary joints' positions. Raises `InputError` for no primary joint, neither closures nor
-    couplings, a closure's, coupling's, follower's or primary joint's name given twice, a follower that is primary or
-    leads another, and a condition on a joint that is not primary.
+    `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
+    followed, and so the assembly branch, which of several ways to close the loops is meant; in it, joints that are not
+    primary need only be near enough for the loops to close. `conditions`, by default none, bound where the mechanism
+    may work. Raises `InputError` for no primary joint, a text instead of names, neither closures nor couplings, a
+    closure's, coupling's, follower's or primary joint's name given twice, a follower that is primary or leads another,
+    and a condition on a joint that is not primary.
     """
 
     primary: tuple[str, ...]
@@ -123,6 +129,8 @@ class Loops:
     conditions: tuple[Condition, ...] = ()
 
     def __post_init__(self) -> None:
+        if isinstance(self.primary, str):
+            raise InputError(f"loops: primary: expected names of joints, got the text {self.primary!r}")
         for name in ("primary", "closures", "couplings", "conditions"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "reference", MappingProxyType(dict(self.reference)))

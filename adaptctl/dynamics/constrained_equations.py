@@ -102,6 +102,12 @@ class ConstrainedEquations(Equations):
         Torques and energies then have a contribution for which regressors in the free parameters z have no columns."""
         return any(self.known)
 
+    @property
+    def closing_numbers(self) -> object:
+        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared; None for a
+        tree. Constraints on parameters do not change them."""
+        return self.whole.closing_numbers
+
     def closed(self, p: Column, guess: Column) -> Column:
         """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
         primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a

@@ -110,6 +110,12 @@ class Equations(ABC):
         then have a contribution of these parameters for which regressors have no columns."""
         return False
 
+    @property
+    def closing_numbers(self) -> object:
+        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared: equations with
+        equal ones close their loops alike. None for a tree."""
+        return None
+
     @abstractmethod
     def closed(self, p: Column, guess: Column) -> Column:
         """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r

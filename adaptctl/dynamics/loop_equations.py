@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import islice
+from typing import Any
 
+from adaptctl.caching import cached_property
 from adaptctl.dynamics.closed_positions import ClosedPositions
 from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.loops.constraint import Closing
@@ -15,7 +17,7 @@ from adaptctl.dynamics.loops.posture import Following, Posture
 from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
 from adaptctl.dynamics.tree_equations import TreeEquations, TreeMotion
-from adaptctl.scalars import Column, Scalar
+from adaptctl.scalars import Column, Mat, Scalar, Vec
 
 NEWTON_STEPS = 3
 """From a configuration at most 0.05 rad away."""
@@ -117,13 +119,19 @@ class LoopEquations(Equations):
         round-off. Arguments are not checked: where the loops stay open, nothing is raised; too short a p or guess
         raises `ValueError` or `IndexError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats.
         """
-        if isinstance(p, ClosedPositions) and p.equations is self and self.rules:
+        if isinstance(p, ClosedPositions) and self.rules and p.equations.closing_numbers == self.closing_numbers:
             return p.configuration
         entries = dict(zip(self.closing.primary, p, strict=True))
         q = Column(entries.get(i, guess[i]) for i in range(self.joints))
         for _ in range(1 if self.rules else NEWTON_STEPS):
             q = self.projected(q)
         return q
+
+    @cached_property
+    def closing_numbers(self) -> object:
+        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared: the links'
+        geometry, the closure conditions and the rules."""
+        return content((self.tree.segments, self.closing, self.rules))
 
     def projected(self, q: Column) -> Column:
         """A configuration (n,) of the tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions of the
@@ -278,3 +286,11 @@ class LoopEquations(Equations):
         u = posture.tree(v)
         w = u if v is v_r else posture.tree(v_r)
         return LoopMotion(posture, self.tree.motion(q, u, w, posture.tree(a_r) + posture.bias(u, w)))
+
+
+def content(value: Any) -> Any:
+    """Numbers, texts and kinds that a `value` is made of, nested as in it, to be compared: of dataclasses, tuples,
+    `Vec` and `Mat`, each as a tuple; any other value is returned as it is."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value), *(content(getattr(value, entry.name)) for entry in fields(value))
+    return tuple(map(content, value)) if isinstance(value, tuple | Vec | Mat) else value

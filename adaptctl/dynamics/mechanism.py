@@ -18,7 +18,7 @@ from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.parameter_layout import required_columns
 from adaptctl.dynamics.tree_equations import TreeEquations
-from adaptctl.errors import InputError, LoopError
+from adaptctl.errors import InputError, LoopError, require_kind
 from adaptctl.markup import table, titled
 from adaptctl.packages import needed
 
@@ -38,9 +38,10 @@ class Mechanism:
     prismatic). Equations run in Python for 50 calls or 25000 samples, then natively. Methods raise `InputError` on a
     wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, and `SingularityError`
     near singularities of loops, where their smallest singular value is below 0.05 of that at the reference;
-    construction checks nothing."""
+    construction `InputError` for no `Description`."""
 
     def __init__(self, description: Description) -> None:
+        require_kind(description, Description, "mechanism", "as read(...) gives one; load(...) gives mechanisms")
         self.description = description
 
     def __repr__(self) -> str:
@@ -48,21 +49,21 @@ class Mechanism:
 
     def _repr_html_(self) -> str:
         """Notebook's view of the mechanism: a table with a row a link."""
-        heads, links = ("link", "parent", "joint", "kind", "limits", "effort", "mass [kg]"), self.links
+        heads = ("link", "parent", "joint", "kind", "limits", "effort", "mass [kg]")
         rows = [
             (
                 link.name,
-                links[link.parent].name if link.parent >= 0 else "ground",
+                self.links[link.parent].name if link.parent >= 0 else "ground",
                 link.joint.name,
                 link.joint.kind.value,
                 f"{link.joint.limits.lower:.4g} to {link.joint.limits.upper:.4g}",
                 f"{link.joint.limits.effort:.4g}",
                 f"{link.inertia[0]:.4g}",
             )
-            for link in links
+            for link in self.links
         ]
-        sizes = f"{len(links)} links, {self.dof} degrees of freedom, {len(self.parameter_names)} parameters"
-        return titled(self.name, sizes) + table(heads, rows)
+        text = f"{len(self.links)} links, {self.dof} degrees of freedom, {len(self.parameter_names)} parameters"
+        return titled(self.name, text) + table(heads, rows)
 
     @cached_property
     def _arrays(self) -> ArrayEquations:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,9 +70,11 @@ class ParameterLayout(NamedTuple):
 
 
 def required_columns(columns: Sequence[int], known: int, name: str) -> Sequence[int]:
-    """The parameter indices `columns`, unchanged, after a check of each. Raises `InputError`, whose message begins with
-    the mechanism's `name`, for an entry that is not a whole number from 0 to `known` - 1, `known` being the number of
-    parameters."""
+    """The given parameter indices `columns`, unchanged, once they are checked. Raises `InputError`, whose message
+    begins with the mechanism's `name`, for what is no sequence and for an entry that is not a whole number from 0 to
+    `known` - 1, `known` being the number of parameters."""
+    if not isinstance(columns, Iterable):
+        raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {columns!r}")
     for c in columns:
         if not ((type(c) is int or isinstance(c, np.integer)) and 0 <= c < known):
             raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {c!r}")

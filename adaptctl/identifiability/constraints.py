@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, numbers, real_number
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
-from adaptctl.errors import FileError, InputError, NotFoundError, printable
+from adaptctl.errors import FileError, InputError, NotFoundError, printable, require_kind
 from adaptctl.files import read_toml
 from adaptctl.identifiability.priority import Priority, or_default, suggestion
 from adaptctl.identifiability.sampling import characteristic_length
@@ -152,8 +152,8 @@ def constrained(
     parameter twice, and a mechanism that is constrained already. Raises `NotFoundError` for a parameter, of constraints
     or priority, that the mechanism does not have, or that is friction.
     """
-    if not isinstance(constraints, Constraints):
-        raise InputError(f"constraints: expected Constraints(...), got {constraints!r:.80}")
+    require_kind(mechanism, Mechanism, "constrained", "as load(...) gives one")
+    require_kind(constraints, Constraints, "constrained", "as Constraints({...}) is one")
     names = mechanism.parameter_names[: mechanism.energetic]
     A, b = _system(constraints.every, names)
     scales = length_scales(names, characteristic_length(mechanism))

@@ -14,7 +14,7 @@ from adaptctl.arrays import Array, checked, frozen_array, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, printable
+from adaptctl.errors import InputError, printable, require_kind
 from adaptctl.identifiability.certificate import Certificate
 from adaptctl.identifiability.energetic_names import energetic_names
 from adaptctl.identifiability.factorisation import right_vectors, singular_values
@@ -201,6 +201,7 @@ def essential_space(
     a `method` that is unknown or not for this mechanism, for another `near`, `prove` or `seed`, for `samples` that are
     too few or no whole number, and for `states` that are no `States`, or of another number of joints.
     """
+    require_kind(mechanism, Mechanism, "essential_space", "as load(...) gives one")
     seed = whole_number(seed, "seed", 0, 2**32 - 1)
     given = None if states is None else partial(_same, _triangle(mechanism, states))
     search = Search(mechanism, method, near, _proof_asked(prove), _sample_count(samples, mechanism.energetic), seed)

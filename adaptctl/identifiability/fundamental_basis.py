@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, frozen_array, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation.result_cache import kept
-from adaptctl.errors import FileError, InputError, RankError, printable
+from adaptctl.errors import FileError, InputError, RankError, printable, require_kind
 from adaptctl.identifiability.basis_file import BasisFile, Robot
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority, or_default
@@ -165,6 +165,7 @@ def fundamental_basis(
     very nearly depend on each other. Raises `InputError` for another tolerance, and for a `priority` that is no
     `Priority`, or whose names are given twice or (`NotFoundError`) unknown.
     """
+    require_kind(space, EssentialSpace, "fundamental_basis", "as essential_space(mechanism) gives one")
     order = or_default(priority).indices(space.parameter_names)
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]
     chosen = kept("fundamental basis", inputs, Chosen, lambda: _chosen(space, order, tolerance, prove))

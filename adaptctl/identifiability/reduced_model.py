@@ -15,7 +15,7 @@ from adaptctl.compilation.result_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equation import ArrayEquation, OnArrays
 from adaptctl.dynamics.array_equations import ArrayEquations
-from adaptctl.errors import InputError, printable
+from adaptctl.errors import InputError, printable, require_kind
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 from adaptctl.scalars import Column, Keyed, spread
 
@@ -38,6 +38,7 @@ class ReducedModel(Keyed):
     basis: FundamentalBasis | None
 
     def __post_init__(self) -> None:
+        require_kind(self.mechanism, Mechanism, "reduced model", "as load(...) gives one")
         if self.basis is None:
             return
         if not isinstance(self.basis, FundamentalBasis):
@@ -45,8 +46,8 @@ class ReducedModel(Keyed):
         geometry = self.mechanism.geometry_sha256
         if self.basis.geometry_sha256 != geometry:
             raise InputError(
-                f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity or link names are "
-                f"not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
+                f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity, link names or "
+                f"constraints are not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
             )
         _require_energies(self.mechanism, self.basis)
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen, frozen_array, real_number, whole_number
 from adaptctl.caching import sent_as_made
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.identifiability.essential_space import EssentialSpace
 
 
@@ -79,6 +79,7 @@ def reduce(
     given, the other None; for an `energy_error` below 0, not finite or no number, and `components` out of range or no
     whole number; and for parameters of a wrong shape, not finite, or without energy differences between the states.
     """
+    require_kind(space, EssentialSpace, "reduce", "as essential_space(mechanism) gives one")
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")
     if isinstance(parameters, Mechanism):

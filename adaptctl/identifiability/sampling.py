@@ -14,7 +14,7 @@ from adaptctl.description import GROUND
 from adaptctl.description.description import STANDARD_GRAVITY
 from adaptctl.description.pose import Pose
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.identifiability.branch import positions_on_branch, reachable_positions
 
 MOST = 4096
@@ -86,6 +86,7 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     reference configuration, within limits and away from singularity (see `positions_on_branch`): beyond, another branch
     may have another rank.
     """
+    require_kind(mechanism, Mechanism, "random_states", "as load(...) gives one")
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
@@ -151,6 +152,7 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     fewer than two samples, and for a seed that is not a whole number from 0 to 2^32 - 1, `LoopError` where loops cannot
     be closed.
     """
+    require_kind(mechanism, Mechanism, "states_within_limits", "as load(...) gives one")
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     generator = np.random.default_rng(whole_number(seed, "seed", 0, 2**32 - 1))
     length, turns = characteristic_length(mechanism), _turns(mechanism)

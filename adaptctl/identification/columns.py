@@ -10,7 +10,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives, MotorEntry
 from adaptctl.identification.reading.table import LogTable
-from adaptctl.identification.units import Units
+from adaptctl.identification.units import POSITION, TIME, TORQUE, VELOCITY, Units
 
 KNOWN = (
     {"position": "position.{joint}", "torque": "effort.{joint}", "velocity": "velocity.{joint}"},
@@ -20,7 +20,8 @@ KNOWN = (
     {"position": "{joint}_position", "torque": "{joint}_torque", "velocity": "{joint}_velocity"},
 )
 """Patterns of column names that are understood by themselves: of ROS messages, of our own runs, and usual ones."""
-WHAT = ("time", "position", "torque", "velocity")
+FACTORS = {"time": TIME, "position": POSITION, "torque": TORQUE, "velocity": VELOCITY}
+WHAT = tuple(FACTORS)
 
 
 def joint_columns(
@@ -39,8 +40,9 @@ def joint_columns(
     "{joint}_position" with "{joint}_torque", and "time"; velocities are left out where the log has none. `units` gives
     symbols, such as "deg" or "N m", by the same four keys; where they are not given, the units that the log itself
     states are taken. Raises `InputError` for other keys, for columns of time, positions or torques that are not found,
-    for units that are unknown or stated nowhere, and for units of torque that are none (A, mA, %, 1), which need torque
-    constants; `FileError`, a subclass of it, for given names of columns that do not exist.
+    for units that are unknown, stated nowhere or of different factors to SI units among the columns of one kind, and
+    for units of torque that are none (A, mA, %, 1), which need torque constants; `FileError`, a subclass of it, for
+    given names of columns that do not exist.
     """
     given, stated = _checked("columns", columns), _checked("units", units)
     joints = [joint.name for joint in mechanism.primary_joints]
@@ -103,14 +105,22 @@ def _require(log: LogTable, what: str, names: list[str]) -> None:
         log.column(name, what)
 
 
+def _one_of(symbols: list[str], what: str, source: str) -> str:
+    """One of several units of the same factor to SI units, such as rad and m. Raises `InputError` for others."""
+    factors = {FACTORS[what].get(symbol.replace("Nm", "N m"), symbol) for symbol in symbols}
+    if len(factors) > 1:
+        raise InputError(f"{source}: its columns of {what} are in {', '.join(symbols)}: convert them to SI units")
+    return symbols[0]
+
+
 def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> Units:
     """Units as stated, by the caller or by the log itself. Raises `InputError` naming all that are not, and for
     torques that are only proportional to one."""
     units = dict(stated)
     for what, columns in names.items():
-        own = {log.units.get(name, "") for name in columns}
-        if what not in units and len(own) == 1 and own != {""}:
-            units[what] = own.pop()
+        own = sorted({log.units.get(name, "") for name in columns})
+        if what not in units and "" not in own:
+            units[what] = _one_of(own, what, log.source)
     if missing := [what for what in names if what not in units]:
         examples = {"time": "s", "position": "rad", "torque": "'N m'", "velocity": "rad/s"}
         raise InputError(

@@ -66,14 +66,19 @@ CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES
 
 
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
-    """A copy of the `mechanism`, without constraints on parameters, with a rotor and every kind of friction in the
-    drive of each primary (independent) joint, all zero, and the drives coupled with other joints by the transmission of
-    `drives`. Other joints keep their drives. Raises `InputError` for drives that turn with joints unknown to the
-    mechanism, or in ratios that overflow."""
+    """The mechanism, a `Mechanism`, with a rotor and every kind of friction in the drive of each primary (independent)
+    joint, all zero, and the drives coupled with other joints as `drives` (transmission) has them. Other joints keep
+    their drives. Raises `InputError` for drives that turn with joints unknown to the mechanism, or in ratios too large
+    for numbers, and for a mechanism under linear constraints on its parameters, which a fit would not keep to."""
+    if mechanism.unconstrained is not mechanism:
+        raise InputError(
+            f"{mechanism.name}: an identification cannot keep to the relations among its parameters: give "
+            "`mechanism.unconstrained`"
+        )
     terms = dict.fromkeys(DriveParameter, 0.0)
     own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.on_joints(), strict=True)}
     each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]
-    return mechanism.unconstrained.with_drives(each)
+    return mechanism.with_drives(each)
 
 
 def load_columns(

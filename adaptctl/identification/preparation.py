@@ -219,8 +219,9 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
         limits, low, high = joint.limits, float(position[:, j].min()), float(position[:, j].max())
         if fastest[j] > TOO_FAST * limits.velocity:
             raise InputError(
-                f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} rad/s, its robot at most at "
-                f"{limits.velocity:.3g}: are the positions in deg, the time in ms, or is the gear ratio wrong?"
+                f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, its robot at "
+                f"most at {limits.velocity:.3g}: are the positions in {'deg' if joint.kind.turns else 'mm'}, the time "
+                "in ms, or is the gear ratio wrong?"
             )
         if low < limits.lower - TOO_FAR or high > limits.upper + TOO_FAR:
             raise InputError(
@@ -231,8 +232,8 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
         if strongest > TOO_FAST * limits.effort:
             raise InputError(
-                f"{source}: joint {joint.name!r} takes {strongest:.3g} N m, its robot at most {limits.effort:.3g}: are "
-                "the unit of torque, the torque constant and the gear ratio right?"
+                f"{source}: joint {joint.name!r} takes {strongest:.3g} {joint.kind.effort_unit}, its robot at most "
+                f"{limits.effort:.3g}: are the unit of torque, the torque constant and the gear ratio right?"
             )
     return "positions, speeds and torques are within the robot's limits"
 

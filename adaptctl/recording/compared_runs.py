@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import per_joint
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NotFoundError
+from adaptctl.errors import InputError, NotFoundError, require_kind
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
 from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.simulation.run import Rollout
@@ -50,6 +50,7 @@ def compared_runs(
     if not runs:
         raise InputError("compared_runs: expected at least one run")
     for label, rollout in runs.items():
+        require_kind(rollout, Rollout, f"run {label!r}", "as simulate(...) gives one")
         if not len(rollout.time):
             raise InputError(f"run {label!r}: expected at least one sample, got none")
     if adaptation_off is not None and adaptation_off not in runs:

@@ -12,10 +12,11 @@ from adaptctl.arrays import Array, checked, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit, position_units
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.markup import table, titled
-from adaptctl.recording.units import error_unit, position_units, torque_units
+from adaptctl.recording.units import torque_units
 from adaptctl.recording.verdict import Failure
 from adaptctl.simulation.run import Rollout
 

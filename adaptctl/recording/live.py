@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import positive_number
 from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError, NonFiniteError
+from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError, NonFiniteError, require_kind
 from adaptctl.files import require_place
 from adaptctl.packages import viewer_program
 
@@ -62,6 +62,7 @@ class Live:
         start_viewer: bool = True,
         inline: bool = False,
     ) -> None:
+        require_kind(mechanism, Mechanism, "live view", "as load(...) gives one")
         self._pause = 1.0 / positive_number(rate, "rate: expected a positive number of samples a second")
         self._dof, self._latest = mechanism.dof, -np.inf
         self.sent, self.dropped = 0, 0

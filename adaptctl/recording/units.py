@@ -5,28 +5,25 @@ from __future__ import annotations
 from adaptctl.dynamics import Mechanism
 
 
-def position_units(mechanism: Mechanism) -> tuple[str, ...]:
-    """Units of position of a mechanism's r primary (independent) joints, r texts in their order: "rad", or "m" for a
-    prismatic joint. Nothing is raised."""
-    return tuple(joint.kind.position_unit for joint in mechanism.primary_joints)
-
-
 def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
     """Units of torque of a mechanism's r primary (independent) joints, r texts in their order: "N·m", or "N" for a
     prismatic joint's force. Nothing is raised."""
     return tuple(typeset(joint.kind.effort_unit) for joint in mechanism.primary_joints)
 
 
-def error_unit(mechanism: Mechanism) -> str:
-    """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own: "mrad",
-    "mm", or "mrad or mm" where its primary (independent) joints are of both kinds. Nothing is raised."""
-    return " or ".join(f"m{unit}" for unit in sorted(set(position_units(mechanism)), reverse=True))
-
-
 def torque_error_unit(mechanism: Mechanism) -> str:
     """Unit, as text, of a torque error over all primary (independent) joints of a mechanism: "N·m", "N" where all are
     prismatic, or "N·m or N" where joints are of both kinds. Nothing is raised."""
     return " or ".join(sorted(set(torque_units(mechanism)), reverse=True))
+
+
+def coupling_unit(mechanism: Mechanism) -> str:
+    """Unit, as text, of the entries off the diagonal of a mechanism's mass matrix, over all pairs of its primary
+    (independent) joints: "kg m²" where all turn or there is one joint alone, "kg" where all are prismatic, "kg m" where
+    one is and one is not, and those that there are, joined by "or", for more joints of both kinds."""
+    turns = [joint.kind.turns for joint in mechanism.primary_joints]
+    found = {first + second for i, first in enumerate(turns) for second in turns[:i]}
+    return " or ".join(("kg", "kg m", "kg m²")[power] for power in sorted(found or {2}, reverse=True))
 
 
 def typeset(unit: str) -> str:

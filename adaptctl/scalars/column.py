@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from adaptctl.arrays import numbers
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, printable
 from adaptctl.scalars.scalar import Scalar
 
 
@@ -87,14 +87,19 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """A column (n,) of n entries made of `values`. One scalar of any kind (float, dual number, node of an expression
-    graph) is every entry; numbers (n,) or (1,), an array, list or tuple, become floats; a column is returned as it is,
-    not checked. Raises `ValueError` for numbers of another shape and texts in a list that do not read as one,
-    `TypeError` for other entries that are no real numbers."""
+    """A column (n,) from one scalar of any kind (float, dual number, node of an expression graph), the same for all n
+    entries, or from numbers (n,), (1,) or (), an array, list or tuple, as floats; a column is returned as it is, not
+    checked. Raises `InputError` for numbers of another shape and for what is no number, such as a text."""
     if isinstance(values, Column):
         return values
+    said = f"each: expected a number or {n} of them"
     if isinstance(values, np.ndarray | list | tuple):
-        return column(np.broadcast_to(np.asarray(values, dtype=np.float64), (n,)))
+        array = numbers(values, "each", f"of shape ({n},)")
+        if array.shape not in ((), (1,), (n,)):
+            raise InputError(f"{said}, got shape {array.shape}")
+        return column(np.broadcast_to(array, (n,)))
+    if isinstance(values, bool | np.bool_ | complex) or not hasattr(values, "__neg__"):
+        raise InputError(f"{said}, got {printable(repr(values))}")
     return Column((values,) * n)
 
 

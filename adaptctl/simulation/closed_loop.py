@@ -14,7 +14,7 @@ from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.control.controller import GAINS, Controller, ReferencePoint
 from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics.closed_positions import ClosedPositions
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.scalars import Column, Structure
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.plant_state import PlantState
@@ -77,6 +77,8 @@ class ClosedLoop:
     controller: Controller[Any]
 
     def __post_init__(self) -> None:
+        require_kind(self.plant, Plant, "closed loop", "as Plant(mechanism, 1e-3) is one")
+        require_kind(self.controller, Controller, "closed loop", "as SlotineLi(...) is one")
         if self.plant.dof != self.controller.dof:
             raise InputError(
                 f"closed loop: the plant has {self.plant.dof} joints, the controller is for {self.controller.dof}"

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from adaptctl.errors import InputError
 
+MOST = 2**62
+"""Samples beyond which none is counted: no run has as many."""
+
 
 @dataclass(frozen=True)
 class KeptSamples:
@@ -34,7 +37,7 @@ class KeptSamples:
             return cls(every)
         if isinstance(last, bool) or not isinstance(last, int | float) or not 0.0 < last < np.inf:
             raise InputError(f"last: expected a positive time in s, got {last!r}")
-        return cls(every, max(1, round(last / (every * period))))
+        return cls(every, max(1, round(min(last / (every * period), MOST))))
 
     def room(self, steps: int) -> int:
         """Number of rows, one for each kept sample, that the array of samples of a run of `steps` control periods

@@ -12,12 +12,12 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, numbers, per_joint, positive_number, same_samples, stacked, whole_number
+from adaptctl.arrays import Array, checked, per_joint, positive_number, same_samples, stacked, vectors, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.floats import native_or_floats
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.errors import InputError, NonFiniteError, require_kind
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
@@ -60,6 +60,7 @@ class Plant(Tunable):
     effects: Iterable[Effect] = ()
 
     def __post_init__(self) -> None:
+        require_kind(self.mechanism, Mechanism, "plant", "as load(...) gives one")
         period = positive_number(self.control_period, "control_period: expected a positive time in s")
         object.__setattr__(self, "control_period", period)
         whole_number(self.substeps, "substeps", 1, MOST_SUBSTEPS)
@@ -128,9 +129,8 @@ class Plant(Tunable):
         measurement's, standard normal, positions' first, None for zero. Raises `SingularityError` where loops cannot be
         followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity; parameters are used only with
         actuator effects or elastic joints, noise only with sensors."""
-        arrays = (np.atleast_1d(np.asarray(values)) for values in (p, v))
-        given = zip(arrays, ("p", "v"), strict=True)
-        p, v = (checked(x, self.dof, f"{self.mechanism.name}: {what}") for x, what in given)
+        p = vectors(p, self.dof, f"{self.mechanism.name}: p")
+        v = vectors(v, self.dof, f"{self.mechanism.name}: v")
         shape = *same_samples(p=p, v=v), self.dof
         p, v = np.broadcast_to(p, shape).copy(), np.broadcast_to(v, shape).copy()
         q, arms = self.mechanism.configuration(p), p.shape[:-1]
@@ -350,13 +350,13 @@ class Plant(Tunable):
         return np.asarray(self.torque_limits, dtype=np.float64)
 
     def _finite(self, torque: ArrayLike) -> Array:
-        array = torque if isinstance(torque, np.ndarray) else np.asarray(torque)
+        array = torque if isinstance(torque, np.ndarray) else self._vector(torque, "torque")
         if array.dtype is not _DOUBLE or array.shape != self._shape or not math.isfinite(array.dot(array)):
             return self._vector(array, "torque")
         return array
 
     def _vector(self, values: ArrayLike, what: str) -> Array:
-        array = checked(np.atleast_1d(np.asarray(values)), self.dof, f"{self.mechanism.name}: {what}")
+        array = vectors(values, self.dof, f"{self.mechanism.name}: {what}")
         if array.ndim != 1:
             raise InputError(f"{self.mechanism.name}: {what}: expected shape ({self.dof},), got {array.shape}")
         return array
@@ -393,7 +393,7 @@ def require_ten_a_link(mechanism: Mechanism) -> None:
 
 
 def _limits(values: ArrayLike, dof: int) -> Array:
-    given = numbers(values, "torque_limits")
-    if given.shape not in ((), (dof,)) or not np.all(given > 0.0):
-        raise InputError(f"torque_limits: expected {dof} positive numbers, got {given.tolist()}")
-    return per_joint(given, dof, "torque_limits")
+    limits = per_joint(values, dof, "torque_limits")
+    if not np.all(limits > 0.0):
+        raise InputError(f"torque_limits: expected {dof} positive numbers, got {limits.tolist()}")
+    return limits

@@ -11,7 +11,9 @@ import numpy as np
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.errors import InputError
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import position_units
+from adaptctl.errors import InputError, require_kind
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.kept_samples import KeptSamples
 from adaptctl.simulation.run import Rollout
@@ -149,6 +151,7 @@ class _SteppedRun:
             terminated=self.terminated,
             info=dict(self._info),
             every=self._kept_samples.every,
+            position_units=_units(self._env),
         )
 
     def _read(self) -> tuple[Array, Array, ReferencePoint]:
@@ -181,8 +184,12 @@ def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tupl
     They are read from `env.unwrapped.observation_slices`, a mapping from these names, and
     `env.unwrapped.control_period`. Raises `InputError` where either is missing or of another kind (the period must be a
     float), a name is missing, observations are not of shape (n,), or the slices or the action have another number of
-    joints than the `controller`.
+    joints than the `controller`, and for what is no environment or no controller.
     """
+    import gymnasium
+
+    require_kind(env, gymnasium.Env, "environment", "as gymnasium.make(...) gives one")
+    require_kind(controller, Controller, "controller", "as SlotineLi(...) is one")
     slices = getattr(env.unwrapped, "observation_slices", None)
     period = getattr(env.unwrapped, "control_period", None)
     if not isinstance(slices, Mapping) or not isinstance(period, float):
@@ -213,6 +220,12 @@ def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
     and `env.spec.max_episode_steps` that is a positive int, None where neither is one. Nothing is raised."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
+
+
+def _units(env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
+    """Units of position of the joints of an environment's plant; none where it has no plant that is known."""
+    mechanism = getattr(getattr(env.unwrapped, "plant", None), "mechanism", None)
+    return position_units(mechanism) if isinstance(mechanism, Mechanism) else ()
 
 
 def _estimate(state: object) -> Array:

@@ -22,20 +22,22 @@ if TYPE_CHECKING:
 SCHEMA = "adaptctl/rollout/1"
 WHOLE = ("control_period", "wall_time", "complete", "terminated")
 """Entries on the whole run that every run has."""
-KEPT = (*WHOLE, "every")
+KEPT = (*WHOLE, "every", "position_units")
 """Entries on the whole run in a run's file."""
+POSITION, VELOCITY, FORCE = ("rad", "m"), ("rad/s", "m/s"), ("N m", "N")
+"""Units where a joint turns and where it slides."""
 OF_JOINTS = {
-    "p": "rad",
-    "v": "rad/s",
-    "reference_p": "rad",
-    "reference_v": "rad/s",
-    "reference_a": "rad/s^2",
-    "torque": "N m",
-    "applied": "N m",
-    "measured_p": "rad",
-    "measured_v": "rad/s",
+    "p": POSITION,
+    "v": VELOCITY,
+    "reference_p": POSITION,
+    "reference_v": VELOCITY,
+    "reference_a": ("rad/s^2", "m/s^2"),
+    "torque": FORCE,
+    "applied": FORCE,
+    "measured_p": POSITION,
+    "measured_v": VELOCITY,
 }
-"""A run's arrays of a column a joint, in the units that they have where joints turn."""
+"""A run's arrays of a column a joint, and their units where a joint turns and where it slides."""
 OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
 OF_LAWS = ("estimate", "learning")
 """A run's arrays of as many columns as the controller has."""
@@ -44,20 +46,23 @@ OF_LAWS = ("estimate", "learning")
 class RolloutFile:
     """Writer of a run's Parquet file at `path`, a context manager to which samples are appended as they come: a row for
     each sample, columns of float64 such as `time`, `p.joint1`, `estimate.0` and `mark.payload`, with their units as
-    metadata, joints' as if all were revolute.
+    metadata.
 
     When the context ends the file appears, whole; after an error there is none, and a file that was there before stays.
-    `joints` (r,) names the r = `dof` joints, None for joint1, joint2, ... The attribute `about`, a dict to be set
-    before the end, maps names to what the file says of the whole run, in numbers and texts that JSON can hold.
+    `joints` (r,) names the r = `dof` joints, None for joint1, joint2, ..., and `position_units` (r,) says which turn,
+    "rad", and which slide, "m"; empty, the default, as if all turned. The attribute `about`, a dict to be set before
+    the end, maps names to what the file says of the whole run, in numbers and texts that JSON can hold.
 
-    Raises `InputError` for other than r different names, `MissingExtraError` without pyarrow; entering or leaving the
-    context raises `FileError` where the file cannot be written or nothing was appended.
+    Raises `InputError` for other than r different names and for other units, `MissingExtraError` without pyarrow;
+    entering or leaving the context raises `FileError` where the file cannot be written or nothing was appended.
     """
 
-    def __init__(self, path: str | Path, dof: int, joints: Sequence[str] | None = None) -> None:
+    def __init__(
+        self, path: str | Path, dof: int, joints: Sequence[str] | None = None, position_units: Sequence[str] = ()
+    ) -> None:
         with needed("the file of a run"):
             import pyarrow.parquet  # noqa: F401  # at once, and not when the first samples are there
-        self._names = joint_names(dof, joints)
+        self._names, self._units = joint_names(dof, joints), stated_units(dof, position_units)
         self._path, self._held = path, ExitStack()
         self._writer: Any = None
         self.about: dict[str, object] = {}
@@ -81,7 +86,7 @@ class RolloutFile:
 
         if self._writer is not None and not len(columns["time"]):  # type: ignore[arg-type]
             return
-        table = rollout_table(columns, marks, self._names)
+        table = rollout_table(columns, marks, self._names, position_units=self._units)
         if self._writer is None:
             style = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
             self._writer = self._held.enter_context(pq.ParquetWriter(self._beside, table.schema, **style))
@@ -114,43 +119,55 @@ def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
     return names
 
 
+def stated_units(dof: int, given: Sequence[str]) -> tuple[str, ...]:
+    """Units of position (r,) of r = `dof` joints, those `given`, "rad" or "m" each; an empty tuple where none are.
+    Raises `InputError` for another number of units, and for others."""
+    if not isinstance(given, Iterable) or isinstance(given, str) or any(unit not in POSITION for unit in given):
+        raise InputError(f"position_units: expected {dof} of rad and m, got {printable(repr(given))}")
+    if len(given) not in (0, dof):
+        raise InputError(f"position_units: expected {dof} of rad and m, got {len(given)}")
+    return tuple(given)
+
+
 def rollout_table(
     columns: Mapping[str, Array | None],
     marks: Mapping[str, Array],
     joints: Sequence[str],
     about: Mapping[str, object] = MappingProxyType({}),
+    position_units: Sequence[str] = (),
 ) -> pyarrow.Table:
     """The samples of a run as an Arrow table: a row for each of T samples, columns of float64 such as `time`,
-    `p.joint1`, `estimate.0` and `mark.payload`. Units are the columns' metadata, joints' as if all were revolute; the
-    entries of `about`, which JSON must be able to hold, are the table's own metadata, none unless given.
+    `p.joint1`, `estimate.0` and `mark.payload`, with their units as metadata, and the entries of `about`, which JSON
+    must be able to hold, as the table's own, none unless given.
 
     `columns` maps the names of a `Rollout`'s arrays to their values in SI units: "time", "clipped", "energy" and
     "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and
     "measured_v" (T, r), None for one that is left out; "estimate" (T, k), the controller's k parameter estimates, and
-    "learning" (T, l), the l numbers that the adaptation law records of its internal state. `marks` maps names of events
-    to arrays (T,); `joints` (r,) names the r joints. Raises `KeyError` where an array is missing and
-    `ModuleNotFoundError` without pyarrow.
+    "learning" (T, l), the l numbers that the adaptation law records of its memory. `marks` maps names of events to
+    arrays (T,); `joints` (r,) names the r joints, and `position_units` (r,) says which turn, "rad", and which slide,
+    "m"; empty, the default, as if all turned. Raises `KeyError` where an array is missing and `ModuleNotFoundError`
+    without pyarrow.
     """
     import pyarrow as pa
 
-    stored = dict(_file_columns(columns, marks, joints))
+    slides = [unit == "m" for unit in position_units] or [False] * len(joints)
+    stored = dict(_file_columns(columns, marks, dict(zip(joints, slides, strict=True))))
     fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in stored.items()]
     header = {"schema": SCHEMA, **{name: json.dumps(value) for name, value in about.items()}}
     return pa.Table.from_arrays([pa.array(x) for _, x in stored.values()], schema=pa.schema(fields, metadata=header))
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """The contents of a run's Parquet file at `path`, a tuple of three mappings by name: arrays, events, and entries on
-    the whole run. The first has the arrays of a `Rollout` of T samples of r joints in SI units, read-only: "time",
-    "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied",
-    "measured_p" and "measured_v" (T, r), in the file's order of joints; and "estimate" (T, k), the controller's k
-    parameter estimates, and "learning" (T, l), the l numbers that the adaptation law records of its internal state. The
-    second has arrays (T,) of events, 1 where there was one. The third has, of the whole run, "control_period" and
-    "wall_time", s, "complete" and "terminated", bools, and "every", the number of control periods from one sample to
-    the next. Arrays of joints, events and entries that the file lacks are missing; "estimate" and "learning" are then
-    (T, 0).
+    """The contents of a run's Parquet file at `path`, three mappings by name. The first has the arrays of a `Rollout`
+    of T samples of r joints in SI units, read-only: "time", "clipped", "energy" and "reward" (T,); "p", "v",
+    "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and "measured_v" (T, r), in the
+    file's order of joints; and "estimate" (T, k), the controller's k parameter estimates, and "learning" (T, l), the l
+    numbers that the adaptation law records of its memory. The second has the marks of events, (T,) each. The third has,
+    of the whole run, "control_period" and "wall_time", s, "complete" and "terminated", bools, "every", the number of
+    control periods from one sample to the next, and "position_units", "rad" or "m" for each joint, or none. Arrays of
+    joints, marks and entries that the file lacks are missing; "estimate" and "learning" are then (T, 0).
 
-    Raises `FileError` for a file that cannot be read, was not written as a run by this package or is damaged, and
+    Raises `FileError` for a file that cannot be read, is no run of this package or is damaged, and
     `ModuleNotFoundError` without pyarrow.
     """
     import pyarrow as pa
@@ -172,14 +189,14 @@ def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array],
 
 
 def _file_columns(
-    columns: Mapping[str, Array | None], marks: Mapping[str, Array], joints: Sequence[str]
+    columns: Mapping[str, Array | None], marks: Mapping[str, Array], joints: Mapping[str, bool]
 ) -> Iterator[tuple[str, tuple[str, Array]]]:
-    """Names of a file's columns, and their units and values."""
+    """Names of a file's columns, and their units and values, of joints that slide or turn."""
     yield from ((name, (unit, np.asarray(columns[name]))) for name, unit in OF_TIME.items())
-    for name, unit in OF_JOINTS.items():
+    for name, units in OF_JOINTS.items():
         values = columns[name]
-        for joint, column in zip(joints, () if values is None else values.T, strict=False):
-            yield f"{name}.{joint}", (unit, np.ascontiguousarray(column))
+        for (joint, slides), column in zip(joints.items(), () if values is None else values.T, strict=False):
+            yield f"{name}.{joint}", (units[slides], np.ascontiguousarray(column))
     for name in OF_LAWS:
         for i, column in enumerate(np.asarray(columns[name]).T):
             yield f"{name}.{i}", ("", np.ascontiguousarray(column))

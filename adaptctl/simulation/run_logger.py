@@ -14,7 +14,7 @@ from adaptctl.arrays import positive_number
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError, LostSamplesWarning
 from adaptctl.files import require_place
-from adaptctl.simulation.rollout_file import RolloutFile, joint_names
+from adaptctl.simulation.rollout_file import RolloutFile, joint_names, stated_units
 from adaptctl.simulation.run import Rollout
 
 SHARE_OF_MEMORY = 0.5
@@ -22,22 +22,23 @@ SHARE_OF_MEMORY = 0.5
 
 
 class RunLogger:
-    """Log of a control loop of `dof` joints (r), one sample a `control_period` (s); its method `rollout` makes it a
-    `Rollout`.
+    """A log of a control loop of `dof` joints (r), one sample a `control_period` (s), that becomes a `Rollout`.
 
-    The last `capacity` samples are kept, 300 000 unless given, which is 300 s at 1 kHz, in memory that is all allocated
-    at construction; older ones are overwritten, and the property `lost` counts them. `append` neither allocates nor
-    touches files, so a loop at 1 kHz can call it. The attribute `count` is the number of samples appended, `faulty` of
-    those left out for a wrong length, NaN or infinity. `estimates` is the number k of the controller's parameter
-    estimates, 0 unless given; `joints` (r,) names the joints in the file, None for joint1, joint2, ...
+    The last `capacity` samples are kept, 300 000 unless given, which is 300 s at 1 kHz, in memory that is all taken at
+    the start; older ones are overwritten, and `lost` counts them. `append` neither allocates nor touches files, so a
+    loop at 1 kHz can call it. `count` is the number of samples appended, `faulty` of those left out for a wrong length,
+    NaN or infinity. `estimates` is the number k of the controller's parameter estimates, 0 unless given; `joints` (r,)
+    names the joints in the file, None for joint1, joint2, ..., and `position_units` (r,) says which turn, "rad", and
+    which slide, "m", empty where that is not to be kept.
 
     As a context manager it warns (`LostSamplesWarning`) at the end if samples were overwritten or left out, and saves
     the run to a Parquet file at `path`, None for no file, if there are at least two samples. It also does so when an
-    exception ends the loop; the run's `complete` is then False.
+    exception ends the loop; the run is then marked incomplete.
 
-    Raises `InputError` for a period that is not positive, counts that are not whole numbers of at least 1 (`dof`), 0
-    (`estimates`) or 2 (`capacity`), `joints` that are not r different names, and a capacity that takes over half of the
-    computer's memory. With a `path`, raises `FileError` if it cannot be written, `MissingExtraError` without pyarrow.
+    Raises `InputError` for a period that is not positive, counts that are no whole numbers of at least 1 (`dof`), 0
+    (`estimates`) or 2 (`capacity`), `joints` that are not r different names, other units, and a capacity that takes
+    over half of the computer's memory. With a `path`, raises `FileError` if it cannot be written, `MissingExtraError`
+    without pyarrow.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class RunLogger:
         estimates: int = 0,
         capacity: int = 300_000,
         joints: tuple[str, ...] | None = None,
+        position_units: tuple[str, ...] = (),
     ) -> None:
         for what, number, least in (("dof", dof, 1), ("estimates", estimates, 0), ("capacity", capacity, 2)):
             if isinstance(number, bool) or not isinstance(number, int) or number < least:
@@ -56,7 +58,7 @@ class RunLogger:
         self.control_period = positive_number(control_period, "control_period: expected a positive time in s")
         width = 7 * dof + estimates + 1
         _require_memory(8 * capacity * width, capacity)
-        self._joints = joint_names(dof, joints)
+        self._joints, self._units = joint_names(dof, joints), stated_units(dof, position_units)
         if path is not None:  # what is missing should be known before the loop, not after it
             RolloutFile(path, dof, joints)
             require_place(path)
@@ -125,6 +127,7 @@ class RunLogger:
             estimate=rows[:, 1 + 7 * r :],
             time=rows[:, 0],
             complete=complete,
+            position_units=self._units,
         )
 
     def __enter__(self) -> RunLogger:

@@ -16,6 +16,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.dynamics.joint_units import position_units
 from adaptctl.errors import NonFiniteError, NotCompiledWarning
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.episode import Episode
@@ -81,7 +82,7 @@ def simulate(
         kind = _WholeRun if kept == KeptSamples() else _NativeRun
         return kind(episode, controller, steps, period, kept).driven(env.unwrapped, progress)
     native = _NativeRun(episode, controller, steps, period, kept)
-    with RolloutFile(stream, controller.dof) as file:
+    with RolloutFile(stream, controller.dof, None, position_units(episode.plant.mechanism)) as file:
         result = native.driven(env.unwrapped, progress, file)
         file.about = {name: getattr(result, name) for name in KEPT}
     return result
@@ -301,6 +302,7 @@ class _NativeRun:
             info=env.take_back(self._reached(), self.count, self.clips, self.terminated),
             marks=self._marks(*marks),
             every=self.kept.every,
+            position_units=position_units(self.episode.plant.mechanism),
         )
 
     def _columns_kept(self) -> dict[str, Array]:

@@ -38,7 +38,7 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
     schema: Literal["adaptctl/study/1"]
     experiment: str
     question: str = ""
-    settings: dict[str, str | float | int | list[str | float | int]] = {}
+    settings: dict[str, str | float | int | bool | list[str | float | int | bool]] = {}
     controllers: list[str] = []
     sampling: Sampling = "grid"
     samples: int = 0
@@ -195,6 +195,6 @@ def shipped() -> list[str]:
     return sorted(path.stem for path in STUDIES.glob("*.toml"))
 
 
-def _typed(value: str | float | int | list[str | float | int]) -> str | list[str]:
+def _typed(value: str | float | int | bool | list[str | float | int | bool]) -> str | list[str]:
     """A value of a file as it would be typed, or each of a list."""
     return [str(one) for one in value] if isinstance(value, list) else str(value)

@@ -35,21 +35,21 @@ class Span:
 
 
 def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | Span:
-    """Values of a setting, parsed from `typed`: a tuple, or a `Span` to draw from. A list, ``4,8,12``, a range of whole
-    numbers, ``0..99``, and evenly spaced numbers, ``0..5:11``, 11 from 0 to 5, both included, give a tuple; ``0..5`` of
-    numbers that need not be whole gives a `Span`. Where a value is itself a tuple, its parts are separated by blanks,
-    ``90 150 70``; values that are tuples or texts have no ranges. A sequence of texts, such as a study's file has, is
-    read as its texts joined by commas, except for a setting whose values are texts: there each text is a value, commas
-    included. `entry` is the setting's dataclass field, whose default tells the kind of value.
+    """The values of a setting, as `typed`: a tuple for a list, ``4,8,12``, for a range of whole numbers, ``0..99``, and
+    for evenly spaced numbers, ``0..5:11`` being 11 from 0 to 5; a `Span` to draw from for ``0..5`` of numbers that need
+    not be whole. Switches are ``true`` and ``false``. Where a value is itself a tuple, its parts are separated by
+    blanks, ``90 150 70``; values that are tuples or texts have no ranges. A sequence of texts, such as a study's file
+    has, stands for its texts joined by commas, but for a setting whose values are texts: there each text is a value,
+    commas included. `entry` is the setting's dataclass field, whose default tells the kind of value.
 
-    Raises `InputError` for a text in none of these forms, no values, equal values, a range that does not rise, other
-    than 2 to a million values in a range, and numbers that are not finite or, of a setting of whole numbers, not whole.
+    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to a
+    million values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
     """
     if isinstance(entry.default, str) and not isinstance(typed, str):
         values: tuple[Any, ...] = tuple(typed)
     else:
         text = typed if isinstance(typed, str) else ",".join(typed)
-        if not isinstance(entry.default, tuple | str) and (match := _RANGE.match(text)):
+        if not isinstance(entry.default, tuple | str | bool) and (match := _RANGE.match(text)):
             return _range(entry, match)
         values = tuple(_one(entry, part.strip()) for part in text.split(","))
     if not values or len(set(values)) < len(values):
@@ -74,13 +74,17 @@ def _range(entry: Field[Any], match: re.Match[str]) -> tuple[Any, ...] | Span:
     return tuple(int(point) for point in points) if whole else tuple(points)
 
 
+def _is_whole(entry: Field[Any]) -> bool:
+    return isinstance(entry.default, int) and not isinstance(entry.default, bool)
+
+
 def as_span(entry: Field[Any], values: tuple[Any, ...] | Span) -> Span | None:
     """The `Span` that a setting is drawn from: `values` where it is one, or the range of `values` that are two or more
     successive whole numbers, in rising order, of a setting of whole numbers. None for all others, of which a draw picks
     one. `entry` is the setting's dataclass field, whose default tells its kind. Nothing is raised."""
     if isinstance(values, Span):
         return values
-    if len(values) > 1 and isinstance(entry.default, int) and list(values) == list(range(values[0], values[-1] + 1)):
+    if len(values) > 1 and _is_whole(entry) and list(values) == list(range(values[0], values[-1] + 1)):
         return Span(values[0], values[-1], whole=True)
     return None
 
@@ -92,6 +96,10 @@ def _one(entry: Field[Any], text: str) -> Any:
         return tuple(words) if default and isinstance(default[0], str) else tuple(_number(entry, w) for w in words)
     if isinstance(default, str):
         return text
+    if isinstance(default, bool):
+        if text.lower() not in ("true", "false"):
+            raise InputError(f"{entry.name}: expected true or false, got {text!r}")
+        return text.lower() == "true"
     number = _number(entry, text)
     return int(number) if isinstance(default, int) else number
 

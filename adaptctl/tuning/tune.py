@@ -13,7 +13,7 @@ from adaptctl.arrays import Array, per_joint, positive_number, whole_count
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 from adaptctl.simulation import Plant
 from adaptctl.simulation.stiffness import MOST, integration
 from adaptctl.tuning.carried_gains import MANY, POSTURES, POSTURES_OF_MANY, CarriedGains
@@ -72,6 +72,7 @@ def tune(
     `NonFiniteError` where its points are not finite and `SingularityError` where kinematic loops cannot be closed at
     its first one.
     """
+    require_kind(mechanism, Mechanism, "tune", "as load(...) gives one")
     period, bandwidth = _positive("period", period, 0.1), _positive("bandwidth", bandwidth, 1e3)
     hold, adaptation = _positive("hold", hold, 1.5), _positive("adaptation", adaptation, 1.0)
     search, seed = whole_count(search, "search"), whole_count(seed, "seed")

@@ -9,6 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Gains
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.simulation import Rollouts
 from adaptctl.tuning.rough_links import scaled_links
 from adaptctl.tuning.trial import Trials, TrialSetting
@@ -26,14 +27,15 @@ LINKS_OFF = 0.3
 
 @dataclass(frozen=True)
 class Verification:
-    """Tracking errors of a simulated run of 20 s with a tuning's gains, and of the same run with adaptation off, in rad
-    (m if prismatic), RMS over all joints and an interval of time. Nothing is checked.
+    """Tracking errors of a verifying run of 20 s with the gains found, and of the same run with adaptation off; rad or
+    m, RMS over all joints and a stretch of time. Nothing is checked.
 
     `name` is the run: "as described", "torque late" (by a control period), "links off" (each link's ten inertial
     parameters 30 % up or down) or "both". `first` is the error over the first second, `last` that over the last two,
-    and `off` that over the last two with adaptation off, infinite where an error then reached 1 rad (m). `largest` is
-    the largest magnitude of any joint's error at any time, not RMS. `limited` is the fraction, 0 to 1, of the samples
-    in the second half of the run in which a torque was at its limit. Errors are infinite in a run that was not finite.
+    and `off` that over the last two with adaptation off, infinite where the arm then strayed by 1 rad or m. `largest`
+    is the largest magnitude of any joint's error at any time, not RMS. `limited` is the share, 0 to 1, of the second
+    half of the run in which a torque was at its limit. `unit` is that of a thousandth of the errors, "mrad" unless
+    given. Errors are infinite in a run that was not finite.
     """
 
     name: str
@@ -47,6 +49,8 @@ class Verification:
     """error of any joint at any time"""
     limited: float
     """fraction of the second half of the run in which a torque was at its limit"""
+    unit: str = "mrad"
+    """of a thousandth of the errors"""
 
     @property
     def stayed(self) -> bool:
@@ -67,8 +71,8 @@ class Verification:
             astray = self.largest >= ASTRAY
             why = f"an error of {self.largest:.2g}" if astray else f"{self.limited:.0%} at a torque limit"
             return f"{self.name}: fails, {why}"
-        without = f"{1e3 * self.off:.3g} mrad" if np.isfinite(self.off) else "falls"
-        return f"{self.name}: {1e3 * self.first:.3g} to {1e3 * self.last:.3g} mrad; adaptation off {without}"
+        without = f"{1e3 * self.off:.3g} {self.unit}" if np.isfinite(self.off) else "falls"
+        return f"{self.name}: {1e3 * self.first:.3g} to {1e3 * self.last:.3g} {self.unit}; adaptation off {without}"
 
 
 def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple[Verification, ...]:
@@ -96,7 +100,8 @@ def _verified(runs: Rollouts, names: list[str], trials: Trials) -> Iterator[Veri
     for k, name in enumerate(names):
         on, off = 2 * k, 2 * k + 1
         without = float(last[off]) if largest[off] < ASTRAY else np.inf
-        yield Verification(name, float(first[on]), float(last[on]), without, float(largest[on]), float(limited[on]))
+        share, unit = float(limited[on]), error_unit(trials.plant.mechanism)
+        yield Verification(name, float(first[on]), float(last[on]), without, float(largest[on]), share, unit)
 
 
 def measures(runs: Rollouts, limits: Array) -> tuple[Array, Array, Array, Array]:

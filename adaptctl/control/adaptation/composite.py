@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import Period
@@ -16,7 +14,7 @@ from adaptctl.control.adaptation.prediction import (
     require_no_known_share,
     require_positive,
 )
-from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, each
@@ -59,7 +57,7 @@ class Composite(Descent[Filtered]):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self.cutoff)
-        positive_per_joint(self.weight, np.size(self.weight), "composite: weight")
+        positive_numbers(self.weight, "composite: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control

@@ -20,7 +20,7 @@ from adaptctl.control.adaptation.prediction import (
     require_no_known_share,
     require_positive,
 )
-from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, each, spread, where
@@ -95,7 +95,7 @@ class ConcurrentLearning(Descent[Stack]):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self.cutoff)
-        positive_per_joint(self.weight, np.size(self.weight), "concurrent learning: weight")
+        positive_numbers(self.weight, "concurrent learning: weight")
         if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
             raise InputError(f"concurrent learning: samples: expected a whole number, got {self.samples!r}")
         if not 1 <= self.samples <= LONGEST:

@@ -26,7 +26,7 @@ from adaptctl.control.adaptation.prediction import (
     require_no_known_share,
     require_positive,
 )
-from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -101,7 +101,7 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         object.__setattr__(self, "rate", checked_rate(self.rate))
         object.__setattr__(self, "lift", frozen_array(self.lift, (np.size(self.lift),), "consistent lift: lift"))
         if self.weight is not None:
-            positive_per_joint(self.weight, np.size(self.weight), "consistent lift: weight")
+            positive_numbers(self.weight, "consistent lift: weight")
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k fundamental (base) parameters and r

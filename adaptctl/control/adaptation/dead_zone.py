@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, per_joint
 from adaptctl.control.adaptation.gain import Descent
 from adaptctl.control.adaptation.law import NoMemory, Period
-from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, each, where
@@ -46,7 +46,7 @@ class DeadZone(Descent[NoMemory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        positive_per_joint(self.width, np.size(self.width), "dead zone: width")
+        positive_numbers(self.width, "dead zone: width")
 
     @classmethod
     def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:

@@ -12,7 +12,7 @@ from adaptctl.arrays import Array, frozen_array, numbers
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.adaptation.prediction import require_cutoff, require_no_known_share, require_positive
-from adaptctl.control.gains.gains import positive_per_joint
+from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -49,7 +49,7 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
         if np.any(gain <= 0.0):
             raise InputError(f"{self.called}: gain: expected positive numbers (k,)")
         object.__setattr__(self, "gain", gain)
-        self._require_weights(np.size(self.weight))
+        positive_numbers(self.weight, f"{self.called}: weight")
         require_positive(self.cutoff)
         if not (np.isfinite(self.forgetting) and self.forgetting >= 0.0):
             raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")

@@ -13,7 +13,7 @@ from adaptctl.control.gains.estimate_hold import parameter_holds
 from adaptctl.control.gains.gains import Gains
 from adaptctl.control.gains.hold import hold_number
 from adaptctl.control.gains.workspace import Workspace
-from adaptctl.errors import GainError, NotFoundError
+from adaptctl.errors import GainError, NotFoundError, require_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.nearest_name import nearest_name
 
@@ -100,7 +100,10 @@ def adaptation_gain(
     Raises `GainError` where h is 2 or more, and `InputError` for a rate that is not positive and finite and, with
     gains, for a period or damping that is not positive and for gains of another number of joints.
     """
-    reach = (ranges or PriorRanges()).of(model.names)
+    require_kind(model, ReducedModel, "adaptation gain", "as ReducedModel(mechanism, basis) is one")
+    known = PriorRanges() if ranges is None else ranges
+    require_kind(known, PriorRanges, "adaptation gain: ranges", "as PriorRanges() is one")
+    reach = known.of(model.names)
     if gains is not None:
         held = hold_number(model.mechanism, gains.damping, period, gains.bandwidth, workspace=workspace).value
         caused = parameter_holds(model, gains.bandwidth, period, workspace)

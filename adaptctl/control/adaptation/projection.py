@@ -12,7 +12,7 @@ from adaptctl.arrays import Array, frozen, numbers
 from adaptctl.control.adaptation.gain import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
-from adaptctl.errors import InputError, NonFiniteError, NotFoundError
+from adaptctl.errors import InputError, NonFiniteError, NotFoundError, require_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.nearest_name import nearest_name
 from adaptctl.scalars import Column, Scalar, clip, column
@@ -44,6 +44,7 @@ class Projection(AdaptationLaw[Memory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_kind(self.of, AdaptationLaw, "projection", "as Gradient(gain) is one")
         for name in ("lower", "upper"):
             bound = numbers(getattr(self, name), f"projection: {name}").copy()
             if bound.ndim != 1 or np.isnan(bound).any():

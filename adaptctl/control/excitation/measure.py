@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, per_joint
+from adaptctl.arrays import Array, frozen_array, per_joint, real_number
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.adaptation import PriorRanges
@@ -79,11 +79,14 @@ def persistent_excitation(
     prior ranges of the parameters, their greatest plausible errors, by which the regressor's columns are scaled, those
     of `PriorRanges` where None. Eigenvalues are squares of singular values of triangular factors, so that their error,
     relative to the largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a
-    window shorter than 16 samples or longer than the run, for a bandwidth of another shape or NaN, and for a scale that
-    is not finite or of another shape.
+    window shorter than 16 samples or longer than the run, a run of another number of joints, for a bandwidth of another
+    shape or NaN, and for a scale that is not finite or of another shape.
     """
     count, k = len(run.p), len(model.columns)
-    samples = round(window / run.control_period) if np.isfinite(window) else 0
+    if (joints := run.p.shape[1]) != model.mechanism.dof:
+        raise InputError(f"run: expected {model.mechanism.dof} joints, as {model.mechanism.name} has, got {joints}")
+    length = real_number(window, "window")
+    samples = round(length / run.control_period) if np.isfinite(length) else 0
     if not BLOCKS <= samples <= count:
         shortest, longest = BLOCKS * run.control_period, count * run.control_period
         raise InputError(f"window: expected a time from {shortest:g} s to the run's {longest:g} s, got {window}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.arrays import positive_number, real_number, whole_number
+from adaptctl.control.gains.hold import require_period
 from adaptctl.errors import GainError, InputError, printable
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class ErrorFeedback:
     period: float
 
     def __post_init__(self) -> None:
-        _require_period(self.period)
+        require_period(self.period)
         stiffness, rate = (real_number(getattr(self, name), f"gains: {name}") for name in ("stiffness", "rate"))
         if not (0.0 < stiffness < math.inf and 0.0 < rate < math.inf):
             raise InputError(f"gains: expected positive numbers, got {stiffness:g} 1/s^2 and {rate:g} 1/s")
@@ -91,7 +92,7 @@ class ErrorFeedback:
             )
         import control
 
-        _require_period(period)
+        require_period(period)
         A, B = _held_double_integrator()
         gains = np.asarray(control.acker(A, B, np.exp(given * period)), dtype=np.float64).ravel()
         return cls(float(gains[0]) / period**2, float(gains[1]) / period, period)
@@ -117,7 +118,7 @@ class ErrorFeedback:
             )
         import control
 
-        _require_period(period)
+        require_period(period)
         natural = (position / effort) ** 0.25  # 1/s: in this unit of time all weights are near 1
         step = natural * period
         A, B = np.array([[1.0, step], [0.0, 1.0]]), np.array([[0.5 * step**2], [step]])
@@ -209,10 +210,6 @@ class ErrorFeedback:
         C = np.array([[self.stiffness * self.period**2, self.rate * self.period]])
         opened = control.ss(A, B, C, 0.0, self.period)
         return opened if delay == 0 else opened * _late(delay, self.period)
-
-
-def _require_period(period: float) -> None:
-    positive_number(period, "control period: expected a positive time in s")
 
 
 def _held_double_integrator() -> tuple[Any, Any]:

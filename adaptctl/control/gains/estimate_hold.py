@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint, positive_number, real_number
 from adaptctl.control.adaptation.gain import checked_gain
-from adaptctl.control.gains.workspace import Workspace, everywhere
+from adaptctl.control.gains.workspace import Workspace, workspace_of
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 
@@ -28,7 +28,7 @@ def parameter_holds(
     and a period that is not positive.
     """
     mechanism = model.mechanism
-    place = workspace or everywhere(mechanism)
+    place = workspace_of(mechanism, workspace)
     L = per_joint(bandwidth, mechanism.dof, "bandwidth")
     if not np.all((L >= 0.0) & np.isfinite(L)):
         raise InputError(f"bandwidth: expected finite numbers of at least 0, got {L.tolist()}")

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, per_joint
+from adaptctl.arrays import Array, numbers, per_joint, positive_number
 from adaptctl.caching import sent_as_made
 from adaptctl.control.gains.hold import hold_number
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 
 
 def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
@@ -23,6 +23,12 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
     if not ((array > 0.0) & np.isfinite(array)).all():
         raise InputError(f"{what}: expected positive numbers, got {array.tolist()}")
     return array
+
+
+def positive_numbers(values: ArrayLike, what: str) -> Array:
+    """Positive finite numbers (n,), read-only, in the unit of `values`: n numbers, or one number alone, n = 1. Raises
+    `InputError` on a wrong shape and for any other numbers; the message names them by `what`."""
+    return positive_per_joint(values, numbers(values, what).size, what)
 
 
 def typical_inertia(mechanism: Mechanism) -> Array:
@@ -54,7 +60,9 @@ class Gains:
         derivative in time. A larger ratio is stiffer against unknown torques. Raises `InputError` for numbers that are
         not positive or of another shape, and where a joint's typical inertia is not positive.
         """
+        require_kind(mechanism, Mechanism, "gains", "as load(...) gives one")
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
+        ratio = positive_number(ratio, "ratio: expected a positive number")
         inertia = typical_inertia(mechanism)
         if np.any(inertia <= 0.0):
             raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")

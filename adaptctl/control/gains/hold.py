@@ -9,13 +9,13 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, frozen_array, per_joint, stacked_rows
+from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, stacked_rows
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation.result_cache import kept
-from adaptctl.control.gains.workspace import Workspace, Worst, everywhere
+from adaptctl.control.gains.workspace import Workspace, Worst, everywhere, workspace_of
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import GainError, InputError
+from adaptctl.errors import GainError, InputError, require_kind
 from adaptctl.scalars import column
 
 LARGEST_SAMPLED_GAIN = 1.5
@@ -74,7 +74,9 @@ def hold_number(
     B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
     least 0 and all finite, and on a wrong shape.
     """
+    require_kind(mechanism, Mechanism, "hold number", "as load(...) gives one")
     require_period(period)
+    workspace = None if workspace is None else workspace_of(mechanism, workspace)
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     if not (np.all((K > 0.0) & np.isfinite(K)) and np.all((L >= 0.0) & np.isfinite(L))):
         raise InputError(
@@ -252,7 +254,7 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
     `InputError` for parameters of another shape or not finite.
     """
     D = _all_parameters(mechanism, parameters)
-    found = (workspace or everywhere(mechanism)).highest(
+    found = workspace_of(mechanism, workspace).highest(
         lambda p: -scaled_eigenvalues(mass_matrix_of(mechanism, p, D))[..., 0]
     )
     return Worst(-found.value, found.p)
@@ -265,7 +267,7 @@ def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace
     joint positions, None for 200 random ones within the joints' limits. Raises `InputError` for a damping of another
     shape and `NonFiniteError` for NaN in it; that it is positive is not checked."""
     root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
-    found = (workspace or everywhere(mechanism)).highest(
+    found = workspace_of(mechanism, workspace).highest(
         lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
     )
     return 1.0 / found.value
@@ -348,5 +350,4 @@ def _lightness(mechanism: Mechanism, p: Array) -> str:
 
 def require_period(period: float) -> None:
     """Raise `InputError` unless the control `period`, a number in s, is positive and finite."""
-    if not (np.isfinite(period) and period > 0.0):
-        raise InputError(f"control period: expected a positive time in s, got {period}")
+    positive_number(period, "control period: expected a positive time in s")

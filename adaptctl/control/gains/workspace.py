@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, frozen, whole_number
+from adaptctl.arrays import Array, checked, frozen, real_number, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, require_kind
 
 TURNS = 4.0 * np.pi
 """rad (m): limits farther apart than two turns are none"""
@@ -109,6 +109,7 @@ class Workspace:
         Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one from 0 to 2^32 - 1,
         and where loops can be closed at none of the samples.
         """
+        require_kind(mechanism, Mechanism, "workspace", "as load(...) gives one")
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
@@ -128,7 +129,7 @@ class Workspace:
         shape, and where loops can be closed at none of the positions, `NonFiniteError` for positions that are not
         finite.
         """
-        if not (np.isfinite(margin) and margin >= 0.0):
+        if not 0.0 <= real_number(margin, "workspace: margin") < np.inf:
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
         path = np.atleast_2d(checked(p, mechanism.dof, "workspace: positions"))
         path = path[reachable(mechanism, path)]
@@ -207,3 +208,22 @@ def everywhere(mechanism: Mechanism) -> Workspace:
     mechanisms are kept, so that the next call returns the same object at once. Raises `InputError` where loops can be
     closed at none of the samples."""
     return Workspace.within_limits(mechanism)
+
+
+def workspace_of(mechanism: Mechanism, workspace: Workspace | None) -> Workspace:
+    """The workspace in which a mechanism is judged: all that its joints' limits allow for a `workspace` of None, else
+    the given one, with the masses of this mechanism where it was made for another, such as a rough model of it. Raises
+    `InputError` for what is no workspace, and for one of another number of joints."""
+    if workspace is None:
+        return everywhere(mechanism)
+    require_kind(workspace, Workspace, "workspace", "as Workspace.within_limits(mechanism) gives one")
+    if workspace.mechanism is mechanism:
+        return workspace
+    if (joints := workspace.samples.shape[-1]) != mechanism.dof:
+        raise InputError(f"workspace: expected one of {mechanism.dof} joints, as {mechanism.name} has, got {joints}")
+    return _with_masses(workspace, mechanism)
+
+
+@lru_cache(maxsize=8)
+def _with_masses(workspace: Workspace, mechanism: Mechanism) -> Workspace:
+    return replace(workspace, mechanism=mechanism)

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Joint, Limits, Link
+from adaptctl.description.description import GROUND, Description, Joint, Link
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_center_of_mass, transformed
+from adaptctl.description.limits import Limits
 from adaptctl.description.pose import Pose, rotation_about
 from adaptctl.description.readers.mjcf.frames import from_quaternion
 from adaptctl.description.readers.mjcf.joint import kind_within, position_limits

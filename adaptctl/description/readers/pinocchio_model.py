@@ -11,9 +11,10 @@ import numpy as np
 import pinocchio
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Joint, JointKind, Limits, Link, depth_first
+from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link, depth_first
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import inertia_tensor, transformed
+from adaptctl.description.limits import Limits
 from adaptctl.description.named_frame import FrameKind, NamedFrame
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError, NotFoundError, SimplificationWarning

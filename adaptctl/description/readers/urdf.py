@@ -13,9 +13,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Joint, JointKind, Limits, Link
+from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_center_of_mass, transformed
+from adaptctl.description.limits import Limits
 from adaptctl.description.loops import Coupling, Loops
 from adaptctl.description.pose import Pose, roll_pitch_yaw
 from adaptctl.description.readers.robot_checks import (

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.description.description import GROUND, Description, Joint, Link
 from adaptctl.description.loops import Loops
 from adaptctl.description.named_frame import NamedFrame
@@ -13,21 +17,25 @@ from adaptctl.description.visual import Visual
 from adaptctl.errors import InputError
 
 
-def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loops | None = None) -> Description:
+def joined(
+    name: str,
+    parts: Mapping[str, tuple[Description, Pose]],
+    loops: Loops | None = None,
+    gravity: ArrayLike | None = None,
+) -> Description:
     """The description, called `name`, of one mechanism that consists of several trees: `parts` has, by label, each
     part's description and the pose of its ground frame in the common ground frame.
 
     Links, joints and named frames get their part's label in front, as in ``left.link3``, and `loops`, by default none,
     uses these names: so two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep
-    their order, their parameters and their shapes to draw. All parts must have the same gravity vector, which becomes
-    that of the common ground frame: the poses do not turn it. Raises `InputError` for no parts, parts of different
-    gravity, and parts with loops of their own, `NotFoundError` for unknown names in `loops`.
+    their order, their parameters and their shapes to draw. `gravity` (3,), m/s^2, is that of the common ground frame,
+    whatever the parts' own is; None where all parts have the same vector and no pose turns it. Raises `InputError` for
+    no parts, parts with loops of their own, a wrong `gravity` and, without it, parts that differ in theirs or whose
+    poses turn it; `NotFoundError` for unknown names in `loops`.
     """
     if not parts:
         raise InputError(f"{name}: at least one part is needed")
-    gravities = {tuple(part.gravity.tolist()) for part, _ in parts.values()}
-    if len(gravities) > 1:
-        raise InputError(f"{name}: the parts must agree on gravity, got {sorted(gravities)}")
+    common = _gravity(name, parts) if gravity is None else frozen_array(gravity, (3,), f"{name}: gravity")
     links: list[Link] = []
     visuals: list[Visual] = []
     frames: list[NamedFrame] = []
@@ -37,8 +45,26 @@ def joined(name: str, parts: Mapping[str, tuple[Description, Pose]], loops: Loop
         visuals += [_moved(visual, stand, len(links)) for visual in part.visuals]
         frames += [_renamed_frame(frame, label, stand, len(links)) for frame in part.frames]
         links += [_renamed(link, label, stand, len(links)) for link in part.links]
-    gravity, source = next(iter(parts.values()))[0].gravity, f"joined from {', '.join(parts)}"
-    return Description(name, tuple(links), gravity, source, loops, tuple(visuals), tuple(frames))
+    source = f"joined from {', '.join(parts)}"
+    return Description(name, tuple(links), common, source, loops, tuple(visuals), tuple(frames))
+
+
+def _gravity(name: str, parts: Mapping[str, tuple[Description, Pose]]) -> Array:
+    """The one vector that all parts have, turned by their poses or not. Raises `InputError` where there is none."""
+    first, (leading, _) = next(iter(parts.items()))
+    common, asked = leading.gravity, "give `gravity` in the common one, such as (0, 0, -9.81)"
+    for label, (part, stand) in parts.items():
+        own, turned = part.gravity, stand.rotation @ part.gravity
+        said = f"{name}: part {label!r} has the gravity {own.tolist()} in its own ground frame"
+        if not _alike(own, common):
+            raise InputError(f"{said}, part {first!r} {common.tolist()}: {asked}")
+        if not _alike(own, turned):
+            raise InputError(f"{said}, {turned.tolist()} in the common one by its pose: {asked}")
+    return common
+
+
+def _alike(one: Array, other: Array) -> bool:
+    return bool(np.abs(one - other).max() <= 1e-9 * np.abs(one).max())
 
 
 def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, JointKind, Limits, Link
+from adaptctl.description.description import GROUND, Description, JointKind, Link
 from adaptctl.description.drive import DriveParameter
 from adaptctl.description.inertia import inertia_tensor
+from adaptctl.description.limits import Limits
 from adaptctl.description.loops import Closure, Loops
 from adaptctl.description.named_frame import FrameKind
 from adaptctl.description.pose import Pose

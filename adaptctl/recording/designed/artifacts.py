@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 
 from adaptctl.arrays import Array
 from adaptctl.design import DesignStudy
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.files import write_json, write_text
 from adaptctl.recording import views
 from adaptctl.recording.comparison import ControllerRun
@@ -29,7 +30,7 @@ from adaptctl.recording.series import Style, log_series, thinned
 from adaptctl.recording.skeleton import skeleton
 from adaptctl.recording.stream import log_markdown, log_picture, saved_stream
 from adaptctl.recording.tracking import CURVE_SAMPLES, log_decades
-from adaptctl.recording.units import error_unit
+from adaptctl.recording.units import torque_error_unit
 from adaptctl.recording.viewpoint import Viewpoint, floor_height
 
 PACKAGE = "adaptctl.recording.designed"
@@ -160,7 +161,8 @@ def _layout(study: DesignStudy, named: Named, figures: Mapping[str, Path], eye: 
         unit = error_unit(study.task.mechanism)
         end, error = named.runs[0].duration, f"Tracking error of all joints (RMS), powers of ten of a {unit}"
         right.append(views.curves("/error", error, end))
-        right.append(views.curves("/torque", "Torque of all joints (RMS over 0.25 s, N m)", end))
+        torque = f"Torque of all joints (RMS over 0.25 s, {torque_error_unit(study.task.mechanism)})"
+        right.append(views.curves("/torque", torque, end))
     else:
         right.append(views.picture("figures/links", TITLES["links"]))
     overview = rrb.Horizontal(views.arm(WORLD, label, eye), rrb.Vertical(*right), name="Overview")

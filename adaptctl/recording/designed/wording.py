@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from adaptctl.arrays import Array
 from adaptctl.design import DesignStudy, DesignTask
 from adaptctl.recording.fact import Fact
+from adaptctl.recording.units import coupling_unit
 
 
 def header(study: DesignStudy) -> str:
@@ -39,10 +40,10 @@ def outcome_words(study: DesignStudy) -> str:
 
 def facts(study: DesignStudy) -> Iterator[Fact]:
     """Facts of a design study, each a `Fact`: a question that a person asks first, and its answer in words, with units.
-    They are numbers of parameters and essential components (combinations of them), the costs of the motion before and
-    after the counterweights, and the counterweights' masses. Costs are root mean squares: energy in J, torque in
-    percent of its limit, and coupling, the mass matrix's entries off the diagonal, in kg m^2. Raises `RankError` where
-    the mechanism's rank, its number of base parameters, cannot be certified."""
+    They are numbers of parameters and essential components (combinations of them), the costs of the motion (energy in
+    J, torque in percent of its limit, coupling, the mass matrix off its diagonal, in kg m^2, kg m or kg; all root mean
+    squares) before and after the counterweights, and the counterweights' masses. Raises `RankError` where the
+    mechanism's rank, its number of base parameters, cannot be certified."""
     found, before = study.counterweights, study.task
     after = found.balanced
     yield Fact("Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero")
@@ -52,7 +53,8 @@ def facts(study: DesignStudy) -> Iterator[Fact]:
     )
     yield Fact("Energy carried", _fall(before.cost("energy"), after.cost("energy"), "J"))
     yield Fact("Torque, of its limit (RMS)", _fall(100.0 * before.cost("torque"), 100.0 * after.cost("torque"), "%"))
-    yield Fact("Coupling (RMS off the diagonal)", _fall(before.cost("coupling"), after.cost("coupling"), "kg m²"))
+    unit = coupling_unit(before.mechanism)
+    yield Fact("Coupling (RMS off the diagonal)", _fall(before.cost("coupling"), after.cost("coupling"), unit))
     yield Fact("Counterweights", " + ".join(f"{w.mass:.3g} kg" for w in found.weights) or "none")
 
 
@@ -61,19 +63,18 @@ def _fall(before: float, after: float, unit: str) -> str:
 
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
-    """Costs of a mechanism's motion over a design `task`, as pairs of texts, a label and a number with its unit. They
-    are the numbers of base parameters, of those that are not zero (each contributes more than 1e-6 of the energy), and
-    of essential components, combinations of parameters, that keep the energy to an error of `percent` (%); and root
-    mean squares of energy about its mean (J), torque (% of its limit), coupling, the mass matrix's entries off the
-    diagonal (kg m^2), and each joint's torque (N m, N if prismatic). Raises `InputError` for a `percent` that is not a
-    finite number of at least 0, `RankError` where the mechanism's rank, its number of base parameters, cannot be
-    certified."""
+    """Costs of a mechanism's motion over a task, as pairs of texts, a label and a number with its unit: numbers of base
+    parameters, of those that are not zero (each by itself makes more than 1e-6 of the energy), and of essential
+    components, combinations of parameters, that keep the energy to an error of `percent` (%); and root mean squares of
+    energy about its mean (J), torque (% of its limit), coupling, the mass matrix off its diagonal (kg m^2, kg m or kg),
+    and each joint's torque (N m, N if prismatic). Raises `InputError` for a percentage that is no finite number of at
+    least 0, `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
     yield "independent parameters", f"{task.basis.rank}"
     yield "of them not zero", f"{len(task.carried())}"
     yield f"components within {percent:g} % of energy", f"{task.components(percent)}"
     yield "energy (RMS about its mean)", f"{task.cost('energy'):.4g} J"
     yield "torque, of its limit (RMS)", f"{100.0 * task.cost('torque'):.3g} %"
-    yield "coupling (RMS off the diagonal)", f"{task.cost('coupling'):.3g} kg m²"
+    yield "coupling (RMS off the diagonal)", f"{task.cost('coupling'):.3g} {coupling_unit(task.mechanism)}"
     for joint, torque in zip(task.mechanism.primary_joints, task.torques().tolist(), strict=True):
         yield f"{joint.name} (RMS)", f"{torque:.3g} {joint.kind.effort_unit}"
 

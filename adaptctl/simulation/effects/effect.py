@@ -16,7 +16,7 @@ from adaptctl.scalars import Column
 class Effect(ABC):
     """Abstract base class of plant effects, which are what real plants have besides rigid links and ideal drives, such
     as delays or friction. A subclass is a frozen dataclass of its own settings. Derive from `ActuatorEffect`,
-    `SensorEffect`, `JointEffect` or `LoadEffect`: a plant leaves out all others but `ElasticJoints`. Each gives
+    `SensorEffect`, `JointEffect` or `LoadEffect`: a plant refuses all others but `ElasticJoints`. Each gives
     `require(dof, links, control_period)`, which raises `InputError` where its settings do not fit a plant.
 
     Equations are written over scalars of any kind: floats, or symbols that become native code. What changes over time

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, frozen_array, numbers, whole_number
+from adaptctl.arrays import Array, frozen, frozen_array, numbers, real_number, whole_number
 from adaptctl.caching import sent_as_made
 from adaptctl.description.description import LARGEST_INERTIA
 from adaptctl.description.inertia import from_center_of_mass
@@ -38,7 +37,8 @@ class Payload:
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def __post_init__(self) -> None:
-        if isinstance(self.mass, bool) or not (isinstance(self.mass, Real) and 0.0 <= self.mass <= LARGEST_INERTIA):
+        object.__setattr__(self, "mass", real_number(self.mass, "payload: mass"))
+        if not 0.0 <= self.mass <= LARGEST_INERTIA:
             raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
         object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
         tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")

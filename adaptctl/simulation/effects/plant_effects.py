@@ -14,6 +14,9 @@ from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffect, LoadEffect, SensorEffect
 from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
 
+KINDS = (ActuatorEffect, SensorEffect, JointEffect, LoadEffect, ElasticJoints)
+"""Kinds of effects that a plant has a place for."""
+
 
 @dataclass(frozen=True)
 class PlantEffects:
@@ -35,17 +38,21 @@ class PlantEffects:
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
-        """The `PlantEffects` of a plant, made of `effects`, a list or another iterable of effects in any order: sorted
-        into actuator, sensor, joint and load effects and elastic joints. Actuator and sensor effects are ordered by
-        their `rank`, the order in which signals pass them.
+        """The `PlantEffects` of a plant, from a list or another iterable of effects in any order: sorted into actuator,
+        sensor, joint and load effects and elastic joints, the first two by their `rank`, the order in which signals
+        pass them.
 
-        Raises `InputError` for an element that is no `Effect`, for an effect alone that is not in a list, and for two
-        actuator effects, two sensor effects or two elastic joints of one class; joint and load effects may repeat.
+        Raises `InputError` for what is no `Effect` or one of none of these kinds, for an effect alone that is not in a
+        list, and for two actuator effects, two sensor effects or two elastic joints of one class; joint and load
+        effects may repeat.
         """
         given = listed(effects)
         for effect in given:
             if not isinstance(effect, Effect):
                 raise InputError(f"effects: expected plant effects, such as ControlDelay(2), got {effect!r}")
+            if not isinstance(effect, KINDS):
+                names = ", ".join(kind.__name__ for kind in KINDS[:3])
+                raise InputError(f"effects: expected effects derived from {names} or LoadEffect, got {effect!r}")
         _require_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints)])
         return cls(
             tuple(sorted((e for e in given if isinstance(e, ActuatorEffect)), key=_rank)),

@@ -8,8 +8,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from adaptctl.description.description import Joint, JointKind, Limits
+from adaptctl.description.description import Joint, JointKind
 from adaptctl.description.drive import Drive
+from adaptctl.description.limits import Limits
 from adaptctl.description.pose import Pose, rotation_about
 from adaptctl.description.readers.mjcf.settings import MAIN, Settings
 from adaptctl.description.readers.xml_elements import named, number, numbers, refuse

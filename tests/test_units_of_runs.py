@@ -1,0 +1,95 @@
+"""Units of runs whose joints slide: of their arrays, in tables and files, and back from there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from random_trees import random_chain
+
+from adaptctl.control import ComputedTorque
+from adaptctl.dynamics import Mechanism
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import FileError, InputError
+from adaptctl.identification.columns import joint_columns
+from adaptctl.identification.reading.registry import read_log
+from adaptctl.identification.reading.table import table
+from adaptctl.simulation import Rollout, RunLogger, rollout, simulate
+
+UNITS = ("m", "rad")
+
+
+def slide_and_turn() -> Mechanism:
+    """An arm of a joint that slides and one that turns."""
+    arms = (random_chain(seed, 2) for seed in range(99))
+    return next(arm for arm in arms if [joint.kind.turns for joint in arm.primary_joints] == [False, True])
+
+
+def run(make: Any, **more: Any) -> Rollout:
+    arm = slide_and_turn()
+    env = TrackingEnv(arm, 1, duration=0.2, error_bound=10.0, torque_limits=1e4)
+    return make(env, ComputedTorque(arm, 5.0), seed=0, **more)
+
+
+def units(schema: Any) -> dict[str, str]:
+    return {field.name: field.metadata[b"unit"].decode() for field in schema}
+
+
+def test_each_joint_has_its_own_units(tmp_path: Path) -> None:
+    for make in (rollout, simulate):
+        found = units(run(make).to_arrow(["rail", "elbow"]).schema)
+        assert (found["p.rail"], found["p.elbow"]) == ("m", "rad")
+        assert (found["reference_v.rail"], found["v.elbow"]) == ("m/s", "rad/s")
+        assert (found["reference_a.rail"], found["reference_a.elbow"]) == ("m/s^2", "rad/s^2")
+        assert (found["torque.rail"], found["applied.elbow"]) == ("N", "N m")
+    run(simulate, stream=tmp_path / "stream.parquet")
+    run(simulate, last=0.1).save(tmp_path / "saved.parquet")
+    for name in ("stream", "saved"):
+        again = Rollout.load(tmp_path / f"{name}.parquet")
+        assert again.position_units == UNITS
+        assert units(again.to_arrow().schema)["applied.joint1"] == "N"
+
+
+def test_runs_of_ones_own_say_their_units(tmp_path: Path) -> None:
+    p = np.sin(np.arange(20.0))[:, None] * [1.0, 2.0]
+    own = Rollout.from_arrays(p, p, p, 1e-3, position_units=UNITS)
+    assert units(own.to_arrow().schema)["reference_p.joint1"] == "m"
+    assert units(Rollout.from_arrays(p, p, p, 1e-3).to_arrow().schema)["reference_p.joint1"] == "rad"
+    log = RunLogger(2, 1e-3, position_units=UNITS)
+    assert log._units == UNITS
+    for wrong in (("m",), ("m", "mm"), "mm", (None, "m")):
+        with pytest.raises(InputError, match="position_units: expected 2 of rad and m, got"):
+            Rollout.from_arrays(p, p, p, 1e-3, position_units=wrong)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="position_units: expected 2 of rad and m, got"):
+            RunLogger(2, 1e-3, position_units=wrong)  # type: ignore[arg-type]
+
+
+def test_a_file_with_units_of_other_joints_is_refused(tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    run(simulate).save(tmp_path / "run.parquet")
+    with pq.ParquetFile(tmp_path / "run.parquet") as file:
+        read, about = file.read(), {**file.metadata.metadata, b"position_units": b'["m"]'}
+    pq.write_table(read.replace_schema_metadata(about), tmp_path / "x")
+    with pytest.raises(FileError, match=r"x: .*position_units: expected 2 of rad and m, got 1"):
+        Rollout.load(tmp_path / "x")
+
+
+def test_identify_reads_columns_of_joints_of_both_kinds(tmp_path: Path) -> None:
+    """Radians and metres, newton metres and newtons: each is an SI unit, stated by the file."""
+    arm = slide_and_turn()
+    names = [joint.name for joint in arm.primary_joints]
+    run(simulate).save(tmp_path / "run.parquet", names)
+    drives = joint_columns(arm, read_log(tmp_path / "run.parquet"))
+    assert (drives.units.position, drives.units.torque, drives.units.velocity) == (1.0, 1.0, 1.0)
+
+
+def test_columns_in_units_of_different_factors_are_told_apart() -> None:
+    arm = slide_and_turn()
+    columns = {f"{what}.{joint.name}": np.arange(9.0) for joint in arm.primary_joints for what in ("p", "applied")}
+    said = dict.fromkeys(columns, "N") | {"time": "s", "p.joint0": "mm", "p.joint1": "rad"}
+    log = table("log.csv", {"time": np.arange(9.0), **columns}.items(), said)
+    with pytest.raises(InputError, match=r"log\.csv: its columns of position are in mm, rad: convert them to SI units"):
+        joint_columns(arm, log)

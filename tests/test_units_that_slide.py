@@ -1,0 +1,125 @@
+"""Words on an arm whose first joint slides: errors are not all in mrad, forces not all in N m."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from synthetic_logs import known
+
+from adaptctl.description import JointKind, Limits
+from adaptctl.design import DesignTask
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.joint_units import error_unit, position_unit, position_units
+from adaptctl.errors import InputError
+from adaptctl.experiments.counterweight import CounterweightedTracking
+from adaptctl.experiments.friction_curves import Curve, friction_curves
+from adaptctl.experiments.two_plants import TwoPlants
+from adaptctl.identification.preparation import prepare
+from adaptctl.recording.designed.wording import quantities
+from adaptctl.recording.result import silent
+from adaptctl.recording.units import coupling_unit
+from adaptctl.tuning import tune
+
+CART = """
+schema = "adaptctl/denavit-hartenberg/1"
+name = "cart"
+convention = "standard"
+base = { rpy = [1.5707963267948966, 0.0, 0.0] }
+
+[[links]]
+name = "cart"
+joint = "rail"
+type = "prismatic"
+a = 0.0
+alpha_deg = 90
+range = [-0.5, 0.5]
+velocity = 2.0
+effort = 100.0
+mass = 2.0
+center_of_mass = [0.0, 0.0, 0.0]
+inertia_at_center = { xx = 0.01, yy = 0.01, zz = 0.01 }
+
+[[links]]
+name = "pole"
+joint = "pivot"
+a = 0.3
+alpha_deg = 0
+range_deg = [-150, 150]
+velocity = 6.0
+effort = 25.0
+mass = 1.2
+center_of_mass = [-0.15, 0.0, 0.0]
+inertia_at_center = { xx = 0.001, yy = 0.01, zz = 0.01 }
+"""
+
+
+@pytest.fixture
+def cart(tmp_path: Path) -> Path:
+    path = tmp_path / "cart.toml"
+    path.write_text(CART)
+    return path
+
+
+def test_units_of_both_kinds_are_told_together(cart: Path) -> None:
+    arm, turning = load(cart), load("puma560_measured")
+    assert (position_units(arm), position_unit(arm), error_unit(arm)) == (("m", "rad"), "rad or m", "mrad or mm")
+    assert (position_unit(turning), error_unit(turning)) == ("rad", "mrad")
+
+
+def test_runs_that_verify_gains_say_so(cart: Path) -> None:
+    assert "mrad or mm; adaptation off" in str(tune(load(cart)).verified[0])
+    assert "mrad; adaptation off" in str(tune(load("docs/examples/two_link.toml")).verified[0])
+
+
+def test_counterweights_say_so(cart: Path) -> None:
+    result = CounterweightedTracking(robot=str(cart), duration=2.5, samples=50, components=3).run(silent)
+    assert "mrad or mm instead of" in result.headline
+    assert "mrad or mm" in next(fact.answer for fact in result.facts if fact.question == "Error, all adapted")
+
+
+def test_coupling_is_in_the_unit_of_its_joints(cart: Path) -> None:
+    assert [coupling_unit(load(arm)) for arm in (str(cart), "puma560_measured")] == ["kg m", "kg m²"]
+    task = DesignTask.within_limits(load(cart), 50, 0, 0.25)
+    assert dict(quantities(task, 1.0))["coupling (RMS off the diagonal)"].endswith(" kg m")
+    links = load(cart).description.links
+    alone = Mechanism(replace(load(cart).description, links=links[:1]))
+    joint = replace(links[1].joint, kind=JointKind.PRISMATIC)
+    sliding = Mechanism(replace(load(cart).description, links=(links[0], replace(links[1], joint=joint))))
+    assert [coupling_unit(arm) for arm in (alone, sliding)] == ["kg m²", "kg"]
+
+
+def test_two_plants_say_so(cart: Path) -> None:
+    compared = TwoPlants(robot=str(cart), duration=2.0).compare(silent)
+    assert {f.unit for f in compared.findings if f.name.startswith("plants_apart")} == {"rad or m"}
+
+
+def test_logs_beyond_limits_are_told_in_the_joints_units() -> None:
+    """A joint that slides moves in m/s and takes N."""
+    case = known(1, 1, duration=4.0)
+    link = case.guess.description.links[0]
+
+    def refused(limits: Limits) -> str:
+        joint = replace(link.joint, kind=JointKind.PRISMATIC, limits=limits)
+        arm = Mechanism(replace(case.guess.description, links=(replace(link, joint=joint),)))
+        with pytest.raises(InputError) as caught:
+            prepare(case.log, arm)
+        return str(caught.value)
+
+    assert " m/s, its robot at most at 0.001: are the positions in mm" in refused(Limits(velocity=1e-3))
+    assert " N, its robot at most 0.001: are" in refused(Limits(effort=1e-3))
+
+
+def test_friction_over_speed_has_the_joints_units() -> None:
+    speeds = np.linspace(-1.0, 1.0, 50)
+    curves = [
+        Curve(name, (1.0, 2.0), 0.1, 0.1, (1.0, 2.0), speeds, units)
+        for name, units in (("rail", ("N", "m/s")), ("elbow", ("N·m", "rad/s")))
+    ]
+    figure = friction_curves(curves)
+    assert isinstance(figure, Figure)
+    assert [axes.get_title() for axes in figure.axes if axes.get_title()] == ["rail [N]", "elbow [N·m]"]
+    assert figure._supxlabel.get_text() == "speed [rad/s or m/s]"  # type: ignore[attr-defined]
