@@ -45,11 +45,15 @@ def running(law: Controller[Any], folder: Path) -> Iterator[tuple[subprocess.Pop
         process.kill()
 
 
+PASSING = TimeoutError, ConnectionRefusedError, struct.error
+"""Errors of a loop that does not listen yet, and of datagrams to a port that another test had before."""
+
+
 def heard(link: socket.socket) -> tuple[int, np.ndarray, int]:
     """The next answer: its count, torques and status."""
     until = time.monotonic() + 60.0
     while time.monotonic() < until:
-        with contextlib.suppress(TimeoutError, ConnectionRefusedError):
+        with contextlib.suppress(*PASSING):
             count, *torque, status = struct.unpack("<5d", link.recv(4096))
             return int(count), np.array(torque), int(status)
     raise AssertionError("the loop does not answer")
@@ -59,7 +63,7 @@ def told(link: socket.socket, count: int, v: float) -> tuple[np.ndarray, int]:
     """What the loop answers to a measurement, sent again until it does."""
     until = time.monotonic() + 60.0
     while time.monotonic() < until:
-        with contextlib.suppress(TimeoutError, ConnectionRefusedError):
+        with contextlib.suppress(*PASSING):
             link.send(struct.pack("<7d", count, 0.1, 0.2, -0.1, v, v, v))
             while True:
                 found, *torque, status = struct.unpack("<5d", link.recv(4096))
