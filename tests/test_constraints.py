@@ -383,5 +383,7 @@ def test_a_relation_is_with_zero_unless_a_value_is_given() -> None:
 
 
 def test_a_dict_of_known_values_is_no_constraints() -> None:
-    with pytest.raises(InputError, match=r"expected a Constraints, as Constraints\(\{\.\.\.\}\) is one, got \{'link3.m': 2.0\}"):
+    with pytest.raises(
+        InputError, match=r"expected a Constraints, as Constraints\(\{\.\.\.\}\) is one, got \{'link3.m': 2.0\}"
+    ):
         constrained(load("puma560_measured"), {"link3.m": 2.0})  # type: ignore[arg-type]
