@@ -138,7 +138,7 @@ def whole_number(value: object, what: str, least: int, most: int) -> int:
 
 
 def whole_count(value: object, what: str, least: int = 0) -> int:
-    """The int of a whole number, `value`, of at least `least`, 0 unless given, passed as a Python or NumPy integer.
+    """The int of a whole number, `value`, of at least `least`, 0 by default, passed as a Python or NumPy integer.
     Raises `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its
     message."""
     if _is_whole(value) and value >= least:
@@ -181,7 +181,7 @@ def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callab
 
 
 def same_samples(**arrays: Array) -> tuple[int, ...]:
-    """The common shape of the sample axes of `arrays` (..., n), all axes but the last, broadcast as NumPy does it.
+    """The common shape of the sample axes of `arrays` (..., n), all axes but the last, broadcast by NumPy's rules.
     Arrays are given by keyword, and n may differ. Raises `InputError`, with their names and shapes, where the axes do
     not broadcast."""
     try:

@@ -7,7 +7,7 @@ LONGEST_MESSAGE = 2_000
 
 
 class AdaptctlError(Exception):
-    """Base class of every error that this package raises on purpose, made of its `message`, empty unless given: the
+    """Base class of every error that this package raises on purpose, made of its `message`, empty by default: the
     control characters in it are written out, so that no terminal obeys them, and a message that then has more than
     LONGEST_MESSAGE (2000) characters is cut in its middle to that many."""
 
@@ -16,11 +16,11 @@ class AdaptctlError(Exception):
 
 
 def printable(text: str, most: int = 80) -> str:
-    """The `text` with control characters and others that do not print written out, such as \\x1b, and then cut in its
-    middle to `most` characters (a whole number of at least 0), where it has more.
+    """The `text` with each character that does not print, such as a control character, replaced by its escape sequence,
+    such as \\x1b; spaces and line breaks stay. What is then longer than `most` characters (a whole number of at least
+    0, 80 by default) is cut in its middle to `most`, with "..." in place of what is left out.
 
-    Names come from files of strangers, and a terminal would obey what is in them. Spaces and line breaks stay. Nothing
-    is checked.
+    Names come from files of strangers, and a terminal would obey what is in them. Nothing is checked.
     """
     if len(text) > 2 * most:
         text = text[:most] + text[len(text) - most :]  # what lies between is cut below, and need not be written out
@@ -60,15 +60,15 @@ class NonFiniteError(InputError):
 
 
 class RankError(AdaptctlError):
-    """Error of a rank k, the number of independent (identifiable) inertial parameters of a mechanism, that cannot be
-    certified; `message` says why.
+    """Error raised where the rank k of a mechanism's energy regressor, the number of its independent (identifiable)
+    inertial parameters, cannot be certified; `message` says why.
 
-    `singular_values`, a tuple of falling floats, no unit, are those of the matrix of energy differences whose rows are
-    for pairs of successive random states and whose columns, scaled, are for the P inertial parameters. It has P values,
-    or where a tree's rank was found joint by joint the 11 of the joint with the smallest gap between them, for its
-    link's ten parameters and its rotor inertia. It is empty, the default, where the cause is another, such as a
-    fundamental (base parameter) basis of another rank, or angles between joint axes that are nearly, but not exactly,
-    right angles.
+    `singular_values`, a tuple of floats in descending order, no unit, are those of the matrix of energy differences
+    whose rows are for pairs of successive random states and whose columns, scaled, are for the P inertial parameters.
+    It has P values, or where a tree's rank was found joint by joint the 11 of the joint with the smallest gap between
+    them, for its link's ten parameters and its rotor inertia. It is empty, the default, where the cause is another,
+    such as a fundamental (base parameter) basis of another rank, or angles between joint axes that are nearly, but not
+    exactly, right angles.
     """
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
@@ -127,9 +127,9 @@ class LoopError(InputError):
 
 class SingularityError(AdaptctlError):
     """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others: the
-    smallest singular value of the Jacobian of the loops' closure conditions by the dependent (not primary) joints is
-    below 0.05 of that at the reference configuration, the singularity was passed, or loops did not close. The message
-    has the positions (r,), rad (m if prismatic), of the r primary joints."""
+    smallest singular value of the Jacobian of the loops' closure conditions with respect to the dependent (not primary)
+    joints is below 0.05 of that at the reference configuration, the singularity was passed, or loops did not close. The
+    message has the positions (r,), rad (m if prismatic), of the r primary joints."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):

@@ -22,8 +22,8 @@ AT_FDCWD, RENAME_EXCHANGE = -100, 2
 
 @contextmanager
 def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
-    """Context that gives an empty temporary folder beside `path` to write to. When the block ends, the folder takes the
-    place of `path`.
+    """Context manager that yields an empty temporary folder beside `path` to write to. When the block ends, the folder
+    takes the place of `path`.
 
     When the block fails, `path` stays as it was, and nothing is left behind. By default `path` must not exist, or be
     empty; missing folders above it are made. With `overwrite` it may hold an older run, which is replaced whole: all

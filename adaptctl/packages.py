@@ -25,8 +25,8 @@ DISTRIBUTIONS = {
 
 @contextmanager
 def needed(what: str) -> Iterator[None]:
-    """Context, or decorator, in which an import of a package that is not installed raises `MissingExtraError`, whose
-    message has the command that installs it.
+    """Context manager, or decorator, in which an import of a package that is not installed raises `MissingExtraError`,
+    whose message has the command that installs it.
 
     `what` names the function or task that needs the package, and begins the message. Missing modules of `adaptctl`
     itself pass as `ModuleNotFoundError`.

@@ -79,7 +79,7 @@ class GainRange:
 
     def gains(self, actions: Array) -> dict[str, Array]:
         """Scaled gains under actions (..., a), unitless, clipped to [-1, 1]: a mapping from the name of each gain that
-        is scaled to its m numbers (..., m) in the gain's own unit, a matrix row by row. a is the sum of the property
+        is scaled to its h numbers (..., h) in the gain's own unit, a matrix row by row. a is the sum of the property
         `sizes`, in the order of the field `names`: one action a joint for a gain of one number a joint, else one.
         Nothing is checked."""
         within = np.clip(actions, -1.0, 1.0)
@@ -111,8 +111,8 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     ## Description
 
     A wrapper of a tracking environment that a `controller`, a `Controller`, drives, some of whose `gains` the action
-    scales at each control period, so that a schedule of gains can be learned. An action of zero leaves the gains as
-    they are.
+    scales at each control period, so that a schedule of gains can be learned. An action of zero leaves the gains
+    unchanged.
 
     ```python
     env = TuningEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, ["damping", "adaptation.gain"])
@@ -126,7 +126,7 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     `adaptation.gain`, one for all their numbers, in the order of the names. What is out of bounds is clipped; a wrong
     shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
-    The largest gains together are checked as those of a new controller are: where they would make the loop unstable at
+    The largest gains together are checked by the controller's constructor: where they would make the loop unstable at
     the control period, an action of 1 stands for the largest factor that is accepted, `env.range.highest`, at least 1.
 
     ## Observation space
@@ -156,17 +156,19 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """First observation (n,) and `info` of a new episode, which this call begins with a new initial state of the
-        controller. The observation is the environment's, in its units and in the order of its `observation_slices`;
-        `info` has besides the environment's keys the unscaled `gains`, a mapping from names to the m numbers (m,) of
-        each in its own unit.
+        """First observation (n,), n = 5r + r L for a `TrackingEnv` of r joints with L look-ahead times, and `info` of a
+        new episode, which this call begins with a new initial state of the controller. The observation is the wrapped
+        environment's, such as positions, velocities and the reference's positions, velocities and accelerations, then
+        its positions at each time ahead, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic); `info` has besides the
+        environment's keys the unscaled `gains`, a mapping from names to the h numbers (h,) of each in its own unit.
 
         `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
-        `TrackingEnv.reset`: `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`),
-        `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and
-        `parameters` (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises
-        `InputError` for bad options (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops
-        cannot be followed to the start, Gymnasium's `Error` for a bad seed.
+        `TrackingEnv.reset`: `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and
+        `inertia` (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or
+        "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial
+        and friction ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad options
+        (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start,
+        Gymnasium's `Error` for a bad seed.
         """
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
@@ -174,12 +176,12 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
         return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), reward (unitless), `terminated`, `truncated` and `info` after one control period, by which
-        this call advances the environment under the controller with its gains scaled by the action (a,), unitless,
-        clipped to [-1, 1]. The action has one number a joint for a gain of one number a joint, else one a gain.
-        Observation, in the environment's units and the order of its `observation_slices`, reward and ends are the
-        environment's; `info` has besides its keys these `gains`, a mapping from names to m numbers (m,) each, in the
-        gain's own unit.
+        """Observation (n,), the n numbers of the wrapped environment's, reward (unitless), `terminated`, `truncated`
+        and `info` after one control period, by which this call advances the environment under the controller with its
+        gains scaled by the action (a,), unitless, clipped to [-1, 1]. The action has one number a joint for a gain of
+        one number a joint, else one a gain. Observation, in the environment's units and the order of its
+        `observation_slices`, reward and ends are the environment's; `info` has besides its keys these `gains`, a
+        mapping from names to h numbers (h,) each, in the gain's own unit.
 
         Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion diverges to
         non-finite values, Gymnasium's `ResetNeeded` before the first reset and after the episode's end.

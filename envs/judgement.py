@@ -13,9 +13,9 @@ from adaptctl.scalars import Column, Scalar, absolute, where
 
 
 class Judged(NamedTuple):
-    """Judgement of a control period, one scalar each of any kind (float, array over periods or arms, or symbol to be
-    compiled): `reward`, no unit, without what the end of an episode costs, and `lost`, 1.0 if a joint's position error
-    passed its bound, else 0.0. Nothing is checked."""
+    """Reward and termination of a control period, one scalar each of any kind (float, array over periods or arms, or
+    symbol to be compiled): `reward`, unitless, without the penalty for an episode's end, and `lost`, 1.0 if a joint's
+    position error passed its bound, else 0.0. Nothing is checked."""
 
     reward: Scalar
     lost: Scalar
@@ -23,28 +23,31 @@ class Judged(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """Judgement of the control periods of r joints that track a reference, as an equation over scalars of any kind
-    (floats, arrays, or symbols) and as native code: rewards by the `RewardWeights` `weights`, and whether a joint's
-    position error passes its `error_bound` (r,), rad (m if prismatic). `torque_limits` (r,), N m (N for a prismatic
-    joint), are what torques are measured by. Nothing is checked.
-    """
+    """Reward and termination rule of control periods in which r joints track a reference, as an equation over scalars
+    of any kind (floats, arrays, or symbols) and as native code. Rewards have the `RewardWeights` `weights`; an episode
+    ends where a joint's position error is greater in magnitude than its `error_bound` (r,), rad (m if prismatic).
+    Torques count relative to `torque_limits` (r,), N m (N for a prismatic joint). Nothing is checked."""
 
     weights: RewardWeights
     error_bound: Array
     torque_limits: Array
 
     def equation(self, p: Column, v: Column, reference_p: Column, reference_v: Column, torque: Column) -> Judged:
-        """The judgement of a period, as `Judged` has it, from Columns (r,), vectors of scalars of any kind: the
-        positions `p`, rad (m if prismatic), and velocities `v`, rad/s (m/s), that were reached, the reference's there,
-        and the torques that were applied before, N m (N for a prismatic joint). Nothing is checked."""
+        """The reward and the termination flag of one control period, a `Judged`, from Columns (r,), vectors of scalars
+        of any kind. These are the positions `p`, rad (m if prismatic), and velocities `v`, rad/s (m/s), reached at the
+        period's end, the reference's positions `reference_p` and velocities `reference_v` then, and the `torque`
+        applied over the period, N m (N). The reward is minus the weighted sums over the joints of squared position
+        errors, squared velocity errors and (torque/limit)^2. Nothing is checked."""
         error, rate = p - reference_p, v - reference_v
         relative = Column(x / limit for x, limit in zip(torque, self.torque_limits.tolist(), strict=True))
         return Judged(-self.weights.cost(error @ error, rate @ rate, relative @ relative), self._lost(error))
 
     @cached_property
     def kernel(self) -> Kernel:
-        """The native code of the equation, a `Kernel`: called with arrays (r,) in its order and units it returns a
-        `Judged` of two floats; its `map` takes arrays (m, r) of m periods, and returns one of two arrays (m,)."""
+        """Native code of the method `equation`, a `Kernel`, made at the first use. Called with arrays (r,) for `p`,
+        `v`, `reference_p`, `reference_v` and `torque`, in that equation's units, it returns a `Judged` of two floats;
+        its method `map` takes arrays (m, r) of m periods, and returns a `Judged` of two arrays (m,). Raises
+        `InputError` for other shapes."""
         names = ("p", "v", "reference_p", "reference_v", "torque")
         return compile_function(self.equation, dict.fromkeys(names, len(self.error_bound)), name="judgement")
 

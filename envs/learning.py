@@ -68,7 +68,7 @@ class NormalisedView:
         return gymnasium.spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
 
     def __call__(self, observation: Any) -> Observation:
-        """The normalised values (..., n) of observations (..., n)."""
+        """The normalised values (..., n) of observations (..., n), n numbers each, scaled to [-1, 1], unitless."""
         p, v, desired, rate, acceleration = (observation[..., part] for part in list(self.slices.values())[:5])
         ahead = observation[..., self.slices["look_ahead"]]
         ahead = ahead - np.tile(desired, ahead.shape[-1] // desired.shape[-1])
@@ -96,13 +96,14 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     ## Action space
 
     `Box(-1, 1, (r,), float32)`, r joints: fractions of the torque limits; or the actions of `ResidualEnv` (r,) or
-    `TuningEnv` (a,), as they are, where one of those is wrapped. What is out of bounds is clipped by the environment. A
-    wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
+    `TuningEnv` (a,), a the number of its scaled gains, unchanged, where one of those is wrapped. What is out of bounds
+    is clipped by the environment. A wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
-    `Box(-1, 1, (5r + r L,), float32)` for r joints and L look-ahead times: each number x, in rad, rad/s or rad/s^2 (m,
-    m/s, m/s^2), becomes x / (|x| + c), with a scale c in the unit of x. Indices are zero-based, the last exclusive.
+    `Box(-1, 1, (5r + r L,), float32)` for r joints and L look-ahead times, whichever environment is wrapped: each
+    number x, in rad, rad/s or rad/s^2 (m, m/s, m/s^2), becomes x / (|x| + c), with a scale c in the unit of x. Indices
+    are zero-based, the last exclusive.
 
     | Indices     | Number x                                             | Scale c                             |
     |-------------|------------------------------------------------------|-------------------------------------|
@@ -134,11 +135,12 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         less those now. `info` is that of the wrapped environment.
 
         `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
-        `TrackingEnv.reset`: `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`),
-        `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and
-        `parameters` (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises
-        `InputError` for bad options (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops
-        cannot be followed to the start, Gymnasium's `Error` for a bad seed.
+        `TrackingEnv.reset`: `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and
+        `inertia` (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or
+        "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial
+        and friction ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad options
+        (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start,
+        Gymnasium's `Error` for a bad seed.
         """
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
@@ -167,7 +169,7 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     """Vector environment of N arms for reinforcement learning, a wrapper of `env`, a `VectorTrackingEnv`, a
     `ResidualVectorEnv` or a `TuningVectorEnv`, that scales observations and actions to [-1, 1], each arm's as in
     `LearningEnv`. Observations (N, n), n = 5r + r L for r joints and L look-ahead times, are float32, unitless; actions
-    (N, a) are fractions of the torque limits, a = r, or those of the other two environments as they are. Raises
+    (N, a) are fractions of the torque limits, a = r, or those of the other two environments, unchanged. Raises
     `InputError` for another vector environment, and for one whose observations a wrapper has changed."""
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
@@ -188,12 +190,13 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
         less those now.
 
         `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, None lets the random numbers go on.
-        `options`, None for none, are those of `TrackingEnv.reset`, for all arms or one each: `payload` (kg, a `Payload`
-        or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or "random"),
-        `initial_error` (one number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true
-        inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad seeds and
-        options (its subclass `NotFoundError` for unknown options), `SingularityError` where loops cannot be followed to
-        the start, Gymnasium's `ResetNeeded` for a part of the arms before the first reset of all.
+        `options`, None for none, are those of `TrackingEnv.reset`, for all arms or one each: `payload` (a mass in kg, a
+        `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg m^2, about that centre, in
+        the last link's frame), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number, (r,) or
+        (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true inertial and friction ones, SI units,
+        in the order of `Mechanism.parameter_names`. Raises `InputError` for bad seeds and options (its subclass
+        `NotFoundError` for unknown options), `SingularityError` where loops cannot be followed to the start,
+        Gymnasium's `ResetNeeded` for a part of the arms before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info

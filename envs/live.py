@@ -30,18 +30,19 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """First observation (n,), in the environment's units, and `info` of a new episode, which this call begins;
-        nothing is shown yet. `seed` and `options`, None for none, are passed to the wrapped environment. Raises what
-        that environment raises."""
+        """First observation (n,), n numbers in the environment's units, and `info` of a new episode, which this call
+        begins; nothing is shown yet. `seed` and `options`, None for none, are passed to the wrapped environment. Raises
+        what that environment raises."""
         self._steps = 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), in the environment's units, reward (unitless), `terminated`, `truncated` and `info`,
-        unchanged, after one control period, by which this call advances the wrapped environment under the `action`
-        (a,), its a numbers. Shown are the time, `time` of `info` or else the periods counted, s, the positions of the r
-        joints and the reference's (r,), rad (m if prismatic), and the torque (r,), N m (N), `applied_torque` of `info`
-        or else the action. Raises what the environment raises; a failure of the view is a `LiveViewWarning`."""
+        """Observation (n,), n numbers in the environment's units, reward (unitless), `terminated`, `truncated` and
+        `info`, unchanged, after one control period, by which this call advances the wrapped environment under the
+        `action` (a,), its a numbers. Shown are the time, `time` of `info` or else the periods counted, s, the positions
+        of the r joints and the reference's (r,), rad (m if prismatic), and the torque (r,), N m (N), `applied_torque`
+        of `info` or else the action. Raises what the environment raises; a failure of the view is a `LiveViewWarning`.
+        """
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         p, desired = (np.asarray(observation)[self._slices[name]] for name in ("p", "reference_p"))

@@ -29,9 +29,9 @@ class MuJoCoTrackingEnv(TrackingEnv):
     A tracking environment, the task of `TrackingEnv`, with MuJoCo as the plant: it moves the arm in its scene, with
     contacts, joint stops, equality constraints of other bodies and all else in its model. The controller's model of the
     arm is the mechanism that `Mechanism.from_mujoco` reads, which has no contacts, stops or springs. Actions (r,),
-    torques of r joints in N m (N if prismatic), observations (5r + r L,), in rad, rad/s, rad/s^2 (m if prismatic), for
-    L look-ahead times, reward, episode end, information and options at reset are those of `TrackingEnv`, whose card
-    holds here.
+    torques of r joints in N m (N if prismatic), observations (5r + r L,), in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
+    prismatic), for L look-ahead times, reward, episode end, information and options at reset are those of
+    `TrackingEnv`, whose card holds here.
 
     ```python
     import gymnasium

@@ -90,7 +90,8 @@ class Puma560TrackingEnv(TrackingEnv):
     ## Options at reset
 
     Those of `TrackingEnv`: `payload` (kg), fixed at the origin of the last link's frame, the flange, `trajectory`,
-    `initial_error` (rad) and `parameters` (P,), the P true inertial parameters in SI units.
+    `initial_error` (rad) and `parameters` (P,), the P true inertial and friction parameters, in SI units and the order
+    of `Mechanism.parameter_names`.
 
     ## Version history
 

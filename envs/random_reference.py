@@ -32,25 +32,25 @@ FADE_SLOPE = 1.875
 
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
-    """The reference that `trajectory` stands for, a function from times (T,), s, to a `ReferencePoint` (positions,
-    velocities and accelerations of the r joints, (T, r) each, rad, m if prismatic, and per s and s^2). A `Reference`
-    stands for itself, a seed (a whole number of at least 0) for the random reference of that seed, "random" or None for
-    a new random one drawn from `rng`. Random ones are those of `random_sinusoids` for the `mechanism`. Raises
-    `InputError` for any other `trajectory`, and where a mechanism's loops leave no room for a random one."""
+    """The reference that `trajectory` stands for, a function from T times (T,), s, to a `ReferencePoint` (positions,
+    velocities and accelerations of the r joints, (T, r) each, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if
+    prismatic)). A `Reference` stands for itself, a seed (a whole number of at least 0) for the random reference of that
+    seed, "random" or None for a new random one drawn from `rng`. Random ones are those of `random_sinusoids` for the
+    `mechanism`. Raises `InputError` for any other `trajectory`, and where a mechanism's loops admit no random one."""
     return all_drawn([trajectory], mechanism, lambda _: rng)[0]
 
 
 def all_drawn(
     trajectories: Sequence[Trajectory], mechanism: Mechanism, generator: Callable[[int], np.random.Generator]
 ) -> list[Reference]:
-    """List of the references that `trajectories` stand for, one each, in their order; a reference is a function from
-    times (T,), s, to a `ReferencePoint` (positions, velocities and accelerations of the r joints, (T, r) each, rad, m
-    if prismatic, and per s and s^2). A `Reference` stands for itself; a seed, a whole number of at least 0, for the
-    random reference of that seed, which equal seeds share; "random" or None for a new random one, drawn from
-    `generator(k)` for the trajectory of index k, from 0.
+    """List of the references that `trajectories` stand for, one each, in their order; a reference is a function from T
+    times (T,), s, to a `ReferencePoint` (positions, velocities and accelerations of the r joints, (T, r) each, in rad,
+    rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic)). A `Reference` stands for itself; a seed, a whole number of at
+    least 0, for the random reference of that seed, which equal seeds share; "random" or None for a new random one,
+    drawn from `generator(k)` for the trajectory of index k, from 0.
 
     Random ones are those of `random_sinusoids` for the `mechanism`. Raises `InputError` for any other trajectory, and
-    where a mechanism's loops leave no room for a random one.
+    where a mechanism's loops admit no random one.
     """
     sources: dict[Hashable, np.random.Generator] = {}
     keys: list[Hashable] = []

@@ -57,17 +57,19 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         self._base = np.zeros(limits.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """First observation (n,) and `info` of a new episode, which this call begins with a new initial state of the
-        controller. The observation is the environment's, in its units and in the order of its `observation_slices`;
-        `info` has besides the environment's keys `base_torque` (r,), N m (N if prismatic), the controller's first
-        torque at r joints.
+        """First observation (n,), n = 5r + r L for a `TrackingEnv` of r joints with L look-ahead times, and `info` of a
+        new episode, which this call begins with a new initial state of the controller. The observation is the wrapped
+        environment's, such as positions, velocities and the reference's positions, velocities and accelerations, then
+        its positions at each time ahead, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic); `info` has besides the
+        environment's keys `base_torque` (r,), N m (N if prismatic), the controller's first torque at r joints.
 
         `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
-        `TrackingEnv.reset`: `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`),
-        `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and
-        `parameters` (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises
-        `InputError` for bad options (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops
-        cannot be followed to the start, Gymnasium's `Error` for a bad seed.
+        `TrackingEnv.reset`: `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and
+        `inertia` (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or
+        "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial
+        and friction ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad options
+        (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start,
+        Gymnasium's `Error` for a bad seed.
         """
         observation, info = self.env.reset(seed=seed, options=options)
         p, v, _ = self._read(observation)
@@ -76,11 +78,12 @@ class ResidualEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils
         return observation, info | {"base_torque": self._base.copy()}
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), reward (unitless), `terminated`, `truncated` and `info` after one control period, by which
-        this call advances the environment. The torque is the controller's plus the action (r,), in [-1, 1] but not
-        clipped, times `share` (given at construction) times the torque limits, N m (N if prismatic), of r joints.
-        Observation, in the environment's units and the order of its `observation_slices`, reward and ends are the
-        environment's; `info` has besides its keys the controller's torque as `base_torque` (r,), N m (N).
+        """Observation (n,), the n numbers of the wrapped environment's, reward (unitless), `terminated`, `truncated`
+        and `info` after one control period, by which this call advances the environment. The torque is the controller's
+        plus the action (r,), in [-1, 1] but not clipped, times `share` (given at construction) times the torque limits,
+        N m (N if prismatic), of r joints. Observation, in the environment's units and the order of its
+        `observation_slices`, reward and ends are the environment's; `info` has besides its keys the controller's torque
+        as `base_torque` (r,), N m (N).
 
         Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion diverges to
         non-finite values, Gymnasium's `ResetNeeded` before the first reset and after the episode's end.

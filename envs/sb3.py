@@ -48,8 +48,8 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         return observations
 
     def step_async(self, actions: Array) -> None:
-        """Store the `actions` (N, a) of N arms, unitless, in [-1, 1], for the next `step_wait`, which checks them.
-        Nothing moves yet; nothing is returned or raised."""
+        """Store the `actions` (N, a) of N arms, a numbers each, unitless, in [-1, 1], for the next `step_wait`, which
+        checks them. Nothing moves yet; nothing is returned or raised."""
         self.actions = actions
 
     def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
@@ -96,5 +96,5 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
         """List of False, once for each of the arms of `indices` (one index, from 0, or several, None for all), since no
-        arm is in a wrapper of its own, `wrapper_class` or any other."""
+        arm is in a wrapper of its own, `wrapper_class` or any other. Nothing is checked."""
         return [False for _ in self._get_indices(indices)]

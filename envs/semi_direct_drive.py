@@ -86,7 +86,8 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
     ## Options at reset
 
     Those of `TrackingEnv`: `payload` (kg, fixed to the last link), `trajectory` (a reference, a seed or `"random"`),
-    `initial_error` (rad), `parameters` (P,), the P true inertial ones in SI units.
+    `initial_error` (rad), `parameters` (P,), the P true inertial and friction ones, in SI units and the order of
+    `Mechanism.parameter_names`.
 
     ## Version history
 

@@ -69,8 +69,9 @@ def finite_numbers(given: ArrayLike, what: str) -> Array:
 def require_reference(given: Trajectory, dof: int) -> None:
     """Raise `InputError` unless `given` stands for a reference of `dof` joints: a callable (a `Reference`), a seed (a
     whole number of at least 0), "random" or None. A callable is called with the time 0 s as an array (1,), and must
-    return positions, velocities and accelerations, (1, `dof`) each; its own errors are not caught. Nothing is returned.
-    A list, tuple or array of several, one for each of many arms, passes here and is checked at a reset."""
+    return positions, velocities and accelerations, (1, `dof`) each, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if
+    prismatic); its own errors are not caught. Nothing is returned. A list, tuple or array of several, one for each of
+    many arms, passes here and is checked at a reset."""
     if isinstance(given, list | tuple | np.ndarray):
         return
     require_trajectory(given, "reference")

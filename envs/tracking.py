@@ -105,7 +105,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | Key              | Value                                                                      |
     |------------------|----------------------------------------------------------------------------|
     | `time`           | s since the reset                                                          |
-    | `parameters`     | (P,) the true inertial parameters now, SI units, payload included, in the order of `mechanism.parameter_names` |
+    | `parameters`     | (P,) the true inertial and friction parameters now, SI units, payload included, in the order of `mechanism.parameter_names` |
     | `applied_torque` | (r,) the torque that reached the joints in the last step, N m (N)          |
     | `energy`         | kinetic plus potential energy in J                                         |
     | `clipped`        | how many steps since the reset had an action clipped                       |
@@ -143,7 +143,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `payload`       | a point mass in kg at the origin of the frame of the last link that has mass, a `Payload`, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
     | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
     | `initial_error` | rad (m), one number or one a joint                                                    |
-    | `parameters`    | (P,) true inertial parameters, SI units, in the order of `mechanism.parameter_names`, to which the payload is added |
+    | `parameters`    | (P,) true inertial and friction parameters, SI units, in the order of `mechanism.parameter_names`, to which the payload is added |
 
     ## Version history
 
@@ -211,7 +211,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """Reference of the running episode, a `Reference`: a function from times (T,), s, to a `ReferencePoint`,
+        """Reference of the running episode, a `Reference`: a function from T times (T,), s, to a `ReferencePoint`,
         positions, velocities and accelerations of the r joints, (T, r) each, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
         prismatic). Raises Gymnasium's `ResetNeeded` before the first reset."""
         return self._running("reference").preview.reference
@@ -222,11 +222,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         with effects also `p`, `v` and `marks`. For r joints the observation has positions, velocities and the
         reference's positions, velocities and accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2
         (m, m/s, m/s^2 if prismatic). `seed` is that of the random numbers, None to go on with them; `options`, None for
-        none, are `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a
-        `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters`
-        (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for a
-        bad option (its subclasses `NotFoundError` for an unknown one, `NonFiniteError` for one that is not finite),
-        `SingularityError` where loops cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
+        none, are `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia`
+        (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or "random"),
+        `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial and
+        friction ones, SI, in the order of `Mechanism.parameter_names`. Raises `InputError` for a bad option (its
+        subclasses `NotFoundError` for an unknown one, `NonFiniteError` for one that is not finite), `SingularityError`
+        where loops cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -252,12 +253,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         m/s^2 if prismatic). The reward, unitless, is minus the sums over the joints of squared position errors, squared
         velocity errors and (torque/limit)^2, each times its weight (`RewardWeights`), less the weight `termination`
         where terminated. `terminated` is True where a joint's error passes its bound or kinematic loops come near a
-        singularity (their Jacobian's smallest singular value below 0.05 of its home value) or leave bounds that the
-        robot's file states, `truncated` where the duration is over. `info` has `time` (s), `parameters` (P,), the P
-        true inertial ones (SI units, in the order of `Mechanism.parameter_names`), `applied_torque` (r,), N m (N),
-        `energy` (J) and `clipped`, the number of actions clipped so far; with effects also the true `p` and `v` (r,)
-        and `marks`, a dict of events. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and for a
-        motion that diverges to non-finite values, Gymnasium's `ResetNeeded` before a reset."""
+        singularity (their Jacobian's smallest singular value below 0.05 of its reference value) or leave bounds that
+        the robot's file states, `truncated` where the duration is over. `info` has `time` (s), `parameters` (P,), the
+        true inertial and friction ones (SI, in the order of `Mechanism.parameter_names`), `applied_torque` (r,), N m
+        (N), `energy` (J) and `clipped`, the number of actions clipped so far; with effects also the true `p` and `v`
+        (r,) and `marks`, a dict of events. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and
+        for a motion that diverges to non-finite values, Gymnasium's `ResetNeeded` before a reset."""
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
@@ -286,20 +287,20 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def hand_over(self) -> Episode:
-        """Running episode as an `Episode`, which the function `simulate` continues in native code: plant and state,
-        true inertial parameters, reference, random generator, number of control periods left (0 where it is over), and
-        the function that computes rewards and ends. The method `take_back` resumes the episode here. Raises Gymnasium's
-        `ResetNeeded` before the first reset."""
+        """Running episode as an `Episode`, which `simulate` continues in native code: plant and state, true parameters,
+        reference, random generator, number of control periods left (0 where it is over), and the function that computes
+        rewards and ends. `take_back` resumes it here. Raises Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("hand_over")
         left, reference = 0 if episode.over else self.steps - episode.step, episode.preview.reference
         return Episode(self.plant, episode.state, episode.parameters, reference, self.np_random, left, self._judged)
 
     def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """Resume here an episode that was continued elsewhere from what `hand_over` returned, and return its `info`, as
-        `step` does (`time`, true `parameters`, `applied_torque`, `energy`, `clipped`, with effects `p`, `v` and
-        `marks`). `state`, a `PlantState`, is the plant's from which the next `step` goes on; `steps` is the number of
-        control periods taken elsewhere, `clipped` the number of those with a clipped torque, and `terminated` True if
-        the episode ended there. Arguments are not checked; raises Gymnasium's `ResetNeeded` before the first reset."""
+        """Resume here an episode that was continued elsewhere from what `hand_over` returned, and return its `info`:
+        `time` (s), true `parameters` (P,), inertial and friction, in SI units, `applied_torque` (r,) of r joints, N m
+        (N if prismatic), `energy` (J) and `clipped` (a number), with effects `p`, `v` (r,), rad, rad/s (m, m/s), and
+        `marks`. `state`, a `PlantState`, is the plant's from which `step` goes on; `steps` is the number of control
+        periods taken elsewhere, `clipped` that of those with a clipped torque, `terminated` True if the episode ended
+        there. Arguments are not checked; raises Gymnasium's `ResetNeeded` before the first reset."""
         episode = self._running("take_back")
         episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
         episode.over = terminated or episode.step >= self.steps
@@ -361,11 +362,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return torque
 
     def true_parameters(self, options: Mapping[str, Any]) -> Array:
-        """True inertial parameters (P,) of an episode, SI units, in the order of `Mechanism.parameter_names`, for the
-        `options` of its reset: `parameters` (P,), else the mechanism's own, plus `payload` (kg, a `Payload` or a
-        mapping of its fields `mass`, `center` and `inertia`) on the last link that has mass. Raises `InputError` for
-        another shape, a payload of no rigid body, or on a mechanism of fewer than ten parameters a link;
-        `NonFiniteError` for parameters that are not finite."""
+        """The P true inertial and friction parameters (P,) of an episode, SI units, in the order of
+        `Mechanism.parameter_names`, for the `options` of its reset: `parameters` (P,), else the mechanism's own, plus
+        `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg
+        m^2, about that centre) on the last link with mass, in its frame. Raises `InputError` for another shape, a
+        payload of no rigid body, or on a mechanism of fewer than ten parameters a link; `NonFiniteError` for parameters
+        that are not finite."""
         own = finite_numbers(options.get("parameters", self.mechanism.inertial_parameters), "parameters")
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:

@@ -182,7 +182,7 @@ class AdaptiveTracking(Learning):
         """Iterator over one `Finding` (named number with unit): the largest difference between the commanded torques, N
         m (N if prismatic), of adapting the fundamental (base) parameters and of adapting all, which are one controller
         if it is round-off; none where either was not run. `outcome`, an `Outcome`, has the runs; `basis` is not
-        used."""
+        used. Nothing is checked."""
         return one_controller(outcome, ADAPTIVE)
 
     def adaptation_setting(self, mechanism: Mechanism) -> str:
@@ -196,7 +196,8 @@ class AdaptiveTracking(Learning):
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over settings for the report, a `Setting` (name, value and meaning) each: centre and amplitude (rad,
         m if prismatic) and frequency (Hz) of the drawn reference, one a joint; what limits each joint's gains; and
-        notes on the tuning. `env`, the tracking environment, is reset with the experiment's seed."""
+        notes on the tuning. `env`, the tracking environment, is reset with the experiment's seed. Nothing is checked.
+        """
         env.reset(seed=self.seed)
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):

@@ -15,7 +15,7 @@ def build_grid(builds: Sequence[Build]) -> Figure:
     """Matplotlib figure of compiled `builds` of exported control laws as a grid, a row for each law, a column for each
     compiler and kind of number (double or float). A blue square marks a build that reproduces the torques recorded from
     Python, an orange one a build that does not, with the largest difference of torques, N m (N if prismatic), written
-    beside it."""
+    beside it. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

@@ -238,7 +238,7 @@ def burden(run: ControllerRun, limits: Array) -> Burden:
 def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
     """Matplotlib figure of the root mean square tracking error of all joints, in mrad (mm), over the 0.25 s before each
     time (s): a line for each of the `runs`, on a logarithmic scale, solid with counterweights (runs whose names end in
-    "after") and dashed without. `mechanism` gives the unit by the kinds of its joints."""
+    "after") and dashed without. `mechanism` gives the unit by the kinds of its joints. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned
@@ -259,7 +259,7 @@ def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Fi
 def applied_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Figure:
     """Matplotlib figure of the applied torque, N m (N if prismatic), of every primary (independently moving) joint of a
     mechanism over time, s, a panel for each: those of the `runs` that adapt all parameters, by their names
-    "all-before", without counterweights, and "all-after", with them."""
+    "all-before", without counterweights, and "all-after", with them. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

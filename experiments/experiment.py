@@ -113,8 +113,8 @@ def stated(experiment: Experiment) -> Iterator[Setting]:
 
 
 def text(value: object) -> str:
-    """Text of a setting's `value` as one would type it on the command line: entries of a tuple with spaces between,
-    floats with at most six significant digits, anything else as by `str`."""
+    """Command-line text of a setting's `value`, as one would type it: entries of a tuple with spaces between, floats
+    with at most six significant digits, anything else as by `str`. Nothing is checked."""
     if isinstance(value, tuple):
         return " ".join(text(entry) for entry in value)
     return f"{value:g}" if isinstance(value, float) else str(value)

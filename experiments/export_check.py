@@ -85,9 +85,9 @@ class ExportCheck(Experiment):
 
 @dataclass(frozen=True, eq=False)
 class Checked:
-    """Data of a finished check of exported control laws: `of`, the `ExportCheck`, the experiment with its settings;
-    `compilers`, the version of each compiler found, by its name; `builds`, a `Build` each, in the order in which they
-    were run; and `complete`, False where the experiment was interrupted. Nothing is checked at construction."""
+    """Finished check of exported control laws: `of`, the `ExportCheck`, the experiment with its settings; `compilers`,
+    the version of each compiler found, by its name; `builds`, a `Build` each, in the order in which they were run; and
+    `complete`, False where the experiment was interrupted. Nothing is checked at construction."""
 
     of: ExportCheck
     compilers: dict[str, str]
@@ -131,8 +131,8 @@ class Checked:
         )  # fmt: skip
 
     def headline(self) -> str:
-        """Outcome of the export check in a sentence or two, failures first: how many builds of exported laws reproduce
-        Python's torques, and the largest difference for each kind of number, N m (N if prismatic)."""
+        """Summary of the export check in one or two sentences, failures first: how many builds of exported laws
+        reproduce Python's torques, and the largest difference for each kind of number, N m (N if prismatic)."""
         repeated = f"{self._passed} of {len(self.builds)} builds repeat Python's torques"
         off = " and ".join(f"{scientific(worst, 2)} N m ({scalar})" for scalar, worst in self._worst().items())
         largest = max((build.largest or 0.0 for build in self.builds), default=0.0)
@@ -200,7 +200,7 @@ class Checked:
         return {**about, **passed, "compilers": self.compilers, "missing": self.missing, "builds": told}
 
     def markdown(self) -> str:
-        """Text of the export check's recording, in Markdown: the outcome, the facts as a table, and the compilers'
+        """Markdown text shown in the export check's recording: the outcome, the facts as a table, and the compilers'
         versions."""
         rows = "\n".join(f"| {fact.question} | **{fact.answer}** |" for fact in self.facts())
         versions = "\n".join(f"- {name}: {version}" for name, version in self.compilers.items())

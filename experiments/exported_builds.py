@@ -39,14 +39,14 @@ class Build:
 
     @property
     def difference(self) -> float | None:
-        """Largest difference of the build's torques from those recorded from Python, N m (N for a prismatic joint);
-        None where the program's message states no such number, or NaN."""
+        """Largest magnitude, over all joints and samples, of the differences of the build's torques from those recorded
+        from Python, N m (N for a prismatic joint); None where the program's message states no such number, or NaN."""
         return self._told(1)
 
     @property
     def largest(self) -> float | None:
-        """Largest of the torques recorded from Python, N m (N for a prismatic joint); None where the program's message
-        states no such number, or NaN."""
+        """Largest magnitude among all joints and samples of the torques recorded from Python, N m (N for a prismatic
+        joint); None where the program's message states no such number, or NaN."""
         return self._told(2)
 
     def _told(self, group: int) -> float | None:

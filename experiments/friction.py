@@ -70,10 +70,11 @@ class FrictionInJoints(OnRealPlant):
         )
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
-        """Effects of the plant besides rigid links: in each joint Stribeck's excess of static over Coulomb friction, a
-        torque against the motion of magnitude c F_c / (1 + (v/v_s)^2). c is the setting `stribeck` (a fraction), v_s
-        the setting `stribeck_speed`, rad/s, F_c the joint's Coulomb friction, N m (N if prismatic), and v its velocity,
-        rad/s (m/s). Raises `InputError` for a `mechanism` without friction in its joints."""
+        """Effects of the simulated plant that the controller's model lacks, a sequence of one `Friction`: in each joint
+        Stribeck's excess of static over Coulomb friction, a torque against the motion of magnitude c F_c / (1 +
+        (v/v_s)^2). c is the setting `stribeck`, a fraction of the Coulomb friction F_c (N m, N if prismatic) of the
+        joint, v_s the setting `stribeck_speed`, rad/s, and v the joint's velocity, rad/s (m/s). Raises `InputError` for
+        a `mechanism` with neither viscous nor Coulomb friction in its joints."""
         from adaptctl.simulation.effects import Friction
 
         coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
@@ -96,7 +97,8 @@ class FrictionInJoints(OnRealPlant):
 
     def first(self, model: ReducedModel) -> Array:
         """Initial estimate (k,) of a reduced model's k parameters in SI units: that of the rough model, with every
-        link's parameters off by the fraction `parameter_error`, and zero for viscous and Coulomb friction."""
+        link's parameters off by the fraction `parameter_error`, and zero for viscous and Coulomb friction. Nothing is
+        checked."""
         estimate = super().first(model)
         estimate[[k for k, _ in _friction_columns(model)]] = 0.0
         return estimate
@@ -129,7 +131,7 @@ class FrictionInJoints(OnRealPlant):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences for the report, never None here, with the RMS tracking errors of all joints in the last two
         seconds, mrad, with friction among the parameters, without, and by computed torque, a dash for a run that is
-        missing or shorter; `outcome` has the runs; `found`, the findings by name, is not used."""
+        missing or shorter; `outcome` has the runs; `found`, the findings by name, is not used. Nothing is checked."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "
@@ -160,7 +162,7 @@ class FrictionInJoints(OnRealPlant):
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): true and
         learned friction of every joint, N m, over speed, rad/s. `outcome`, an `Outcome`, has the runs, `basis` the
-        mechanism's fundamental (base) parameters."""
+        mechanism's fundamental (base) parameters. Nothing is checked."""
         from adaptctl.recording.drawing import Drawing
 
         yield Drawing(

@@ -40,7 +40,7 @@ class Curve(NamedTuple):
 def friction_curves(curves: Sequence[Curve]) -> Figure:
     """Matplotlib figure of friction (N m) over speed (rad/s), a panel for each of the `curves`, at least one, of a
     joint: the true friction with Stribeck's excess, the learned one of viscous and Coulomb friction, and a shaded
-    histogram of the speeds at which the joint moved."""
+    histogram of the speeds at which the joint moved. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, TRUTH, run_color
 

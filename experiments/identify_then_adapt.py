@@ -85,7 +85,7 @@ class IdentifyThenAdapt(OnRealPlant):
 
     def effects(self, mechanism: Mechanism) -> Sequence[Effect]:
         """Effects of the plant besides rigid links: an empty sequence, since the `mechanism` itself has the identified
-        rotors and friction."""
+        rotors and friction. Nothing is checked."""
         return ()
 
     def adaptation(self, model: ReducedModel) -> Array:
@@ -120,7 +120,7 @@ class IdentifyThenAdapt(OnRealPlant):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence for the report with the RMS tracking errors of all joints in the first two seconds, mrad, from each
         initial estimate; None where one of the adapting runs in `outcome` is missing. `found`, the findings by name, is
-        not used."""
+        not used. Nothing is checked."""
         first = {run.name: 1e3 * (run.rms_error(stop=BEGINNING) or np.nan) for run in outcome.runs}
         if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
             return None
@@ -132,7 +132,8 @@ class IdentifyThenAdapt(OnRealPlant):
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Iterator over the findings, a `Finding` (named number with unit) each: the RMS tracking error of all joints
         in each run's first two seconds, rad, and the ratio of two of these (no unit), that of the run from zero divided
-        by that of the run from the identified estimate. `outcome`, an `Outcome`, has the runs; `basis` is not used."""
+        by that of the run from the identified estimate. `outcome`, an `Outcome`, has the runs; `basis` is not used.
+        Nothing is checked."""
         first = {run.name: run.rms_error(stop=BEGINNING) or np.nan for run in outcome.runs}
         for name, value in first.items():
             yield Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {BEGINNING:g} s, {name}")

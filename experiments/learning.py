@@ -114,13 +114,13 @@ class Learning(ClosedLoopExperiment):
     @abstractmethod
     def adaptation_setting(self, mechanism: Mechanism) -> str:
         """Text for the report that says how the adaptation gain Gamma of a `mechanism` is chosen, which an
-        implementation must return."""
+        implementation must return. Nothing is checked."""
 
     @abstractmethod
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over settings for the report, a `Setting` (name, value and meaning) each, that state the reference
         where the experiment's own settings do not; an implementation must return it. `env` is the tracking
-        environment."""
+        environment. Nothing is checked."""
 
     def run(self, progress: Progress) -> Result:
         """Result of comparing all controllers of the experiment, a `Result`: outcome in words, facts (questions with
@@ -189,25 +189,25 @@ class Learning(ClosedLoopExperiment):
         """Iterator over the findings, a `Finding` (named number with unit) each: here one, the largest difference of
         commanded torques, N m (N if prismatic), between adapting the fundamental (base) parameters and adapting all,
         where both were run; a subclass may give others. `outcome`, an `Outcome`, has the runs, `basis` the mechanism's
-        fundamental parameters."""
+        fundamental parameters. Nothing is checked."""
         return one_controller(outcome)
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Text for the report that states the outcome in a sentence or two. None, as here, leaves it to the report,
         which then says how much smaller errors are with adaptation than without. `outcome`, an `Outcome`, has the runs,
-        `found` the findings by name."""
+        `found` the findings by name. Nothing is checked."""
         return None
 
     def leading(self, outcome: Outcome) -> Leading | None:
         """Errors that recording and report show before the joints' errors, a `Leading`, such as a tool's distance from
         its path: their meaning, the unit in which they are shown, and an array (T,) for each run in `outcome`, T its
-        samples; None, as here, where there are no others."""
+        samples; None, as here, where there are no others. Nothing is checked."""
         return None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Iterator over figures for the report besides those of every comparison, a `Drawing` (name, caption and
         function that draws it) each; none unless a subclass gives some. `outcome`, an `Outcome`, has the runs, `basis`
-        the mechanism's fundamental (base) parameters."""
+        the mechanism's fundamental (base) parameters. Nothing is checked."""
         return iter(())
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
@@ -294,29 +294,30 @@ class Found:
         self.of = {finding.name: finding.value for finding in findings}
 
     def text(self, name: str, scale: float = 1.0) -> str:
-        """Text of the value of the finding called `name`, times `scale` (no unit, 1 by default), with three significant
-        digits; a dash where there is no such finding."""
+        """Value of the finding called `name`, times `scale` (no unit, 1 by default), formatted as text with three
+        significant digits; a dash where there is no such finding. Nothing is checked."""
         return wording.number(scale * self.of[name] if name in self.of else None)
 
     def each(self, what: str, runs: Sequence[ControllerRun], unit: str = "", *, rising: bool = False) -> list[str]:
         """Texts of findings of one kind, one for each of the `runs` that has one, such as "0.12 s (Gradient)": value,
-        `unit` and the run's label, in the order of the runs or, if `rising`, by rising value. The finding of a run is
-        named `what`, a dot and the run's name."""
+        `unit` and the run's label, in the order of the runs or, if `rising`, in ascending order of value. The finding
+        of a run is named `what`, a dot and the run's name. Nothing is checked."""
         owners = [run for run in runs if f"{what}.{run.name}" in self.of]
         if rising:
             owners.sort(key=lambda run: self.of[f"{what}.{run.name}"])
         return [" ".join(filter(None, (self.text(f"{what}.{run.name}"), unit, f"({run.label})"))) for run in owners]
 
     def span(self, what: str, runs: Sequence[ControllerRun], unit: str = "") -> str:
-        """Text of the least and the greatest finding of one kind among the `runs`, with `unit` and the runs' labels,
-        such as "0.1 s (Natural) to 2 s (Gradient)"; empty where no run has one. The finding of a run is named `what`, a
-        dot and the run's name."""
+        """Range of the findings of one kind among the `runs`, formatted as text: the least and the greatest, with
+        `unit` and the runs' labels, such as "0.1 s (Natural) to 2 s (Gradient)"; empty where no run has one. The
+        finding of a run is named `what`, a dot and the run's name. Nothing is checked."""
         texts = self.each(what, runs, unit, rising=True)
         return " to ".join(dict.fromkeys((texts[0], texts[-1]))) if texts else ""
 
 
 def numbers(values: Array) -> str:
-    """Text of the numbers in `values` (n,), four significant digits each, separated by commas."""
+    """Numbers `values` (n,), n of them, formatted as text with four significant digits each, separated by commas.
+    Nothing is checked."""
     return ", ".join(f"{value:.4g}" for value in values)
 
 
@@ -324,7 +325,8 @@ def one_controller(outcome: Outcome, mapped: str = MAPPED) -> Iterator[Finding]:
     """Iterator over one `Finding` (named number with unit): the largest difference between the commanded torques, N m
     (N if prismatic), of two runs in `outcome`, an `Outcome`. They are "adaptive-full", which adapts all parameters, and
     `mapped`, by default "adaptive-mapped", which adapts the fundamental (base) ones with the adaptation gain mapped
-    from that on all; the two are one controller if the difference is round-off. None where either run is missing."""
+    from that on all; the two are one controller if the difference is round-off. None where either run is missing.
+    Nothing is checked."""
     runs = {run.name: run for run in outcome.runs}
     if mapped not in runs or FULL not in runs:
         return

@@ -30,7 +30,7 @@ class Marked(NamedTuple):
 def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
     """Matplotlib figure of the parameter errors (no unit, logarithmic) of the runs in `curves`, at least one, over
     time, s, and below them a bar for each run, filled while an event held, such as a torque at its limit. `meaning`,
-    the title of the bars, says what the event is."""
+    the title of the bars, says what the event is. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

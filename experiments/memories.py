@@ -19,7 +19,7 @@ def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: 
     stored or kept in a `run`. For laws with a threshold of excitation (composite and concurrent learning): the fraction
     of samples (no unit) in which it was passed. For natural adaptation and the consistent lift: the least eigenvalue,
     SI units, of the estimated pseudo-inertia (4, 4) of any link of `mechanism` over all samples. None for other
-    laws."""
+    laws. Nothing is checked."""
     law, learning = getattr(getattr(controller, "of", controller), "adaptation_law", None), run.rollout.learning
     if isinstance(law, Natural):
         yield smallest_eigenvalue(mechanism, run, run.rollout.estimate)
@@ -33,7 +33,7 @@ def memory_findings(controller: Controller[Any], run: ControllerRun, mechanism: 
 
 def forgotten_notes(findings: tuple[Finding, ...]) -> list[str]:
     """List of sentences for the report, one for each of the `findings` that states that a law's excitation never passed
-    its threshold, so that nothing was stored for learning."""
+    its threshold, so that nothing was stored for learning. Nothing is checked."""
     found = (f for f in findings if f.name.startswith("remembered.") and f.value == 0.0)
     return [
         f"{f.meaning.split(':')[0]} remembered nothing: no excitation passed its threshold; a smaller one would."

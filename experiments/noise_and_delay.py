@@ -132,7 +132,7 @@ class NoiseAndDelay(AdaptationLaws):
         samples (no unit) whose excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias,
         the least eigenvalue of these, SI units. Then, in s, the delay margin of the tracking loop and its actual delay,
         of control periods, drives and velocity filter. `outcome`, an `Outcome`, has the runs, `basis` the fundamental
-        (base) parameters of which the errors are."""
+        (base) parameters of which the errors are. Nothing is checked."""
         errors = self._errors(outcome, basis)
         contenders = {one.name: one for one in self.contenders(outcome.mechanism, basis)}
         for run in outcome.runs:
@@ -151,7 +151,7 @@ class NoiseAndDelay(AdaptationLaws):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences for the report with the least and the greatest parameter error at the end and drift in the second
         half of the run (1/min) of the laws that adapt, both fractions (no unit) of the torque of all parameters; None
-        where no law does. `outcome`, an `Outcome`, has the runs, `found` the findings by name."""
+        where no law does. `outcome`, an `Outcome`, has the runs, `found` the findings by name. Nothing is checked."""
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         drifts = found.span("drift", adapting)
         ended = super().answer(outcome, found)

@@ -103,7 +103,7 @@ class OnRealPlant(RoughStart, Learning):
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over one `Setting` (name, value and meaning) for the report, which states the reference's formula,
-        sinusoids faded in over 2 s. `env`, the tracking environment, is not used."""
+        sinusoids faded in over 2 s. `env`, the tracking environment, is not used. Nothing is checked."""
         yield Setting("reference", "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", "faded in over 2 s")
 
     def from_rough(self, model: ReducedModel, *, adapting: bool = True) -> SlotineLi:

@@ -69,7 +69,7 @@ class ParameterErrors:
 def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figure:
     """Matplotlib figure of parameter errors (no unit, logarithmic) over time, s, a line for each of `curves`, at least
     one: triples of the colour's index from 0 in the palette, the run, and its errors (T,) at T samples. Each line's
-    label and last value are written at its end."""
+    label and last value are written at its end. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

@@ -111,7 +111,7 @@ class PayloadDrop(AdaptationLaws):
         parameter makes along the reference; the fraction of samples (no unit) whose excitation passed the law's
         threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of these, SI units; and the
         median time, us, of computing one torque. `outcome`, an `Outcome`, has the runs, `basis` the fundamental (base)
-        parameters."""
+        parameters. Nothing is checked."""
         for one in self._recoveries(outcome):
             name, event = one.run.name, one.event.replace(" ", "_")
             if one.time is not None:
@@ -129,7 +129,8 @@ class PayloadDrop(AdaptationLaws):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences for the report with the shortest and the longest time, s, after pickup and after drop until the
         tracking errors of the laws that adapt are back below twice the error before the pickup, and how many never are;
-        None where no law adapts. `outcome`, an `Outcome`, has the runs, `found` the findings by name."""
+        None where no law adapts. `outcome`, an `Outcome`, has the runs, `found` the findings by name. Nothing is
+        checked."""
         adapting = [run for run in outcome.runs if run.rollout.estimate.shape[1] and run.name != ADAPTATION_OFF]
         events = ("pickup", "drop", *(("last pickup", "last drop") if self.times > 1 else ()))
         return " ".join(self._event_words(event, adapting, found) for event in events) if adapting else None
@@ -148,7 +149,7 @@ class PayloadDrop(AdaptationLaws):
         """Iterator over figures for the report, a `Drawing` (name, caption and function that draws it) each: the times,
         s, until tracking errors are back below twice that before the pickup, then the parameter errors, fractions (no
         unit) of the torque of all parameters, over time, s. `outcome`, an `Outcome`, has the runs, `basis` the
-        fundamental (base) parameters by which errors are measured."""
+        fundamental (base) parameters by which errors are measured. Nothing is checked."""
         from adaptctl.recording.drawing import Drawing
 
         found = list(self._recoveries(outcome))

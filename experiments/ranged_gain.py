@@ -20,9 +20,9 @@ class RangedGain:
 
     @property
     def ranges(self) -> PriorRanges:
-        """Prior ranges (greatest plausible errors) of inertial parameters by kind, a `PriorRanges`, as set: of masses
-        (kg), first moments (kg m) and inertias (kg m^2). Raises `InputError` for ranges that are not positive and
-        finite."""
+        """Prior ranges (greatest plausible errors) of inertial parameters by kind, a `PriorRanges`: those of masses
+        (kg), first moments (kg m) and inertias (kg m^2), from this experiment's settings `mass_range`,
+        `first_moment_range` and `inertia_range`. Raises `InputError` for ranges that are not positive and finite."""
         return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
     def adaptation(self, model: ReducedModel) -> Array:
@@ -34,6 +34,6 @@ class RangedGain:
     def adaptation_setting(self, mechanism: Mechanism) -> str:
         """Text for the report that says how the adaptation gain Gamma is chosen: `rate` (1/J) times the squared prior
         range (greatest plausible error) of masses, kg, first moments, kg m, and inertias, kg m^2; `mechanism` is not
-        used."""
+        used. Nothing is checked."""
         of = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         return "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in of)

@@ -61,7 +61,7 @@ def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -
 def recovery_times(found: Sequence[Recovery]) -> Figure:
     """Matplotlib figure of the times, s, that the tracking errors of runs took to recover after events, from the
     recoveries `found`: a panel for each event, with a bar for each run. For a run whose error did not recover, the text
-    of the ratio of its last RMS error to that before the events replaces the bar."""
+    of the ratio of its last RMS error to that before the events replaces the bar. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
 
     events = list(dict.fromkeys(one.event for one in found))

@@ -102,7 +102,7 @@ class ReducedModelTracking(Puma560Adaptive):
         """Iterator over the findings, a `Finding` (named number with unit) each: the energy error, %, with each number
         of essential components (parts of the parameters along the directions that make most energy) kept, as in Table 3
         of Sheu and Walker (1991), and each run's RMS tracking error of all joints in the last two seconds, mrad, left
-        out for a shorter run. `outcome`, an `Outcome`, has the runs; `basis` is not used."""
+        out for a shorter run. `outcome`, an `Outcome`, has the runs; `basis` is not used. Nothing is checked."""
         errors = self._reduction(outcome.mechanism)[0].percent_errors
         for s in self.components:
             yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
@@ -116,7 +116,7 @@ class ReducedModelTracking(Puma560Adaptive):
         seconds, mrad: of the controller that adapts the most essential components (parts of the parameters along the
         directions that make most energy), of that which adapts the fewest, and of that which uses the true values of
         the fewest with adaptation off; a dash for a missing error. `found` has the findings by name; `outcome`, with
-        the runs, is not used."""
+        the runs, is not used. Nothing is checked."""
         least, most, unit = min(self.components), max(self.components), error_unit(outcome.mechanism)
         few, many = (found.text(f"final_rms_error.{ADAPTIVE}-{s}") for s in (least, most))
         return (
@@ -129,7 +129,7 @@ class ReducedModelTracking(Puma560Adaptive):
         """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): tracking
         errors, mrad, and energy errors, %, over the number of essential components (parts of the parameters along the
         directions that make most energy) in a controller's model. `outcome`, an `Outcome`, has the runs; `basis` is not
-        used."""
+        used. Nothing is checked."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._reduction(outcome.mechanism)[0].percent_errors

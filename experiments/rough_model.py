@@ -17,8 +17,8 @@ def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Arra
 
     The size of a link's mass is the mass m, that of its first moments sqrt(m I) and that of its inertias I, the most
     that m and I allow; I = tr Sigma, Sigma (3, 3) being its second-moment matrix about its frame's origin. The size of
-    a drive's parameter is its magnitude. The variances of parameters that are regrouped into one add, as those of
-    independent ones do. Nothing is checked.
+    a drive's parameter is its magnitude. Parameters that are regrouped into one count as independent, so their
+    variances add. Nothing is checked.
     """
     values, bodies = np.asarray(parameters, dtype=np.float64), len(model.mechanism.description.bodies)
     sizes = np.abs(values)

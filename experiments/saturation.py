@@ -150,7 +150,7 @@ class Saturation(OnRealPlant):
         """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): the
         parameter error |w (estimate - true)| / |w true| (no unit) of each run over time, s, w being the RMS torque that
         each parameter makes along the first run's motion, and when a torque was limited. `outcome`, an `Outcome`, has
-        the runs, `basis` the fundamental (base) parameters of which the errors are."""
+        the runs, `basis` the fundamental (base) parameters of which the errors are. Nothing is checked."""
         from adaptctl.recording.drawing import Drawing
 
         points = outcome.runs[0].rollout
@@ -169,6 +169,6 @@ class Saturation(OnRealPlant):
 
 def held_back(run: ControllerRun) -> Array:
     """Flags (T,) for the T samples of a `run`: 1 where the limits of the torque or of its rate of change, or the plant,
-    reduced a torque that the control law asked for, else 0."""
+    reduced a torque that the control law asked for, else 0. Nothing is checked."""
     marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
     return np.asarray(np.max([run.rollout.clipped, *marks], axis=0))

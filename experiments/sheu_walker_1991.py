@@ -58,10 +58,10 @@ class SheuWalker1991(Experiment):
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Replication:
-        """Data of replicating Sheu and Walker (1991), a `Replication`: the tables and figures that `only` asks for, in
-        the paper's order. `progress(what, share)` is called with the step's name and the fraction done, 0 to 1; Ctrl-C
-        (`KeyboardInterrupt`) keeps those done, as a replication that is not complete, and is raised where there are
-        none. Raises `RankError` where an arm's number of independent parameters cannot be certified."""
+        """Replication of Sheu and Walker (1991), a `Replication`, of the tables and figures that the setting `only`
+        names, in the paper's order. `progress(what, share)` is called with the step's name and the fraction done, 0 to
+        1; Ctrl-C (`KeyboardInterrupt`) keeps those done, as a replication that is not complete, and is raised where
+        there are none. Raises `RankError` where an arm's number of independent parameters cannot be certified."""
         started, names = time.perf_counter(), chosen(self.only)
         study, items = self._study(), list[Item]()
         try:

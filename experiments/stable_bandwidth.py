@@ -90,7 +90,7 @@ class StableBandwidth(AdaptationLaws):
         unit), w being the RMS torque that each parameter makes along the reference; the fraction of samples (no unit)
         whose excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue
         of these, SI units; and the median time, us, of computing one torque. `outcome`, an `Outcome`, has the runs,
-        `basis` the k fundamental (base) parameters that are adapted."""
+        `basis` the k fundamental (base) parameters that are adapted. Nothing is checked."""
         yield from super().findings(outcome, basis)
         labels = {run.name: run.label for run in outcome.runs}
         for stiffness in (*self.stiffness, RIGID):
@@ -104,7 +104,7 @@ class StableBandwidth(AdaptationLaws):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence for the report, never None here, with the largest stable bandwidths, 1/s, of the experiment's
         subject (the first of `laws`) on the rigid arm, on the stiffest and on the softest springs, a dash for one that
-        is missing; `outcome`, an `Outcome`, has the runs, `found` the findings by name."""
+        is missing; `outcome`, an `Outcome`, has the runs, `found` the findings by name. Nothing is checked."""
         stiffest, softest = max(self.stiffness), min(self.stiffness)
         rigid, stiff, soft = (
             found.text(f"stable_bandwidth.{self.laws[0]}.{_stiffness_text(k)}") for k in (RIGID, stiffest, softest)
@@ -178,8 +178,8 @@ def tracks(plant: Plant, controller: Controller[Any], reference: Any, seconds: f
     """True if a `controller` follows a `reference` on a `plant` for a run of `seconds`. In the last third of the run,
     the RMS velocity error of all joints must be below 0.25 rad/s (m/s), and in fewer than 1 % of the control periods
     may the torque that the law asks of some joint reach its limit. False also where values become infinite or NaN. The
-    run starts on the reference, a function of times (T,), s, that gives positions, velocities and accelerations (T, r)
-    of the plant's r joints, rad (m if prismatic) and per s and s^2."""
+    run starts on the reference, a function of T times (T,), s, that gives positions, velocities and accelerations (T,
+    r) of the plant's r joints, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic)."""
     count = round(seconds / plant.control_period)
     points = reference(plant.control_period * np.arange(count))
     state = plant.init(points.p[0], points.v[0])
@@ -220,7 +220,7 @@ def bandwidths_over_stiffness(
     """Matplotlib figure of the largest stable bandwidths, 1/s, over the `stiffness` (N m/rad) of the joints, a line for
     each of `laws` (pairs of a name and a label), the rigid arm at the right end. `found` maps names of findings, such
     as "stable_bandwidth.gradient.1000" and "stable_bandwidth.gradient.rigid", to bandwidths, 1/s. A bandwidth of 0,
-    where none is stable, is drawn at 0.25, a missing one is not drawn."""
+    where none is stable, is drawn at 0.25, a missing one is not drawn. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
 

@@ -113,12 +113,13 @@ class StatedTask(RangedGain, Learning):
 
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains of the tracking loop, a `Gains`, from the settings: the bandwidth Lambda (r,), 1/s, the same for all of
-        the r joints, and the damping K (r,), N m s/rad. `mechanism` is not used."""
+        the r joints, and the damping K (r,), N m s/rad. `mechanism` is not used. Nothing is checked."""
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over one `Setting` (name, value and meaning) for the report, which states the reference's formula,
-        sinusoids faded in from rest over `start_time` (s). `env`, the tracking environment, is not used."""
+        sinusoids faded in from rest over `start_time` (s). `env`, the tracking environment, is not used. Nothing is
+        checked."""
         yield Setting(
             "reference",
             "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)",

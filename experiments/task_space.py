@@ -157,7 +157,7 @@ class TaskSpaceTracking(TipPath, Learning):
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Iterator over the findings, a `Finding` (named number with unit) each: the RMS distance, mm, between the tool
         and its desired position on the path, of each run in the first second and in the last two. `outcome`, an
-        `Outcome`, has the runs; `basis` is not used."""
+        `Outcome`, has the runs; `basis` is not used. Nothing is checked."""
         for run in outcome.runs:
             errors, time = self._tool_errors(outcome.mechanism, run), run.rollout.time
             for what, inside in (("first", time < BEGINNING), ("final", time >= run.duration - END)):
@@ -168,7 +168,7 @@ class TaskSpaceTracking(TipPath, Learning):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences for the report, never None here, with the tool's RMS distances from its path in the last two
         seconds, mm: under the experiment's subject, with adaptation off, and the least of all controllers. `outcome`,
-        an `Outcome`, has the runs, `found` the findings by name."""
+        an `Outcome`, has the runs, `found` the findings by name. Nothing is checked."""
         subject, off = (found.text(f"final_tool_error.{name}") for name in ("task-space", ADAPTATION_OFF))
         text = f"In the last {END:g} s the tool is off its path by {subject} mm (RMS), with adaptation off by {off} mm."
         least = found.each("final_tool_error", outcome.runs, "mm", rising=True)[:1]
@@ -183,7 +183,8 @@ class TaskSpaceTracking(TipPath, Learning):
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): the tool's
-        distance from its path, mm, over time, s. `outcome`, an `Outcome`, has the runs; `basis` is not used."""
+        distance from its path, mm, over time, s. `outcome`, an `Outcome`, has the runs; `basis` is not used. Nothing is
+        checked."""
         from adaptctl.recording.drawing import Drawing
 
         places = color_places(outcome.runs)
@@ -203,7 +204,7 @@ class TaskSpaceTracking(TipPath, Learning):
 def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
     """Matplotlib figure of a tool's distances from its path (mm, logarithmic) over time, s, a line for each of
     `curves`: triples of the colour's index from 0 in the palette, the run, and its distances (T,), m, at its T
-    samples."""
+    samples. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import run_color
     from adaptctl.recording.series import thinned

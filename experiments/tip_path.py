@@ -73,9 +73,9 @@ class TipPath(RangedGain):
 
     @property
     def path(self) -> Sinusoids:
-        """Desired path of the arm's tip in the world, a `Sinusoids`: a function of times (T,), s, that gives positions
-        x, y, z in m, velocities in m/s and accelerations in m/s^2, (T, 3) each. Raises `InputError` for settings of
-        different lengths or not finite."""
+        """Desired path of the arm's tip in the world, a `Sinusoids`: a function of T times (T,), s, that gives
+        positions x, y, z in m, velocities in m/s and accelerations in m/s^2, (T, 3) each. Raises `InputError` for
+        settings of different lengths or not finite."""
         center, amplitude, frequency = np.array(self.center), np.array(self.amplitude), np.array(self.frequency)
         return Sinusoids(center, amplitude, frequency, np.array(self.phase), self.start_time)
 
@@ -97,7 +97,7 @@ class TipPath(RangedGain):
     def path_settings(self, tip: str) -> Iterator[Setting]:
         """Iterator over settings for the report, a `Setting` (name, value and meaning) each, that state the path's
         formula and how it is turned into joint positions. `tip` is the word for the point that follows it, such as
-        "tool"."""
+        "tool". Nothing is checked."""
         law = "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)"
         yield Setting("path", law, f"of the {tip}, in the world")
         yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")

@@ -94,7 +94,8 @@ class TwoArms(StatedTask):
 
     def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over settings for the report, a `Setting` (name, value and meaning) each: the reference's formula,
-        the rod's length (m), and what the torque limits are. `env`, the tracking environment, is not used."""
+        the rod's length (m), and what the torque limits are. `env`, the tracking environment, is not used. Nothing is
+        checked."""
         yield from super().reference_settings(env)
         yield Setting("rod", f"{ROD:g} m", f"from hand to hand, between bases {APART:g} m apart; part of both hands")
         yield Setting("torque limits", "of both arms' motors together", "in the left arm's joints, at the centre")

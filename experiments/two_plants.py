@@ -100,7 +100,7 @@ class TwoPlants(AdaptiveTracking):
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Iterator over the findings, a `Finding` (named number with unit) each: the largest difference, rad (m), of
         any joint's position between MuJoCo and adaptctl's plant at MuJoCo's own steps and at a quarter of them.
-        `outcome`, an `Outcome`, has the runs; `basis` is not used."""
+        `outcome`, an `Outcome`, has the runs; `basis` is not used. Nothing is checked."""
         runs = {run.name: run for run in outcome.runs}
         for name, other, meaning in (
             ("plants_apart", ADAPTIVE, "at MuJoCo's own steps"),

@@ -34,9 +34,9 @@ def report(
     reduction: Reduction | None,
     width: int = 80,
 ) -> Iterator[RenderableType]:
-    """Parts, texts and tables of the package rich, of the report that `adaptctl basis` prints, from top to bottom:
-    heading, singular values, parameters that are kept, regrouping equations and, unless `reduction` is None, the model
-    reduction. `width` is that of the terminal in characters, 80 by default. Nothing is raised."""
+    """Renderable parts, texts and tables of the package rich, of the report that `adaptctl basis` prints, from top to
+    bottom: heading, singular values, parameters that are kept, regrouping equations and, unless `reduction` is None,
+    the model reduction. `width` is that of the terminal in characters, 80 by default. Nothing is raised."""
     yield header(mechanism, space, basis)
     yield titled("Singular values of the energy differences (log scale)", spectrum(space))
     yield titled("Parameters that are enough", *grid(mechanism, basis, width))
@@ -46,10 +46,12 @@ def report(
 
 
 def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis) -> Group:
-    """Heading of the report of a basis, a group of texts of the package rich. It has the robot's name, its numbers of
-    links, of degrees of freedom and of inertial parameters, how many of these are independent, and the certificate that
-    proves this number. Notes follow, where there are any: on the certificate, on parameters that nearly depend on
-    others (and so were passed over in the choice), and on friction's, which are kept besides. Nothing is raised."""
+    """Heading of the report on a fundamental `basis` (base parameters) of a mechanism's inertial parameters, a group of
+    texts of the package rich. It has the name of the `mechanism`, its numbers of links, degrees of freedom and inertial
+    parameters, the rank of its essential `space`, which is the number of independent ones, and the certificate of this
+    rank. Notes follow, where there are any: on the certificate, on parameters that were passed over in the choice
+    because they nearly depend on those removed before, and on the number of friction parameters, which are kept
+    besides. Nothing is raised."""
     parameters, friction = len(space.parameter_names), len(mechanism.parameter_names) - len(space.parameter_names)
     first = Text.assemble(
         (mechanism.name, "bold"),
@@ -117,9 +119,10 @@ def equations(basis: FundamentalBasis) -> Group:
 
 
 def energy_error(reduction: Reduction) -> Text:
-    """Sentence, a text of the package rich, on a model reduction: how many of all essential components (combinations of
-    the inertial parameters) are kept, the error of the energy with these, in percent, and over which motions. Nothing
-    is raised."""
+    """Sentence, a `rich.text.Text`, on a model `reduction`: how many of all essential components (combinations of the
+    inertial parameters) are kept, the error of the energy with these, and the motions it is for. The error, in percent,
+    is the root mean square, over pairs of successive sampled states, of the error of the energy difference, relative to
+    the root mean square of the energy differences themselves. Nothing is raised."""
     return Text(
         f"{reduction.kept} of {len(reduction.weights)} components keep the energy within "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "

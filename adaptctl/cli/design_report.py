@@ -18,10 +18,11 @@ EQUATIONS = 3
 
 
 def report(study: DesignStudy, detail: AddedMass | None) -> Iterator[RenderableType]:
-    """Parts, texts and tables of the package rich, of the report that `adaptctl design` prints, from top to bottom: the
-    task, costs of the mass on every link, counterweights with costs before and after, and changes of links (such as
-    symmetry) by which parameters are no longer needed. `detail`, the effect of the body at one position, stands second
-    unless None. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
+    """Renderable parts, texts and tables of the package rich, of the report that `adaptctl design` prints, from top to
+    bottom: the task, costs of the mass on every link, counterweights with costs before and after, and changes of links
+    (such as symmetry) by which parameters are no longer needed. `detail`, the effect of the body at one position,
+    stands second unless None. Raises `RankError` where the mechanism's rank, its number of base parameters, cannot be
+    certified."""
     yield Text(header(study))
     if detail is not None:
         yield titled(f"{detail.body.mass:g} kg on {detail.link} at {place(detail.body.center)}", _detail(detail))

@@ -135,9 +135,9 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
 
 
 def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
-    """Outcome of an experiment in JSON's types: its `experiment` name, whether it is `complete`, the `verdict` on its
-    controller, the `headline` and `facts` in words, and the `folder` of its files; numbers are in summary.json there.
-    Nothing is raised."""
+    """JSON object, as a dict of Python's built-in types, of an experiment's `result`: its `experiment` name, whether it
+    is `complete`, the `verdict` on its controller, the `headline` and `facts` in words, and the `folder` of its files;
+    numbers are in summary.json there. Nothing is raised."""
     from adaptctl.recording.fact import answers
 
     return {
@@ -153,8 +153,8 @@ def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
 
 @contextmanager
 def notes_last() -> Iterator[None]:
-    """A context in which warnings are kept back, to be shown when it ends, below the printed output, also where the
-    block raises."""
+    """Context manager in which warnings are kept back, to be shown when it ends, below the printed output, also where
+    the block raises."""
     kept: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as kept:
@@ -177,9 +177,9 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[str, float], None]]:
-    """A context with progress shown on stderr, where that is a terminal. It yields a function `progress(what, share)`,
-    to be called with a stage's name and the fraction of it that is done, 0 to 1: each stage has a bar with the time
-    left, or once it is done the time that it took. Where the block raises, the bars are removed."""
+    """Context manager with progress shown on stderr, where that is a terminal. It yields a function `progress(what,
+    share)`, to be called with a stage's name and the fraction of it that is done, 0 to 1: each stage has a bar with the
+    time left, or once it is done the time that it took. Where the block raises, the bars are removed."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 

@@ -16,10 +16,10 @@ METHODS = {"bandwidth": "from a bandwidth and a damping ratio", "poles": "by pol
 
 
 def report(design: GainDesign) -> Iterator[RenderableType]:
-    """Parts, texts and tables of the package rich, of the report that `adaptctl gains` prints, from top to bottom: the
-    method, each joint's gains, the margins of each joint's loop, and of all joints together the sampled gain, the
-    control period times the largest eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K. Nothing is
-    raised."""
+    """Renderable parts, texts and tables of the package rich, of the report that `adaptctl gains` prints, from top to
+    bottom: the method, each joint's gains, the margins of each joint's loop, and of all joints together the sampled
+    gain, the control period times the largest eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K.
+    Nothing is raised."""
     late = f" and a delay of {design.delay}" if design.delay else ""
     yield Text.assemble(
         (design.mechanism.name, "bold"),

@@ -102,8 +102,9 @@ def identify(
 
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
-    """Outcome of an identification in JSON's types: the `verdict` in a sentence, `facts` (questions and answers) and
-    `remarks` in words, and the `folder` of its files; numbers are in summary.json there. Nothing is raised."""
+    """JSON object, as a dict of Python's built-in types, of an identification: the `verdict` in a sentence, `facts`
+    (questions and answers) and `remarks` in words, and the `folder` of its files; numbers are in summary.json there.
+    Nothing is raised."""
     from adaptctl.recording.fact import answers
     from adaptctl.recording.identified.report import facts, verdict
 

@@ -97,9 +97,9 @@ class Interruption:
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """A context in which Ctrl-C (SIGINT) and SIGTERM raise `KeyboardInterrupt` and are noted in the `Interruption` that
-    it yields; the earlier signal handlers are restored at its end. Outside the main thread, which alone gets signals,
-    it changes nothing."""
+    """Context manager in which Ctrl-C (SIGINT) and SIGTERM raise `KeyboardInterrupt` and are noted in the
+    `Interruption` that it yields; the earlier signal handlers are restored at its end. Outside the main thread, which
+    alone gets signals, it changes nothing."""
     interruption = Interruption()
 
     try:

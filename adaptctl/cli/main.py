@@ -25,7 +25,7 @@ DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 def version() -> str:
-    """Text of the version for `adaptctl --version`, such as "adaptctl 1.0.0"; a function, since the import that it
+    """Version text that `adaptctl --version` prints, such as "adaptctl 1.0.0"; a function, since the import that it
     needs takes a while. Nothing is raised."""
     import adaptctl
 

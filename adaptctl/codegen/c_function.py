@@ -74,9 +74,9 @@ class CStatements:
         self.lines.append(f"{place} = {self.operand(value)};")
 
     def copy_where(self, condition: Expression, runs: Iterable[tuple[str, str, int]]) -> None:
-        """Append an `if` on `condition`, a comparison that has been computed, in which numbers side by side in memory
-        are copied: each of `runs` has the C texts of where they go and of where they come from, and their number.
-        Nothing is checked."""
+        """Append C statements that copy contiguous arrays where a `condition`, a comparison that has been computed, is
+        true: an `if` with one `memcpy` for each of `runs`. A run is the C text of the destination's first element, that
+        of the source's first element, and the number of elements. Nothing is checked."""
         copies = [f"    (void)memcpy(&{to}, &{of}, {n}u * sizeof({self._prefix}_real));" for to, of, n in runs]
         self.lines += [f"if ({self.operand(condition)}) {{", *copies, "}"]
 

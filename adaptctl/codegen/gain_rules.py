@@ -22,7 +22,7 @@ BACK = 0.9
 @dataclass(frozen=True)
 class GainRule:
     """Rule for one of a controller's gains, an array, that exported code applies to check new values without Python. It
-    holds for each number of the gain by itself, the other gains staying as they are.
+    holds for each number of the gain by itself, the other gains unchanged.
 
     `field` is the gain's `Field`, its name and values. `positive`, False by default, says that numbers must be above 0;
     `signed`, True by default, that they may be below 0; `infinite`, False by default, that they may be infinite;

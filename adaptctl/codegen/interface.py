@@ -80,10 +80,11 @@ class Interface:
     @cached_property
     def law(self) -> Routine:
         """One tick of the controller (its work in a control period) as a traced `Routine`, from which exported code is
-        written. Its arguments are positions, velocities, the reference's positions, velocities and accelerations, the
-        internal state's fields and, where there are any, all gains in one vector, in the order of the property
-        `all_gains`; its results are the torque and the internal state's fields after the tick. Raises `TraceError` for
-        a law that cannot be traced, `InputError` for one that does not return a torque and an internal state."""
+        written. Its arguments are positions, velocities, the reference's positions, velocities and accelerations, in
+        rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic), the internal state's fields and, where there are any,
+        all gains in one vector, in the order of the property `all_gains`; its results are the torque and the internal
+        state's fields after the tick. Raises `TraceError` for a law that cannot be traced, `InputError` for one that
+        does not return a torque and an internal state."""
         law = self.controller
         sizes = law._given_sizes | law._memory_sizes | law.gain_sizes
         return trace(law._equation(), sizes, name="law")

@@ -68,10 +68,10 @@ def centre(interface: Interface) -> Array:
 
 def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
     """A pair of a list of `RecordedTick`, the arguments and results of `ticks` control periods of the controller of an
-    `interface` in Python, and of the controller's state after them. The periods count from time 0; there are 100 unless
-    given, and at least one. The motion is within 0.02 rad (m if prismatic) of `reference`, a function of time (s), or,
-    where that is in another space than the joints', of the home position or the nearest one well within the joint
-    limits (by 0.15 rad or m, or half a narrower range). Raises what the reference, `controller.init` and
+    `interface` in Python, and of the controller's state after them. The periods count from time 0; there are 100 by
+    default, and at least one. The motion is within 0.02 rad (m if prismatic) of `reference`, a function of time (s),
+    or, where that is in another space than the joints', of the home position or the nearest one well within the joint
+    limits (by 0.15 rad or m, or half a narrower range). Raises what the reference trajectory, `controller.init` and
     `controller.step` raise, such as `NonFiniteError`; `IndexError` where `ticks` is 0."""
     controller, rows = interface.controller, []
     time = np.asarray(interface.period * np.arange(ticks), dtype=np.float64)

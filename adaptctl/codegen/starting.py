@@ -26,12 +26,12 @@ class Walk:
     """Routines and data by which exported code closes a mechanism's kinematic loops, in small steps from the home
     configuration to the initial positions of the r primary (independent) joints.
 
-    `step`, a traced `Routine` of p (r,) and q (n,), returns the closed configuration (n,) of the tree's n joints, rad
-    (m if prismatic), at the primary joints' positions p, from one nearby, q. `regular`, a traced `Routine` of q (n,),
-    returns 1 where the loops at q are closed and a lower bound of the smallest singular value of their Jacobian by the
-    dependent joints is at least 0.05 of that at the reference configuration, else 0. `home` (n,) is the home
-    configuration, `primary` has the indices of the primary joints among the n, `looped` those, among the r, that move a
-    loop; indices count from 0. Nothing is checked.
+    `step`, a traced `Routine` of p (r,) and q (n,), returns the closed configuration (n,) of the spanning tree's n
+    joints, rad (m if prismatic), at the primary joints' positions p, from one nearby, q. `regular`, a traced `Routine`
+    of q (n,), returns 1 where the loops at q are closed and a lower bound of the smallest singular value of their
+    Jacobian with respect to the dependent joints is at least 0.05 of that at the reference configuration, else 0.
+    `home` (n,) is the home configuration, `primary` has the indices of the primary joints among the n, `looped` those,
+    among the r, that move a loop; indices count from 0. Nothing is checked.
     """
 
     step: Routine
@@ -48,10 +48,10 @@ class Walk:
 @dataclass(frozen=True)
 class Start:
     """Rules by which exported code makes a controller's initial internal state from the configuration q (n,) of the
-    tree's n joints, rad (m if prismatic), at rest. `configurations` has the zero-based indices of the state's fields
-    that begin as q itself; `computed` those of the fields that `more`, a traced `Routine` of q, computes, None where
-    there are none; `walk` is the `Walk` that closes the mechanism's loops, None for a tree. Fields in neither have the
-    same initial values at every q. Nothing is checked."""
+    spanning tree's n joints, rad (m if prismatic), at rest. `configurations` has the zero-based indices of the state's
+    fields that begin as q itself; `computed` those of the fields that `more`, a traced `Routine` of q, computes, None
+    where there are none; `walk` is the `Walk` that closes the mechanism's loops, None for a tree. Fields in neither
+    have the same initial values at every q. Nothing is checked."""
 
     configurations: tuple[int, ...]
     computed: tuple[int, ...]

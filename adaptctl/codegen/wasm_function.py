@@ -32,7 +32,7 @@ class WasmCode:
     Made of `body`, all expressions to be written, which tells what is used more than once; `outputs`, the expressions
     and constants that are its results; `given`, a callable `given(i, k)` that returns the code which puts scalar k of
     argument i, both from 0, on the stack; and `parameters`, the number of WebAssembly parameters that the function has
-    (0 unless given), whose indices come before those of the local variables. Nothing is checked.
+    (0 by default), whose indices come before those of the local variables. Nothing is checked.
     """
 
     def __init__(

@@ -20,7 +20,7 @@ FIRST = 64
 @dataclass(frozen=True)
 class WasmPlaces:
     """Addresses, in bytes from the beginning of a WebAssembly module's memory, of the arguments of a function,
-    `inputs`, and of the parts of its result, `outputs`: 64-bit floats side by side. Nothing is checked."""
+    `inputs`, and of the parts of its result, `outputs`: contiguous 64-bit floats. Nothing is checked."""
 
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]

@@ -13,7 +13,8 @@ from adaptctl.compilation.routine import Routine
 ENTRY = "batch"
 
 STREAMED = 4 * 2**20
-"""Bytes of a result from which on it is written past the caches, where its rows are whole cache lines."""
+"""Size, in bytes, of a result array (4 MiB) from which on native code writes it by non-temporal stores, past the
+caches, provided that its rows begin and end on cache lines."""
 
 NativeBatch = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 """ENTRY takes the number of samples and three tables: addresses of the arguments' rows, the doubles from row to row of
@@ -29,8 +30,8 @@ def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, boo
     `batch` takes the number of samples (64-bit integer) and pointers to three tables of 64-bit entries. The first has,
     for each argument of the routine, the address of an array of its rows; the second, for each argument, the stride
     between rows, counted in doubles, 0 for an argument with one row that all samples share; the third, for each result,
-    the address of an array to write its rows to, which follow each other without gaps. A row is the doubles of one
-    sample, side by side. The native call returns true where all that is checked is finite.
+    the address of an array to write its rows to, which follow each other without gaps. A row is the contiguous doubles
+    of one sample. The native call returns true where all that is checked is finite.
     """
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}

@@ -48,8 +48,8 @@ class Form(NamedTuple):
     number of items; the tuple's type is given when the function is made, as are arrays that it is bound to. `wrapped`
     maps the index of a result to that of a tuple argument: the result is returned as the only item of a tuple of that
     type. `into` maps the index of a result to that of an argument: an array of the result's shape, to write to, that
-    shares no memory with other arguments. Results in neither are new arrays and floats. The last three are empty unless
-    given. Nothing is checked.
+    shares no memory with other arguments. Results in neither are new arrays and floats. The last three are empty by
+    default. Nothing is checked.
     """
 
     places: tuple[Place, ...]
@@ -72,8 +72,8 @@ class Form(NamedTuple):
 
     @property
     def arguments(self) -> list[int]:
-        """Indices of the function's arguments, from 0, in a rising list: those that columns (vectors) come from and
-        those that results are written into."""
+        """Indices of the function's arguments, from 0, a list in ascending order: those that columns (vectors) come
+        from and those that results are written into."""
         return sorted({*self.into.values(), *(place.argument for place in self.places if place.argument is not None)})
 
     @property
@@ -161,9 +161,9 @@ def builtin(
     expected types), finite where that is checked. The code's LLVM IR must contain the text of `builtin_source`.
 
     `name` is the new function's. `bound` are the objects that it is bound to, in the order of the code's `Form`: the
-    types of tuples, then arrays. `results` is the number of its results that are arrays, 0 unless given: of each it
-    keeps the last two, to return them again once nothing else refers to them. `has_builtins` must have been True.
-    Errors are those of `instead`; nothing is checked here.
+    types of tuples, then arrays. `results` is the number of its results that are arrays, 0 by default: of each it keeps
+    the last two, to return them again once nothing else refers to them. `has_builtins` must have been True. Errors are
+    those of `instead`; nothing is checked here.
     """
     definition = _Definition(name.encode(), code.address(_ENTRY), _FASTCALL, None)
     kept = (instead, *bound, *[None] * (2 * results), code, definition)

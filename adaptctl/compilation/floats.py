@@ -23,11 +23,11 @@ class OnFloats:
 
     Made of `function`, called by keyword with a `Column` (vector of floats) for each argument, which returns a tuple of
     Columns and scalars; `arguments`, the arguments' names and lengths n; `name`, the function's name in messages, empty
-    unless given; and `finite`, the check for NaN and infinity: True in arguments and results, "results" in results
-    alone, False, the default, nowhere. Construction checks nothing. A call takes array-likes (n,) by position and
-    returns a tuple of float64 arrays (n,) and floats, in the function's own units; it raises `InputError` for another
-    number of arguments, another shape and what holds no real numbers, `NonFiniteError` as `finite` says, and what the
-    function raises.
+    by default; and `finite`, the check for NaN and infinity: True in arguments and results, "results" in results alone,
+    False, the default, nowhere. Construction checks nothing. A call takes array-likes (n,) by position and returns a
+    tuple of float64 arrays (n,) and floats, in the function's own units; it raises `InputError` for another number of
+    arguments, another shape and what holds no real numbers, `NonFiniteError` for NaN and infinity where `finite`
+    refuses them, and what the function raises.
     """
 
     def __init__(
@@ -37,7 +37,8 @@ class OnFloats:
         self._function, self._given, self._finite = function, Given(name, self.arguments), finite
 
     def __call__(self, *arguments: ArrayLike) -> tuple[Any, ...]:
-        """The function's results at array-likes of shape (n,), by position: arrays of columns, numbers of scalars."""
+        """The function's results at array-likes of shape (n,), n each argument's length, by position: arrays of
+        columns, numbers of scalars."""
         arrays = self._given.arrays(arguments)
         columns = {name: Column(array.tolist()) for name, array in zip(self.arguments, arrays, strict=True)}
         results = tuple(_plain(result) for result in self._function(**columns))
@@ -48,8 +49,8 @@ class OnFloats:
 
     @property
     def call(self) -> OnFloats:
-        """The object itself, a function of array-likes (n,) by position. It is there because the `call` of a `Kernel`,
-        compiled code, is that one's fastest form; in Python there is no faster one."""
+        """The object itself, a function of array-likes (n,), n each argument's length, by position. It is there because
+        the `call` of a `Kernel`, compiled code, is that one's fastest form; in Python there is no faster one."""
         return self
 
 

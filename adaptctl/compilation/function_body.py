@@ -31,8 +31,8 @@ class FunctionBody:
     function), for calls; `lanes`, the `Lanes`, how many numbers are computed at once and in what precision; `found`, by
     index of expression, the positions of values that earlier functions of the same routine left in memory at the
     pointer `%passed`; and `same`, the `Invariants`, expressions that are the same in all steps of a loop, which are in
-    memory at `%same`, none unless given. `uniform` has the indices of its arguments that have one number in memory for
-    all lanes, none unless given. A position is an index of a value, one number for each SIMD lane; the expression of
+    memory at `%same`, none by default. `uniform` has the indices of its arguments that have one number in memory for
+    all lanes, none by default. A position is an index of a value, one number for each SIMD lane; the expression of
     index i is in the register `%xi`. Nothing is checked.
     """
 

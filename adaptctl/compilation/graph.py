@@ -63,10 +63,10 @@ class Graph:
 
     `routines` maps what has been called in the trace (a function, its arguments' layout and constants) to its traced
     `Routine`; the graph of a called function is given its caller's; None, the default, stands for an empty one. The
-    attribute `sines` maps angles, expressions in rad, to the sine and cosine that are known of them. `passed`, None
-    unless given, is for the graph of a called function: the index, from 0, of the extra argument in which its caller
-    passes sines and cosines, in pairs; the attribute `turned` lists the angles, inputs of the graph, whose sines and
-    cosines these are, in the same order.
+    attribute `sines` maps angles, expressions in rad, to the sine and cosine that are known of them. `passed`, None by
+    default, is for the graph of a called function: the index, from 0, of the extra argument in which its caller passes
+    sines and cosines, in pairs; the attribute `turned` lists the angles, inputs of the graph, whose sines and cosines
+    these are, in the same order.
     """
 
     def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:
@@ -77,7 +77,7 @@ class Graph:
 
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
         """The one expression of this graph with the operation `op`, these `operands` (expressions and floats) and this
-        `detail` (what operands cannot say, None unless given): an earlier one where there is one, else a new one of the
+        `detail` (what operands cannot say, None by default): an earlier one where there is one, else a new one of the
         class `kind`. Raises `TraceError` where an operand is of another graph."""
         key = (op, operands, detail)
         found = self._expressions.get(key)

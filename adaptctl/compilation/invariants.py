@@ -18,7 +18,7 @@ class Invariants(NamedTuple):
     """Loop invariants of a step's routine (its traced function): expressions that are computed once, before the first
     step, since they depend on held arguments alone, those that are the same in all steps.
 
-    `computed` is the set of all these; `stored` lists the expressions that lie side by side in memory for the steps to
+    `computed` is the set of all these; `stored` lists the expressions that are contiguous in memory for the steps to
     read: those of `computed` that a step uses or returns, and held inputs that a call takes with them; `places` maps
     the index of a single expression to its index there; `groups` maps the indices of those that a call takes as one
     argument, a tuple, to the index there of the first of them. Made by `Invariants.of`; nothing is checked.

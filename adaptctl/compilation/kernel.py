@@ -34,17 +34,19 @@ def compile_function(
     finite: Finite = False,
     form: Form | None = None,
 ) -> Kernel:
-    """A `Kernel`, native code for `function`, which is called by keyword with Columns (vectors of symbolic scalars), at
-    once and again for each further kind of code (`map`, `into`); `arguments` maps their names to their lengths n.
+    """A `Kernel`, native code of `function`, which is traced: called by keyword with Columns (vectors of symbolic
+    scalars) in place of numbers, so that its operations are recorded and compiled. It is traced immediately, and again
+    for each further kind of code (`map`, `into`). `arguments` maps the function's argument names to their lengths n.
 
     The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
     these; the kernel returns the same with floats, arrays (n,) and (rows, n) in their place. `name` is the kernel's in
     messages, the function's own where empty. `finite` is True for a kernel that refuses NaN and infinity in what it is
     given and in what it computes, "results" for one that does so only in the latter, False, the default, for one that
-    never does. `form`, a `Form`, says which argument of the function that `Kernel.otherwise` makes each column comes
-    from; None where each is an argument. Raises `InputError` for no arguments at all and for lengths that are no whole
-    numbers of at least 0, `TraceError` for a function that cannot be traced; what the function itself raises goes
-    through.
+    never does. `form`, a `Form`, is the calling convention of the function that `Kernel.otherwise` makes, where its
+    arguments are not simply the kernel's, as where some are in tuples: it says which argument each column comes from;
+    None where each is an argument. Raises `InputError` for no arguments at all and for lengths that are no whole
+    numbers of at least 0, `TraceError` for a function that cannot be traced, such as one that branches on a value; what
+    the function itself raises goes through.
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")
@@ -65,8 +67,8 @@ class Kernel:
     ns less. Native code is made at the first use, separately for single samples and for many (`map`).
 
     The constructor takes `traced`, a callable that returns the function's `Routine`, its expressions, called at once
-    and again for each further kind of code, and `arguments`, `finite` and `form` as `compile_function` does; it checks
-    none of them, but what `traced` raises goes through.
+    and again for each further kind of code, and the same `arguments`, `finite` and `form` as `compile_function`; it
+    checks none of them, but what `traced` raises goes through.
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
@@ -113,9 +115,10 @@ class Kernel:
         return self._filling
 
     def filling(self, instead: Callable[..., Any]) -> Callable[..., Any]:
-        """A function `f(*outs, *arguments)` that writes the kernel's results at the arguments, (n,) each, into the
-        arrays `outs` and returns these: one array or a tuple of them. It runs native code (the fast path) for usual
-        arguments, and calls `instead` (the fallback) with the same outs and arguments for all others.
+        """A function `f(*outs, *arguments)` that writes the kernel's results at the arguments, (n,) each, n an
+        argument's length, into the arrays `outs` and returns these: one array or a tuple of them. It runs native code
+        (the fast path) for usual arguments, and calls `instead` (the fallback) with the same outs and arguments for all
+        others.
 
         Usual are as many outs and arguments as the kernel has results and arguments, all contiguous float64 arrays of
         the expected shapes, each `out` writable and sharing no memory with another out or an argument, and, where the
@@ -157,9 +160,10 @@ class Kernel:
         return routine
 
     def map(self, *arguments: ArrayLike, out: Array | Sequence[Array] | None = None) -> Any:
-        """The kernel's results at m samples, evaluated in SIMD lanes. Each is an array (m, ...), with the shape of one
-        result after the axis of samples; several are in a tuple of the function's kind. Arguments are (m, n) each, n
-        the argument's length, one row a sample, or (n,) where all samples share it; m is 1 where all do.
+        """Evaluate the kernel at m samples in SIMD lanes, and return its results. Each is a float64 array (m, ...),
+        with the shape of one sample's result after the axis of samples; several are in a tuple, or in the `NamedTuple`
+        that the compiled function returns. `arguments` are array-likes (m, n) each, n the argument's length, one row a
+        sample, or (n,) where all samples share it; m is 1 where all do.
 
         `out` is the array that is filled and returned, or a sequence of one for each result; None for new ones. Raises
         `InputError` for arguments of another number, another shape or that hold no real numbers, and for an `out` that
@@ -193,13 +197,15 @@ class Kernel:
     def otherwise(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
         """A function that runs the kernel's native code (the fast path) for usual arguments, and calls `instead` (the
         fallback) with the same arguments for all others. Usual are as many arguments as expected, contiguous float64
-        arrays (n,) at the positions that the kernel's `form` says, and, where the kernel checks for them, no NaN or
-        infinity in them or in the results.
+        arrays (n,), n each one's length, where the kernel's `form` (calling convention) expects them, and, where the
+        kernel checks for them, no NaN or infinity in them or in the results. For example, `add =
+        kernel.otherwise(slow)` of a kernel of two vectors calls native code in `add(x, y)`, and `slow([1.0], y)` in
+        `add([1.0], y)`.
 
-        `bound` has the types of the form's tuples (its arguments that are tuples of arrays), in order, and then the
-        arrays (n,) of those arguments of the kernel that come from no argument of the new function. It raises nothing
-        itself: errors are those of `instead`. On a Python whose arrays native code cannot read, such as any but
-        CPython, it is `instead` itself.
+        `bound` fixes arguments in advance: it has first the types of the form's tuples (its arguments that are tuples
+        of arrays), in order, and then the arrays (n,) of those arguments of the kernel that come from no argument of
+        the new function, such as gains. The new function raises nothing itself: errors are those of `instead`. On a
+        Python whose arrays native code cannot read, such as any but CPython, it is `instead` itself.
         """
         return self._builtin(instead, *bound) if has_builtins() else instead
 
@@ -255,9 +261,9 @@ class Given(NamedTuple):
 
     def arrays(self, arguments: Sequence[ArrayLike], sample_axes: int = 0) -> list[Array]:
         """The `arguments`, array-likes, as C-contiguous float64 arrays (n,) in a list: those that are such arrays
-        themselves, others copied. With `sample_axes`, 0 unless given, as many leading axes of samples, equal in all,
-        come before the n; then an argument (n,) is one for all samples. Raises `InputError` for another number of
-        arguments, another shape and what holds no real numbers; NaN and infinity pass."""
+        themselves, others copied. With `sample_axes`, 0 by default, as many leading axes of samples, equal in all, come
+        before the n; then an argument (n,) is one for all samples. Raises `InputError` for another number of arguments,
+        another shape and what holds no real numbers; NaN and infinity pass."""
         if len(arguments) != len(self.columns):
             expected = f"{len(self.columns)} arguments ({', '.join(self.columns)})"
             raise InputError(f"{self.kernel}: expected {expected}, got {len(arguments)}")
@@ -270,8 +276,9 @@ class Given(NamedTuple):
         return arrays
 
     def refuse(self, *arrays: Array) -> NoReturn:
-        """Raise `NonFiniteError`, always: it names the first of the kernel's arguments, whose `arrays` (n,) are given
-        in order, that holds NaN or infinity, or says that the result does, where all arguments are finite."""
+        """Raise `NonFiniteError`, always: it names the first of the kernel's arguments, whose `arrays` (n,), n an
+        argument's length, are given in order, that holds NaN or infinity, or says that the result does, where all
+        arguments are finite."""
         for name, array in zip(self.columns, arrays, strict=True):
             if not np.isfinite(array).all():
                 raise NonFiniteError(f"{self.kernel}: argument {name!r}: expected finite numbers, got {array.tolist()}")

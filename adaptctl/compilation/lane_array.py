@@ -22,18 +22,21 @@ _DOUBLE = np.dtype(np.float64)
 
 
 class LaneArray:
-    """An array of named columns (n,) of numbers for each of a number of `members`, laid out in SIMD lanes, all zero at
-    first, unless `made` is `np.empty` in place of `np.zeros`; `columns` maps the columns' names to their lengths n.
+    """An array of named columns (n,) of numbers for each of a number of members, as an array of structures of arrays:
+    blocks of `lanes` members each, in which the members' values of a scalar are contiguous, as SIMD lanes need them.
 
-    `array[name]` is a copy (..., members, n) of a column, in float64; assigning to it takes real numbers that broadcast
-    to that, NaN and infinity too. `steps` is the shape of the leading axes, of steps in time, () unless given; `lanes`,
-    1 unless given, is how many members are side by side; the memory is of numbers of a `dtype`, float64 unless given.
-    Raises `InputError` for lengths, members and steps that are no whole numbers of at least 0 and lanes that are none
-    of at least 1, for an unknown name, and on assigning what is no real numbers or does not broadcast.
+    The constructor takes `columns`, a mapping from the columns' names to their lengths n; the number of `members`;
+    `lanes`, the number of members in a block, 1 by default; `steps`, the shape of leading axes, of steps in time, () by
+    default; the `dtype` of the numbers, float64 by default; and `made`, `np.zeros` by default, so that all are zero, or
+    `np.empty`. `array[name]` is a copy (..., members, n) of a column, in float64; assigning to it takes real numbers
+    that broadcast to that, NaN and infinity too. Raises `InputError` for lengths, members and steps that are no whole
+    numbers of at least 0 and lanes that are none of at least 1, for an unknown name, and on assigning what is no real
+    numbers or does not broadcast.
 
-    `blocks` (..., ceil(members / lanes), scalars, lanes), scalars the sum of all n, is the memory itself, at the
-    address `address`: member m is in lane m % lanes of block m // lanes, and lanes left over in the last block repeat
-    the last member. Steps are `stride` numbers apart.
+    Besides `columns`, `members` and `lanes` it has three attributes. `blocks` (..., ceil(members / lanes), scalars,
+    lanes), scalars the sum of all n, is the memory itself: member i is in lane i % lanes of block i // lanes, and lanes
+    left over in the last block repeat the last member. `address` is that of its first number, `stride` the number of
+    numbers from one step to the next.
     """
 
     def __init__(
@@ -126,8 +129,9 @@ def _require_sizes(columns: Mapping[str, int], members: int, lanes: int, steps: 
 
 
 def aligned(shape: tuple[int, ...], dtype: np.dtype[Any] = _DOUBLE, made: Callable[..., Any] = np.zeros) -> Array:
-    """A new array of a `shape` and `dtype`, float64 unless given, that begins on a cache line (an address divisible by
-    64). `made` makes its memory: `np.zeros`, the default, or `np.empty`. Raises what that raises."""
+    """A new C-contiguous array of a `shape` and `dtype`, float64 by default, whose memory begins on a cache line (an
+    address divisible by 64). `made`, `np.zeros` by default or `np.empty`, allocates the memory; its errors pass, such
+    as `MemoryError`, or `ValueError` for negative sizes."""
     size = dtype.itemsize * math.prod(shape)
     memory = made(size + CACHE_LINE, dtype=np.uint8)
     skip = -memory.ctypes.data % CACHE_LINE

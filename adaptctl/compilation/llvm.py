@@ -29,10 +29,10 @@ def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Co
     order, each as one number for every lane. `lanes`, a `Lanes`, says how many numbers are computed at once by SIMD
     instructions and in what precision.
 
-    `same`, for a step of a loop, are the `Invariants`, which do not change from step to step, none unless given: the
+    `same`, for a step of a loop, are the `Invariants`, which do not change from step to step, none by default: the
     function then takes a last pointer, to memory that has them, and another function, its name followed by ".before",
-    computes them. `uniform` has the indices of arguments that have one number in memory for all lanes, none unless
-    given. Nothing is checked.
+    computes them. `uniform` has the indices of arguments that have one number in memory for all lanes, none by default.
+    Nothing is checked.
     """
     symbols = _symbols(routine)
     parts = {r: pieces(r.body) for r in symbols}

@@ -46,7 +46,7 @@ def cache_folder() -> Path | None:
 
 class ObjectCache(NamedTuple):
     """Cache of compiled objects, bytes, on disk: one file in `folder` for each key of 32 bytes. The folder has at most
-    `limit` bytes, 256 MiB unless given, and a 64th more for each process that writes; what was used longest ago is
+    `limit` bytes, 256 MiB by default, and a 64th more for each process that writes; what was used longest ago is
     deleted. The folder need not exist. No method raises an error of the file system."""
 
     folder: Path

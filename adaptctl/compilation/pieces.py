@@ -35,7 +35,7 @@ def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece
     """Pieces, a list of `Piece` in order, that a routine's (traced function's) expressions, `body`, are compiled in.
     There is one where there are at most 6000 expressions, else one for about every 1500, since LLVM's time grows with
     the square of a function's length. `given` has the indices of expressions that are in memory already and pass
-    between no pieces, none unless given. Comparisons are made again in each piece that uses them, for memory holds
+    between no pieces, none by default. Comparisons are made again in each piece that uses them, for memory holds
     numbers alone. Nothing is checked."""
     whole, *others = _parts(body)
     if not others:

@@ -44,7 +44,7 @@ def compile_step(
 
     `step` is called once with Columns by keyword, whose names and lengths n are given: `state`, which each member has
     and each step replaces; `held`, which each member has and keeps; `shared`, other in each step and the same for all
-    members; `driven`, other in each step and for each member; the last three none unless given. It returns a tuple: the
+    members; `driven`, other in each step and for each member; the last three none by default. It returns a tuple: the
     new state, in the order of `state`, and after it any outputs, Columns, lists of Columns or scalars. `precision` is
     that of the numbers, "double" or "single"; `name` the step's in messages, the function's own where empty. Raises
     `InputError` for columns of the same name, lengths that are no whole numbers of at least 0, a result that does not
@@ -101,17 +101,19 @@ class Stepper:
         return Ensemble(self, members)
 
     def alone(self, steps: int, state: Array, held: Array) -> Array:
-        """The state after `steps` steps of one member, its columns one after another in a new array, from those in
-        `state`, under the held columns in `held`, likewise: contiguous float64 arrays. It is what an `ensemble` of one
-        takes ten times as long to be set up for. The step has one lane, double precision, and no signals or outputs;
-        neither this nor the arrays' lengths are checked."""
+        """The state (S,) of one member after `steps` steps, a new float64 array: its columns one after another, S the
+        sum of their lengths. It starts from `state` (S,), which is not changed, under the held columns `held` (H,), one
+        after another too, H being the sum of their lengths; both are contiguous float64 arrays. It is faster than an
+        `ensemble` of one member, which takes ten times as long to be set up. The step must have one lane, double
+        precision, and no signals or outputs, and the arrays must have these lengths: none of this is checked, and
+        memory is read and written out of bounds otherwise."""
         after = state.copy()
         self.native(0, 1, steps, 0, 0, 0, after.ctypes.data, held.ctypes.data, None, None, None)
         return after
 
 
 class Signals(NamedTuple):
-    """Memory for the signals of some steps of an ensemble of members (copies of a state), made by `Ensemble.signals`.
+    """Buffers for the signals of some steps of an ensemble of members (copies of a state), made by `Ensemble.signals`.
     `shared` has the columns that are the same for all members, (steps, 1, n), and `driven` those of each member,
     (steps, members, n), where n is a column's length; each is a `LaneArray`. Nothing is checked."""
 
@@ -168,28 +170,31 @@ class Ensemble:
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
     def room(self, steps: int) -> LaneArray:
-        """Memory (a `LaneArray`, not yet set) for the outputs of `steps` steps, as `record_into` fills it: the columns
-        "0", "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. Raises
+        """An uninitialised output buffer, a `LaneArray`, for `steps` steps, which the method `record_into` fills: the
+        columns "0", "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. Raises
         `InputError` for steps that are no whole number of at least 0."""
         return self._array(self._outputs, steps, made=np.empty)
 
     def signals(self, steps: int) -> Signals:
-        """Memory, not yet set, for the `Signals` of `steps` steps, to be filled by column and step, as `record_into`
-        reads it: `shared`, the columns that are the same for all members, has axes (steps, 1, n), and `driven`, those
-        of each member, (steps, members, n); n is a column's length. Raises `InputError` for steps that are no whole
-        number of at least 0."""
+        """Uninitialised buffers, a `Signals`, for the signals of `steps` steps, to be filled by column and step before
+        `record_into` reads them: `shared`, the columns that are the same for all members, has axes (steps, 1, n), and
+        `driven`, those of each member, (steps, members, n); n is a column's length. Raises `InputError` for steps that
+        are no whole number of at least 0."""
         columns = self.stepper.columns
         shared = LaneArray(columns[Source.SHARED], 1, 1, (steps,), self.stepper.dtype, np.empty)
         return Signals(shared, self._array(columns[Source.DRIVEN], steps, made=np.empty))
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike] | Signals) -> None:
-        """Take `steps` steps of all members from the attribute `state`, which is replaced, and put the outputs into
-        `room`, made by `room()`, from its step of index `first` on. `signals` are, by name, the shared columns (steps,
-        n), the same for all members, and the driven ones (steps, members, n); or `Signals` made by `signals()`, of
-        which those from the same index `first` on are read, in place. Raises `InputError` where steps or outputs do not
-        fit, where `first` or `steps` is no whole number of at least 0, for a room or `Signals` whose columns, members,
-        lanes or type of number are not this ensemble's, and for signals of other names, of the wrong shape or that are
-        no real numbers."""
+        """Take `steps` steps of all members from the attribute `state`, which is replaced, and write their outputs into
+        `room`, an output buffer made by the method `room`, from its step of index `first` on.
+
+        `signals` are, by name, the columns that are new in each step: shared ones (steps, n), the same for all members,
+        and driven ones (steps, members, n), other for each, n a column's length. Or they are `Signals` made by the
+        method `signals`, of which those from the same index `first` on are read, in place. Returns nothing. Raises
+        `InputError` where steps or outputs do not fit, where `first` or `steps` is no whole number of at least 0, for a
+        buffer or `Signals` whose columns, members, lanes or type of number are not this ensemble's, and for signals of
+        other names, of the wrong shape or that are no real numbers.
+        """
         first, steps = whole_count(first, "record: first"), whole_count(steps, "record: steps")
         _require(room, self._recorded, first, steps, "a `room`")
         if isinstance(signals, Signals):

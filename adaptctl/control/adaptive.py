@@ -55,11 +55,11 @@ class AdaptiveState(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the adaptation law's internal state that recorded runs keep. For `ConcurrentLearning`, (..., 1): 1
-        where a sample was put on its stack, else 0. For `CompositeLearning`, (..., 1): the number, 0 to r, of the r
-        joints whose torque equation was learned from. For `ConsistentLift`, (..., P): the P inertial and friction
-        parameters, SI units, whose fundamental (base) parameters are the estimate. Raises `AttributeError` for other
-        laws, or with adaptation off."""
+        """Array of the adaptation law's internal state that is stored with each sample of a recorded run. For
+        `ConcurrentLearning`, (..., 1): 1 where a sample was put on its stack, else 0. For `CompositeLearning`, (...,
+        1): the number, 0 to r, of the r joints whose torque equation was learned from. For `ConsistentLift`, (..., P):
+        the P inertial and friction parameters, SI units, whose fundamental (base) parameters are the estimate. Raises
+        `AttributeError` for other laws, or with adaptation off."""
         return self.learning.recorded
 
 

@@ -36,7 +36,7 @@ class AdaptiveComputedTorque(AdaptiveController):
 
     With both poles of the error loop at -Lambda, s' + Lambda s = M^^-1 Y error, the strictly positive real filter of
     the paper. Guarantees, without disturbance and while M^ is positive definite: V = s'Ws/2 + error' Gamma^-1 error/2
-    falls as -s'W Lambda s, so the tracking error goes to zero.
+    has the time derivative -s'W Lambda s, so the tracking error goes to zero.
 
     Gives up: it needs the acceleration a, which is taken from the difference of velocities over the period and so
     carries the noise of velocities over T_c: noise of deviation sigma moves an inertia by about Gamma sigma^2 a period,
@@ -81,8 +81,9 @@ class AdaptiveComputedTorque(AdaptiveController):
     ) -> tuple[Column, AdaptiveState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
         after learning from the period that has passed. Positions p in rad (m) and velocities v in rad/s (m/s), (r,),
-        are measured; `reference` has the desired positions, velocities and accelerations (r,) in rad (m) and s;
-        `memory` is the internal state of the last control period. Nothing is checked here."""
+        are measured; `reference` has the desired positions, velocities and accelerations (r,), in rad, rad/s and
+        rad/s^2 (m, m/s and m/s^2 if prismatic); `memory` is the internal state of the last control period. Nothing is
+        checked here."""
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v

@@ -59,9 +59,9 @@ class ComputedTorque(ModelBased):
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
         after it: the positions (n,) of all n joints of the spanning tree. The torque is the inverse dynamics of the
         acceleration that brings the tracking error back to zero. Measured positions p are in rad (m), velocities v in
-        rad/s (m/s), (r,); `reference` has the desired positions, velocities and accelerations (r,), in rad (m) and s;
-        `memory` is the internal state of the last control period. Nothing is checked here: the method `step` checks
-        shapes."""
+        rad/s (m/s), (r,); `reference` has the desired positions, velocities and accelerations (r,), in rad, rad/s and
+        rad/s^2 (m, m/s and m/s^2 if prismatic); `memory` is the internal state of the last control period. Nothing is
+        checked here: the method `step` checks shapes."""
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)

@@ -29,7 +29,7 @@ from adaptctl.scalars import Column, Structure, Tunable
 
 class ReferencePoint(NamedTuple):
     """Reference point of a motion: desired positions `p` in rad (m if prismatic), velocities `v` in rad/s (m/s) and
-    accelerations `a` in rad/s^2 (m/s^2), arrays (..., r) for r joints; or, in metres and seconds, (..., m) for m
+    accelerations `a` in rad/s^2 (m/s^2), arrays (..., r) for r joints; or, in m, m/s and m/s^2, (..., d) for d
     task-space coordinates. In a control law's equation each is a `Column` of r (or m) scalars. Nothing is checked."""
 
     p: Any
@@ -39,13 +39,14 @@ class ReferencePoint(NamedTuple):
 
 class Reference(Protocol):
     """Protocol of a reference trajectory: a callable from times `t`, one or an array (...), in s, to a
-    `ReferencePoint`. Its positions, velocities and accelerations are (..., r) for r joints, in rad (m if prismatic) and
-    s, or (..., m) for m task-space coordinates, in metres and seconds. An implementation should give finite numbers at
-    any time; nothing is checked."""
+    `ReferencePoint`. Its positions, velocities and accelerations are (..., r) for r joints, in rad, rad/s and rad/s^2
+    (m, m/s and m/s^2 if prismatic), or (..., d) for d task-space coordinates, in m, m/s and m/s^2. An implementation
+    should give finite numbers at any time; nothing is checked."""
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference point at times `t` (...) in s: positions, velocities and accelerations, (..., r) or (..., m)
-        each."""
+        """The reference point at times `t` (...) in s: positions, velocities and accelerations, (..., r) each for r
+        joints in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic), or (..., d) for d task-space coordinates in their
+        units."""
         ...
 
 
@@ -80,14 +81,15 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the r joints, rad (m if prismatic), at which the control law can start and at which it is
-        compiled: zeros unless a subclass gives others."""
+        """Home positions (r,) of the r joints, rad (m if prismatic): a configuration at which the control law can be
+        evaluated, and at which it is compiled; zeros unless a subclass gives others, as for kinematic loops that zeros
+        do not close."""
         return np.zeros(self.dof)
 
     @property
     def reference_size(self) -> int:
         """Length of each part (positions, velocities, accelerations) of the control law's reference points: the number
-        r of joints, unless a subclass gives the number m of task-space coordinates."""
+        r of joints, unless a subclass gives the number d of task-space coordinates."""
         return self.dof
 
     @abstractmethod
@@ -100,11 +102,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
         """The torque (r,) of the r joints, N m (N if prismatic), for one control period, and the control law's internal
-        state after it. Measured positions p are in rad (m) and velocities v in rad/s (m/s), columns (r,). `reference`
-        has the desired positions, velocities and accelerations, columns (r,) in rad (m) and s or, in a task space of m
-        coordinates, (m,). `memory` is the internal state of the last period, at first that of the method `start`. An
-        implementation computes on scalars of any kind and checks nothing: the method `step` does, and raises
-        `InputError` where what `law` returns is not a `Column` of r scalars and an internal state of the same sizes."""
+        state after it. Measured positions p (r,) are in rad (m if prismatic), velocities v (r,) in rad/s (m/s).
+        `reference` has the desired positions in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2
+        (m/s^2), (r,) each, or, in a task space of d coordinates, (d,) in their units. `memory` is the internal state of
+        the last period, at first that of the method `start`. Vectors are Columns of scalars of any kind. An
+        implementation checks nothing: the method `step` does, and raises `InputError` where `law` returns anything but
+        a `Column` of r scalars and an internal state of the same sizes."""
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
         """The controller's internal state before the first control period, from measured positions p in rad (m if
@@ -148,8 +151,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
         """The torque (..., r) of the r joints, N m (N if prismatic), for one control period, and the internal state
-        after it, from measured positions p in rad (m) and velocities v in rad/s (m/s), the `reference` point and the
-        last `state`, at first that of the method `init`.
+        after it. Measured positions p are in rad (m if prismatic), velocities v in rad/s (m/s); `reference` has the
+        desired positions, velocities and accelerations, rad/s^2 (m/s^2); `state` is the last internal state, at first
+        that of the method `init`.
 
         Leading axes of p (..., r) are arms, computed together in SIMD lanes; v and the reference's parts may be (r,),
         the same for all. Raises `InputError` on a wrong shape and `NonFiniteError` when the torque or the next state of
@@ -167,9 +171,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
         A row of `gains` (N, g) has an arm's g tunable numbers in the order of the property `numbers`, matrices row by
         row; they are not checked. `state` are the last internal states, at first those of the method `init`. Measured
-        positions p (N, r) are in rad (m), velocities v in rad/s (m/s); v and the reference's parts have a row for each
-        arm, or one, (r,), for all. Raises `InputError` on a wrong shape, `NonFiniteError` for results that are not
-        finite.
+        positions p (N, r) are in rad (m), velocities v in rad/s (m/s); `reference` has positions, velocities and
+        accelerations, rad/s^2 (m/s^2). v and its parts have a row for each arm, or one, (r,), for all. Raises
+        `InputError` on a wrong shape, `NonFiniteError` for results that are not finite.
         """
         return self._step_many(state, p, v, reference, gains)
 
@@ -247,11 +251,11 @@ class Controller(Tunable, ABC, Generic[Memory]):
         the law runs in Python.
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
-        reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), the
-        internal state as one array, its own arrays one after the other, and, where there are any, the g tunable numbers
-        (g,) as in the property `packed`; it returns the torque (r,), N m (N), and the internal state after the control
-        period as one array. Raises `InputError` where `law` returns anything else, `TraceError` where it cannot be
-        traced.
+        reference's positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), (r,) each or, in a
+        task space of d coordinates, (d,), the internal state as one array, its own arrays one after the other, and,
+        where there are any, the g tunable numbers (g,) as in the property `packed`; it returns the torque (r,), N m
+        (N), and the internal state after the control period as one array. Raises `InputError` where `law` returns
+        anything else, `TraceError` where it cannot be traced.
         """
         return self._tick if isinstance(self._tick, Kernel) else None
 
@@ -260,11 +264,11 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """The control law as a Python function on arrays, run without native code and with the controller's own gains.
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
-        reference's positions, velocities and accelerations, (r,) each or, in a task space of m coordinates, (m,), and
-        each array (n,) of the internal state, n its length, in the order of its fields, all by position; it returns a
-        tuple: the torque (r,), N m (N), then each array of the internal state after the control period, in the same
-        order. The function raises `InputError` on a wrong shape and `NonFiniteError` where the attribute `finite` asks
-        for finite numbers.
+        reference's positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), (r,) each or, in a
+        task space of d coordinates, (d,), and each array (n,) of the internal state, n its length, in the order of its
+        fields, all by position; it returns a tuple: the torque (r,), N m (N), then each array of the internal state
+        after the control period, in the same order. The function raises `InputError` on a wrong shape and
+        `NonFiniteError` where the attribute `finite` asks for finite numbers.
         """
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)

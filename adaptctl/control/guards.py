@@ -75,11 +75,11 @@ class GuardedState(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """Part of the wrapped law's adaptation state that recorded runs keep. For `ConcurrentLearning` it is (..., 1):
-        1 where the last period's sample was kept and 0 where not. For `CompositeLearning` it is (..., 1): the number, 0
-        to r, of the r joints whose torque equation was learned from. For `ConsistentLift` it is (..., P): the P
-        inertial and friction parameters, SI units, whose fundamental (base) parameters are the estimate. Raises
-        `AttributeError` for all other laws."""
+        """Array of the wrapped adaptation law's internal state that is stored with each sample of a recorded run. For
+        `ConcurrentLearning` it is (..., 1): 1 where the last period's sample was kept and 0 where not. For
+        `CompositeLearning` it is (..., 1): the number, 0 to r, of the r joints whose torque equation was learned from.
+        For `ConsistentLift` it is (..., P): the P inertial and friction parameters, SI units, whose fundamental (base)
+        parameters are the estimate. Raises `AttributeError` for all other laws."""
         return self.of.recorded
 
 
@@ -161,14 +161,15 @@ class Guarded(Controller[GuardedState]):
 
     @property
     def home(self) -> Array:
-        """Positions (r,) of the r joints, rad (m if prismatic), at which the wrapped control law can start and is
-        compiled."""
+        """Home positions (r,) of the r joints, rad (m if prismatic), those of the wrapped control law: a configuration
+        at which the law can be evaluated, such as one that closes kinematic loops, and at which it is compiled. They
+        are not limits, nor where a run must start."""
         return self.of.home
 
     @property
     def reference_size(self) -> int:
         """Length of each part (positions, velocities or accelerations) of the wrapped law's reference points: r for
-        joints, or m for coordinates in a task space."""
+        joints, or the number d of task-space coordinates."""
         return self.of.reference_size
 
     def start(self, p: Array, v: Array) -> GuardedState:
@@ -181,9 +182,11 @@ class Guarded(Controller[GuardedState]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, within the limits of
         torque and rate, and the internal state after it. Positions `p` (r,), rad (m), and velocities `v` (r,), rad/s
-        (m/s), are measured; `reference` is the wrapped law's reference point, `memory` the internal state of the last
-        control period. NaN and infinity raise nothing: the wrapped law is given 0 in their place, and the arm is
-        braked. Shapes are not checked here: the method `step` checks them."""
+        (m/s), are measured; `reference` is the wrapped law's reference point: desired positions, velocities and
+        accelerations (r,), in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic), or those of task-space
+        coordinates, `memory` the internal state of the last control period. NaN and infinity raise nothing: the wrapped
+        law is given 0 in their place, and the arm is braked. Shapes are not checked here: the method `step` checks
+        them."""
         given = (p, v, *reference)
         clean = list(map(_cleaned, given))
         torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)

@@ -120,8 +120,9 @@ class LinearController(Controller[LinearState]):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
         after it, n state variables (n,). Positions p in rad (m) and velocities v in rad/s (m/s), (r,), are measured;
-        `reference` has the desired positions, velocities and accelerations (r,) in rad (m) and s; `memory` is the
-        internal state of the last control period. Nothing is checked here: the method `step` checks shapes."""
+        `reference` has the desired positions, velocities and accelerations (r,), in rad, rad/s and rad/s^2 (m, m/s and
+        m/s^2 if prismatic); `memory` is the internal state of the last control period. Nothing is checked here: the
+        method `step` checks shapes."""
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward

@@ -26,9 +26,10 @@ class BranchState(NamedTuple):
 
 class ModelBased(Controller[BranchState]):
     """Base class of control laws for a `mechanism` with given `parameters` (P,), right or wrong: all its P inertial and
-    friction parameters in SI units, None for the mechanism's own. A subclass is a frozen dataclass that writes the
-    method `law(p, v, reference, memory)`, which returns the torque (r,) of r joints and the `BranchState` after it. It
-    calls `self._settle()` at construction, which raises `InputError` for parameters of another shape or not finite."""
+    friction parameters in SI units and the order of `Mechanism.parameter_names`, None for the mechanism's own. A
+    subclass is a frozen dataclass that writes the method `law(p, v, reference, memory)`, which returns the torque (r,)
+    of r joints and the `BranchState` after it. It calls `self._settle()` at construction, which raises `InputError` for
+    parameters of another shape or not finite."""
 
     mechanism: Mechanism
     parameters: Array | None

@@ -38,10 +38,10 @@ class PassivityIntegral(SlotineLi):
     derivative in time, but in V below the transpose. The integral is taken by the trapezium rule, with an error of the
     order of T_c^2.
 
-    Guarantees: what `SlotineLi` does, V = s'Ms/2 + error' Gamma^-1 error/2 falling as -s'Ks, with this s, M the mass
-    matrix and error the estimate less the true parameters; on s = 0 the tracking error has both poles at -Lambda. A
-    constant disturbance leaves a constant s and, at rest and without adaptation, no position error: friction and an
-    unknown payload at rest are such.
+    Guarantees: what `SlotineLi` does, V = s'Ms/2 + error' Gamma^-1 error/2 with the derivative V' = -s'Ks, with this s,
+    M the mass matrix and error the estimate less the true parameters; on s = 0 the tracking error has both poles at
+    -Lambda. A constant disturbance leaves a constant s and, at rest and without adaptation, no position error: friction
+    and an unknown payload at rest are such.
 
     Gives up: convergence under other disturbances. In motion, and while adapting, a constant load leaves an error: s
     that is not zero is integrated by the estimate, which drifts (a leak or `Projection` bounds it). The integral

@@ -32,9 +32,10 @@ class PDGravity(ModelBased):
     leaves the error Kp^-1 times what is missing. Nothing learns.
 
     `stiffness` is Kp in N m/rad (N/m for a prismatic joint) and `damping` Kd in N m s/rad (N s/m), each one number or
-    (r,); `parameters` (P,), all P inertial and friction ones, are in SI units, None for the `mechanism`'s own. The
-    class attribute `finite` is True: a step refuses NaN and infinity in its arguments too, by `NonFiniteError`. Raises
-    `InputError` on wrong shapes, for numbers that are not finite, and for gains that are not positive.
+    (r,); `parameters` (P,), all P inertial and friction ones, are in SI units and the order of
+    `Mechanism.parameter_names`, None for the `mechanism`'s own. The class attribute `finite` is True: a step refuses
+    NaN and infinity in its arguments too, by `NonFiniteError`. Raises `InputError` on wrong shapes, for numbers that
+    are not finite, and for gains that are not positive.
     """
 
     tunable = ("stiffness", "damping")
@@ -66,9 +67,9 @@ class PDGravity(ModelBased):
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, gravity's less a spring's
         and a damper's, and the internal state after it: the positions (n,) of all n joints of the spanning tree.
-        Measured positions p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions and
-        velocities (r,), in rad (m) and s, its accelerations are not used; `memory` is the internal state of the last
-        control period. Nothing is checked here: the method `step` checks shapes."""
+        Measured positions p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions, rad (m),
+        and velocities, rad/s (m/s), (r,) each, its accelerations are not used; `memory` is the internal state of the
+        last control period. Nothing is checked here: the method `step` checks shapes."""
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

@@ -26,7 +26,7 @@ DEGREE = 5
 
 def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1, at the fraction `u` of its duration, and its first and
-    second derivative by u: three scalars without a unit. Outside [0, 1] the step rests at 0 or 1.
+    second derivative with respect to u: three scalars without a unit. Outside [0, 1] the step rests at 0 or 1.
 
     Flash and Hogan (1985). Over scalars of any kind: floats, arrays (element by element), symbols. Nothing is checked.
     """
@@ -162,8 +162,9 @@ class Sinusoids:
     are (r,) for one sinusoid a joint or (h, r) for the sum of h; `start_time`, 2 s by default, is the length of the
     fade 10u^3 - 15u^4 + 6u^5, u = t/start_time, from 0 to 1; 0 is for no fade. With a fade the arm is at rest in the
     centre at time 0 and before; without one the sinusoids run at all times. Called with times t (...) in s, it returns
-    the `ReferencePoint` then: positions, velocities and accelerations (..., r). Raises `InputError` for other shapes,
-    what is no number or not finite, and a negative start time.
+    the `ReferencePoint` then: positions, velocities and accelerations (..., r), in rad, rad/s and rad/s^2 (m, m/s and
+    m/s^2 if prismatic). Raises `InputError` for other shapes, what is no number or not finite, and a negative start
+    time.
     """
 
     center: Array
@@ -226,7 +227,8 @@ class Spline:
     samples of a path that has no formula in joints, such as what inverse kinematics makes of one in space. Velocities
     and accelerations are the spline's own derivatives. Before the first time it rests in the first position and after
     the last time in the last, with a jump of velocity and acceleration unless the samples rest there. Called with times
-    t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (..., r).
+    t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (..., r), in rad, rad/s
+    and rad/s^2 (m, m/s and m/s^2 if prismatic).
 
     Raises `InputError` for fewer positions, another number of times, what is no number or not finite, and times that do
     not strictly increase; `MissingExtraError` at the first use without SciPy.
@@ -298,8 +300,8 @@ class MinimumJerk:
     `waypoints` (w, r) are w >= 2 positions of r joints in rad (m if prismatic), `times` (w,) when they are reached, in
     s, strictly increasing. Before the first time it rests in the first waypoint, after the last time in the last.
     Called with times t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (...,
-    r). Raises `InputError` for fewer waypoints, another number of times, what is no number or not finite, and times
-    that do not strictly increase.
+    r), in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic). Raises `InputError` for fewer waypoints, another
+    number of times, what is no number or not finite, and times that do not strictly increase.
     """
 
     waypoints: Array
@@ -323,9 +325,10 @@ class MinimumJerk:
         return ReferencePoint(self.waypoints[stretch] + fade * way, slope * way / length, bend * way / length**2)
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m if prismatic), velocities in
-        rad/s (m/s) and accelerations in rad/s^2 (m/s^2). It rests in the first waypoint before its time, in the last
-        after its. Computed in microseconds, for loops that ask each period. NaN is not refused."""
+        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m if prismatic), velocities (r,)
+        in rad/s (m/s) and accelerations (r,) in rad/s^2 (m/s^2). Before the first waypoint's time it is the first
+        waypoint at rest, after the last one's time the last at rest. It takes microseconds, for loops that ask for one
+        point in each control period. NaN is not refused."""
         starts = self._starts
         k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
         given = np.array((t - starts[k], starts[k + 1] - starts[k]))

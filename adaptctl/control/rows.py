@@ -12,10 +12,10 @@ from adaptctl.errors import InputError
 
 
 def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[int, ...]) -> dict[str, Array]:
-    """Float64 arrays by name, made of `values`. Numbers (..., n) of each of N arms, whose leading axes have the shape
-    `arms`, become rows (N, n); numbers (n,) for all arms alike stay (n,). `sizes` has the name and the length n of
-    each, in the order of `values`. Raises `InputError` for another shape and for values that are no numbers,
-    `ValueError` for more or fewer `values` than `sizes`."""
+    """Dict of float64 arrays by name, made of the array-likes `values`, for N arms evaluated at once. An array (..., n)
+    whose leading axes have the shape `arms`, whose product is N, becomes rows (N, n); an array (n,), the same for all
+    arms, stays (n,). `sizes` maps names, in the order of `values`, to lengths n. Raises `InputError` for another shape
+    and for values that are no numbers, `ValueError` for more or fewer `values` than `sizes`."""
     columns = {}
     for (name, size), given in zip(sizes.items(), values, strict=True):
         array = _for_arms(numbers(given, name), size, arms, name)

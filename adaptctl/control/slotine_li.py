@@ -45,12 +45,12 @@ class SlotineLi(AdaptiveController):
     regressor, M the mass matrix, C that of Coriolis torques, and error the estimate minus the true parameters. A prime
     is a derivative in time, but the transpose of Y_r and, in V below, of s and error.
 
-    Theorem: M s' + C s + K s = Y_r error, so that in continuous time V = s'Ms/2 + error' Gamma^-1 error/2 falls as
-    -s'Ks, and the tracking error goes to zero. Drives' friction f is modelled at v_r: with it V falls by s'(f(v) -
-    f(v_r)) >= 0 besides, for any friction that rises with velocity. Modelled at v, an estimate above the truth would be
-    positive feedback. The estimates converge too only under persistent excitation, and nothing keeps them physically
-    consistent, unless the adaptation law does. The proof asks of v_r only that a_r be its derivative (Ortega and Spong
-    1989): `PassivityIntegral` and `TaskSpaceSlotineLi` are this law with another v_r.
+    Theorem: M s' + C s + K s = Y_r error, so that in continuous time V = s'Ms/2 + error' Gamma^-1 error/2 has the time
+    derivative -s'Ks, and the tracking error goes to zero. Drives' friction f is modelled at v_r: with it V falls by
+    s'(f(v) - f(v_r)) >= 0 besides, for any friction that rises with velocity. Modelled at v, an estimate above the
+    truth would be positive feedback. The estimates converge too only under persistent excitation, and nothing keeps
+    them physically consistent, unless the adaptation law does. The proof asks of v_r only that a_r be its derivative
+    (Ortega and Spong 1989): `PassivityIntegral` and `TaskSpaceSlotineLi` are this law with another v_r.
 
     `model` has the k parameters; `bandwidth` is Lambda (1/s) and `damping` K in N m s/rad (N s/m for a prismatic
     joint), each one number or one a joint (r,); `adaptation` is an adaptation law, or Gamma for `Gradient`, its
@@ -94,9 +94,9 @@ class SlotineLi(AdaptiveController):
     ) -> tuple[Column, AdaptiveState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
         after learning from the period that has passed. Positions p in rad (m) and velocities v in rad/s (m/s), (r,),
-        are measured; `reference` has the desired positions, velocities and accelerations (r,) in rad (m), s and s^2;
-        `memory` is the internal state of the last control period, at first that of the method `start`. Nothing is
-        checked here: the method `step` checks shapes."""
+        are measured; `reference` has the desired positions, velocities and accelerations (r,), in rad, rad/s and
+        rad/s^2 (m, m/s and m/s^2 if prismatic); `memory` is the internal state of the last control period, at first
+        that of the method `start`. Nothing is checked here: the method `step` checks shapes."""
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)
         v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)

@@ -49,17 +49,17 @@ class TaskSpaceSlotineLi(SlotineLi):
         a_r = its exact derivative in time, by dual numbers;  s = v - v_r
         torque = Y_r(p, v, v_r, a_r) estimate - K s
 
-    J (m, r) is x's Jacobian, x_d the desired x, p and v (r,) the measured positions and velocities of the r primary
+    J (d, r) is x's Jacobian, x_d the desired x, p and v (r,) the measured positions and velocities of the r primary
     (independent) joints, Y_r (r, k) the torque regressor of k estimated parameters, K the damping, s the sliding
     variable. A prime is a derivative in time, but the transpose of J and, in V below, of s and error.
 
-    x (m,) are m of the three world coordinates of the point, in metres: `axes`, rising, 0 to 2 for x to z, by default
-    all. `tool` (3,) is the point in the frame of `link`, in metres, None for the frame's origin; `link` is a name, None
-    for the last one. With m < r the rest of the motion is drawn to `posture` (r,) in rad (m if prismatic), None for the
-    mechanism's home configuration, at `posture_rate` in 1/s, by default 1. `singularity` is mu in m: zero, the default,
-    inverts J itself (m = r) or takes the least motion (m < r). Where J J' is nearly singular, det(J J')/(tr(J J')/m)^m
-    = w below w_0 = 1e-3, mu^2 grows by 1e-2 (1 - w/w_0)^2 tr(J J')/m, smoothly from 0 (Nakamura and Hanafusa 1986), so
-    that v_r and a_r stay finite.
+    x (d,) are d of the three world coordinates of the point, in metres: `axes`, in ascending order, 0 to 2 for x to z,
+    by default all. `tool` (3,) is the point in the frame of `link`, in metres, None for the frame's origin; `link` is a
+    name, None for the last one. With d < r the rest of the motion is drawn to `posture` (r,) in rad (m if prismatic),
+    None for the mechanism's home configuration, at `posture_rate` in 1/s, by default 1. `singularity` is mu in m: zero,
+    the default, inverts J itself (d = r) or takes the least motion (d < r). Where J J' is nearly singular, det(J
+    J')/(tr(J J')/d)^d = w below w_0 = 1e-3, mu^2 grows by 1e-2 (1 - w/w_0)^2 tr(J J')/d, smoothly from 0 (Nakamura and
+    Hanafusa 1986), so that v_r and a_r stay finite.
 
     Guarantees: s goes to zero with V = s'Ms/2 + error' Gamma^-1 error/2, as for `SlotineLi`, whatever J; M is the mass
     matrix, Gamma the adaptation gain, error the estimate's. Where J has full rank and mu is zero, x' - x_d' + Lambda (x
@@ -68,18 +68,19 @@ class TaskSpaceSlotineLi(SlotineLi):
     Gives up: orientations. Near a singularity v_r becomes fast when mu is zero, and through it the point is not
     followed; with mu the point lags behind where J's singular values are not large against mu.
 
-    The reference point is x_d, x_d', x_d'' (m,) in m and s; with `reference_in_joints` it is joint positions,
-    velocities and accelerations (r,), as an environment gives them, and x_d is where they put the point. `bandwidth` is
-    Lambda (1/s), a number or (m,); other arguments and defaults are those of `SlotineLi`: `model`, with its k
-    parameters; `damping` K in N m s/rad (N s/m for a prismatic joint), one number or (r,); `adaptation`, a law, or
-    Gamma (k,) or (k, k) in units of the parameters squared per J, or None, the default, for none; `initial` (k,), SI
-    units, None for zero; `period` T_c, 1e-3 s; `workspace`, the set of joint positions for which the gains are checked,
-    None for all that the joints' limits allow; `torque_limits`, one number or (r,), N m (N), beyond which nothing is
-    learned, None for the mechanism's; `prior` (k,), SI units, the greatest errors of `initial`, for a
-    `StabilityWarning` where estimates could ring, None for none. Raises `GainError` where T_c (lambda_max(M^-1 K) + the
-    greatest of Lambda and `posture_rate`), lambda_max the largest eigenvalue, is above 1.5 or M not positive definite,
-    and `InputError` for arguments that `SlotineLi` refuses, for axes, link, tool, posture, posture rate or mu that do
-    not fit, and where, with mu zero, the joints cannot move the point along all axes.
+    The reference point is x_d, x_d', x_d'' (d,), in m, m/s and m/s^2; with `reference_in_joints` it is joint positions,
+    velocities and accelerations (r,), in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic), those that an
+    environment has, and x_d is where they put the point. `bandwidth` is Lambda (1/s), a number or (d,); other arguments
+    and defaults are those of `SlotineLi`: `model`, with its k parameters; `damping` K in N m s/rad (N s/m for a
+    prismatic joint), one number or (r,); `adaptation`, a law, or Gamma (k,) or (k, k) in units of the parameters
+    squared per J, or None, the default, for none; `initial` (k,), SI units, None for zero; `period` T_c, 1e-3 s;
+    `workspace`, the set of joint positions for which the gains are checked, None for all that the joints' limits allow;
+    `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for the mechanism's; `prior`
+    (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates could ring, None for
+    none. Raises `GainError` where T_c (lambda_max(M^-1 K) + the greatest of Lambda and `posture_rate`), lambda_max the
+    largest eigenvalue, is above 1.5 or M not positive definite, and `InputError` for arguments that `SlotineLi`
+    refuses, for axes, link, tool, posture, posture rate or mu that do not fit, and where, with mu zero, the joints
+    cannot move the point along all axes.
     """
 
     tunable = (*SlotineLi.tunable, "posture_rate")
@@ -111,7 +112,7 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point (position, velocity or acceleration): m, the number of the law's
+        """Length of each part of a reference point (position, velocity or acceleration): d, the number of the law's
         attribute `axes`, or the number r of primary (independent) joints where its attribute `reference_in_joints` is
         True."""
         return self.dof if self.reference_in_joints else len(self.axes)
@@ -119,16 +120,15 @@ class TaskSpaceSlotineLi(SlotineLi):
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r (r,) of the r primary (independent) joints, in rad/s (m/s if prismatic), with
-        which the tool follows its path, its derivative a_r (r,) in rad/s^2 (m/s^2) along the motion, by dual numbers,
-        and a further internal state, as a `ReferenceVelocity`.
+        """The reference velocity v_r (r,) of the r primary (independent) joints with which the tool follows its path,
+        in rad/s (m/s if prismatic), with its derivative in time and a further internal state, as a `ReferenceVelocity`.
+        The derivative a_r (r,), along the motion, is in rad/s^2 (m/s^2) and found by dual numbers.
 
-        With a reference in joints, that state is the reference's configuration (n,) of the tree's n joints, from which
-        kinematic loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration, p (r,) in
-        rad (m) and v (r,) in rad/s (m/s) the primary joints' measured positions and velocities, `memory` the
+        With a reference in joints, that state is the reference's configuration (n,) of the spanning tree's n joints,
+        from which kinematic loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration,
+        p (r,) in rad (m) and v (r,) in rad/s (m/s) the primary joints' measured positions and velocities, `memory` the
         controller's internal state of the last control period. `reference` is the tool's position, velocity and
-        acceleration (m,), in metres and seconds, along the m axes, or those of the joints (r,). Nothing is checked
-        here.
+        acceleration (d,), in m, m/s and m/s^2, along the d axes, or those of the joints (r,). Nothing is checked here.
         """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
@@ -136,9 +136,9 @@ class TaskSpaceSlotineLi(SlotineLi):
         return ReferenceVelocity(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
-        """The tool's coordinates x (m,), in metres, along the law's m world axes, and the Jacobian J (m, r) of x by the
-        r primary (independent) joints, as a list of m rows (r,). J is in m/rad (no unit for a prismatic joint). The
-        configuration is q (n,) of the tree's n joints, in rad (m). Nothing is checked."""
+        """The tool's coordinates x (d,), in metres, along the law's d world axes, and the Jacobian J (d, r) of x with
+        respect to the r primary (independent) joints, as a list of d rows (r,). J is in m/rad (no unit for a prismatic
+        joint). The configuration is q (n,) of the spanning tree's n joints, in rad (m). Nothing is checked."""
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]
@@ -150,7 +150,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         return Goal(self.model.mechanism.configuration(p)) if self.reference_in_joints else NoMemory()
 
     def _goal(self, reference: ReferencePoint, memory: AdaptiveState) -> tuple[Column, Column, Any]:
-        """x_d and x_d' (m,), both with their derivatives in time, and the memory."""
+        """x_d and x_d' (d,), both with their derivatives in time, and the memory."""
         if not self.reference_in_joints:
             return _moving(reference.p, reference.v), _moving(reference.v, reference.a), NoMemory()
         equations = self.model.mechanism.equations

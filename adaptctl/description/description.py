@@ -186,9 +186,8 @@ class Description:
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
-        """Boolean mask (...) of positions `p` (..., r) of the r primary joints (rad, m if prismatic): True where p
-        meets the loops' conditions, lower < weighted sum of p < upper, all True without conditions. Nothing is
-        checked."""
+        """Mask (...) of positions `p` (..., r) of the r primary joints, rad (m if prismatic): True where p meets the
+        loops' conditions, lower < weighted sum of p < upper, all True without conditions. Nothing is checked."""
         p = np.asarray(p, dtype=np.float64)
         inside = np.ones(p.shape[:-1], dtype=np.bool_)
         for condition in self.loops.conditions if self.loops is not None else ():
@@ -222,8 +221,9 @@ class Description:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P inertial parameters: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, first
-        moment, inertia) of each link not massless, as ``link3.I_xx``, then drive parameters, as ``joint2.viscous``."""
+        """Names of the P inertial and friction parameters: ten of each link not massless, m, mc_x, mc_y, mc_z (mass,
+        first moment) and I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as ``link3.I_xx``, then the drives', as
+        ``joint2.viscous``."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
@@ -237,9 +237,9 @@ class Description:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P inertial parameters (P,), read-only: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of the
-        links that are not massless (kg, kg m, kg m^2, about their frames' origins), then the drives' terms, SI units:
-        rotor inertias, viscous, Coulomb, square-root, Stribeck friction and offsets."""
+        """The P inertial and friction parameters (P,), read-only, SI units: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
+        I_xz, I_yz, I_zz of each link not massless (about its frame's origin), then the drives': rotor inertias,
+        viscous, Coulomb, square-root and Stribeck friction and offsets; in the order of `parameter_names`."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -260,9 +260,9 @@ class Description:
         return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
-        """A copy of this description with other inertial `parameters` (P,), SI units, in the order of its property
-        `parameter_names`. Raises `InputError` for another number of them, values not finite or above 1e20 in size, and
-        rotor inertia, viscous or Coulomb friction below 0."""
+        """A copy of this description with other values of its P inertial and friction `parameters` (P,), SI units, in
+        the order of its property `parameter_names`. Raises `InputError` for another number of them, values not finite
+        or above 1e20 in size, and rotor inertia, viscous or Coulomb friction below 0."""
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
         for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):

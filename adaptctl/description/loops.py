@@ -173,9 +173,12 @@ class Loops:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
     def plain(self, digits: int | None = None) -> list[object]:
-        """The data of these loops on which motion depends, for hashing, as nested lists of JSON's types: primary
-        joints, closures, couplings, conditions and reference. Values (rad, m) are rounded to `digits` digits after the
-        point, not at all for None, the default. Nothing is checked."""
+        """The data of these loops on which motion depends, for hashing, as a list of JSON's types of five entries. They
+        are the list of the primary joints' names; a list for each closure (name, both links, both frames as lists of
+        rotation and translation, kind) and for each coupling (name, follower, leader, ratio, offset); for each
+        condition its weights by joint and its bounds; and the reference configuration, pairs of a joint's name and its
+        position. Positions are in rad (m if prismatic), translations in m; numbers, some as text, are rounded to
+        `digits` digits after the point, not at all for None, the default. Nothing is checked."""
 
         def text(x: float) -> str:
             return repr(_rounded(x, digits))

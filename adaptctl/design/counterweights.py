@@ -55,8 +55,8 @@ class Counterweight:
 
 @dataclass(frozen=True, eq=False)
 class Counterweights:
-    """Result of `optimal_counterweights`: the counterweights that make a cost of a mechanism's motion least, within
-    bounds, and the costs with and without them.
+    """Optimal counterweights of a mechanism, which make a cost of its motion least within bounds, with the costs with
+    and without them: the result of `optimal_counterweights`.
 
     `task` (a `DesignTask`), `objective` (the cost: "energy", "torque", "coupling", which is the mass matrix's entries
     off the diagonal, or "components", which is the number of essential components), `within` (the bounds of masses and

@@ -121,11 +121,11 @@ class Removal:
 def operations_saved(task: DesignTask, removal: Removal) -> int:
     """Number of floating-point operations that an adaptive controller of the task's mechanism saves in each control
     period after a change of its design, a `removal`, since it needs fewer parameters. Counted are the torques Y beta
-    (r,) of r primary (independently moving) joints and the powers Y's (k,), with the regressor Y (r, k), its transpose
+    (r,) of r primary (independently moving) joints and the powers Y' s (k,), with the regressor Y (r, k), its transpose
     Y', the values beta (k,) of the k parameters and the sliding variables s (r,), the joints' velocity errors plus
     weighted position errors; sines, cosines and roots are not counted. Friction parameters are kept. Raises `RankError`
-    where the number of identifiable parameters cannot be certified, `LoopError` where kinematic loops cannot be
-    closed."""
+    where the number of identifiable parameters cannot be certified, `LoopError` where kinematic loops cannot be closed.
+    """
     mechanism = task.mechanism
     friction = range(mechanism.energetic, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
@@ -237,7 +237,8 @@ def _without(basis: FundamentalBasis, way: Way, link: str, row: int, mass: float
 
 
 def _independent_columns(K: Array, basis: FundamentalBasis) -> tuple[int, ...]:
-    """Columns (k',) of K (k, P) that span all of them, rising: those of the basis first, as far as they are enough."""
+    """Columns (k',) of K (k, P) that span all of them, in ascending order: those of the basis first, as far as they are
+    enough."""
     scaled = K * basis.scales / basis.scales[list(basis.columns), None]
     own = set(basis.columns)
     others = [j for j in range(K.shape[1]) if j not in own]

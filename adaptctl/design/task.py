@@ -108,11 +108,11 @@ class DesignTask:
     @classmethod
     def along(cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = SAMPLES) -> DesignTask:
         """The task, a `DesignTask`, of following a `reference`, a function from times (s) to positions, velocities and
-        accelerations of the joints: its states at evenly spaced times from 0 to `duration` (s), both included, 1000 of
-        them by default. Raises `InputError` for `samples` other than a whole number from 2 to 100000, for a duration
-        that is not positive and finite, for a reference of another number of joints or one that stands still, and for a
-        mechanism with relations that bind some of its inertial parameters; `NonFiniteError` for a reference that is not
-        finite."""
+        accelerations of the joints, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic): its states at evenly
+        spaced times from 0 to `duration` (s), both included, 1000 of them by default. Raises `InputError` for `samples`
+        other than a whole number from 2 to 100000, for a duration that is not positive and finite, for a reference of
+        another number of joints or one that stands still, and for a mechanism with relations that bind some of its
+        inertial parameters; `NonFiniteError` for a reference that is not finite."""
         whole_number(samples, "task: samples", 2, MOST)
         positive_number(duration, "task: duration: expected a positive number of s")
         p, v, a = reference(np.linspace(0.0, duration, samples))
@@ -202,8 +202,8 @@ class DesignTask:
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
         """Root mean square torques (r,) of the r primary (independently moving) joints over the task's states, N m (N
-        for a prismatic joint), without friction, for P inertial parameters (P,) in SI units, in the order of the
-        property `parameters`, by default (None) the mechanism's own. Raises `InputError` for another shape of
+        for a prismatic joint), without friction. `parameters` are the P inertial ones (P,) in SI units, in the order of
+        the property `parameters`, by default (None) the mechanism's own. Raises `InputError` for another shape of
         parameters, `NonFiniteError` where one is not finite or the torques overflow."""
         return np.linalg.norm(self._applied(self._joint_torques, parameters), axis=-1)
 
@@ -235,9 +235,9 @@ class DesignTask:
         """Fractions (k,), unitless, of the energy that each of the k fundamental (base) parameters makes alone, in the
         order of the property `basis`: its root mean square energy about the mean over the task's states, divided by
         that of all. They need not sum to 1. `parameters` are the P inertial ones (P,) in SI units, in the order of the
-        property `parameters`, by default (None) the mechanism's own. Raises `InputError` where the energy is constant,
-        as `require_energy` does, and for another shape of parameters, `NonFiniteError` where one is not finite or the
-        energy overflows, `RankError` where the number of identifiable parameters cannot be certified."""
+        property `parameters`, by default (None) the mechanism's own. Raises `InputError` where the energy is constant
+        (the test of `require_energy`), and for another shape of parameters, `NonFiniteError` where one is not finite or
+        the energy overflows, `RankError` where the number of identifiable parameters cannot be certified."""
         self.require_energy(parameters)
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)

@@ -33,25 +33,29 @@ class OnArrays(Protocol):
 
     @property
     def call(self) -> Callable[..., Array]:
-        """The function of arrays."""
+        """The equation as a function of one array (..., size) for each argument, size its own, in SI units; leading
+        axes are samples. It returns the array of results, with these axes, and raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity."""
 
     @property
     def into(self) -> Callable[..., Array]:
-        """The function of `out` and arrays."""
+        """The equation as a function of `out`, a float64 array of the result's shape, and one array (..., size) for
+        each argument, size its own, in SI units. It fills `out` and returns it, and raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity."""
 
 
 class ArrayEquation:
     """An equation of a mechanism, such as its inverse dynamics, evaluated on NumPy arrays in Python or in native code.
     Its attribute `call` takes one array (..., size) in SI units for each argument, whose leading axes are samples and
-    broadcast, and returns an array (..., m) or (..., m, k). Its attribute `into` takes the same after a float64 array
-    `out` of the result's shape, which it fills and returns.
+    broadcast, and returns vectors (..., s) of length s or matrices (..., s, k) of s rows and k columns. Its attribute
+    `into` takes the same after a float64 array `out` of the result's shape, which it fills and returns.
 
     Made of the mechanism's `name`, for messages; `function`, called by position with one `Column` (size,), a vector of
-    scalars of any kind, for each argument, which returns one `Column` (m,) or a list of m of them, the rows (k,);
+    scalars of any kind, for each argument, which returns one `Column` (s,) or a list of s of them, the rows (k,);
     `sizes`, a callable without arguments that returns the arguments' sizes by name, first that of the positions p (r,)
     of the r primary (independent) joints, rad (m if prismatic); `configured`, a callable that makes of p the
-    configuration (..., n) of the tree's n joints, which `function` then takes for p, None where that is p itself;
-    `links`, the number n of links; and `longest`, the most links with which it is compiled, 100 by default.
+    configuration (..., n) of the spanning tree's n joints, which `function` then takes for p, None where that is p
+    itself; `links`, the number n of links; and `longest`, the most links with which it is compiled, 100 by default.
 
     It runs in Python at first. Once calls/50 + samples/25000, summed over all calls, is 1 it is compiled and runs as
     native code, with several samples at once in SIMD registers. Both agree to round-off. `call` and `into` raise
@@ -92,21 +96,27 @@ class ArrayEquation:
 
     @property
     def name(self) -> str:
-        """Name of the mechanism, for messages."""
+        """Name of the mechanism whose equation this is, which its error messages begin with."""
         return self._name
 
     @property
     def sizes(self) -> Mapping[str, int]:
-        """Sizes of the arguments by name, in order."""
+        """Lengths of the equation's arguments, such as r for positions of r joints, by the arguments' names in their
+        order."""
         return self._lengths()
 
     def is_native(self, states: int) -> bool:
-        """True if it runs as native code by now, where so many `states` are asked for at once, which may compile it."""
+        """True if the equation runs as native code by now. Asking counts as one call at so many `states`, a whole
+        number, and compiles the equation where calls/50 + states/25000, summed over all calls, comes to 1 by it;
+        mechanisms of too many links are never compiled. Raises what tracing the equation raises."""
         return self._kernel is not None or self._compiled(states) is not None
 
     def on_rows(self, *arrays: Array) -> Array:
-        """The results (k, m) of native code, where `is_native`, at finite float64 arrays, (k, size) each, or (size,)
-        for all k alike; the first, the positions, for all alike. What they are is not checked."""
+        """The vectors (k, m) that an equation of a vector of length m has at k arguments at once, in native code if the
+        method `is_native` is True. `arrays` are the arguments in order, float64 and finite: (k, size) each, or (size,)
+        for all k alike, size an argument's own; the first, the positions (r,) of r joints, is the same for all k. In
+        native code shapes and values are not checked here; raises `SingularityError` where loops cannot be followed to
+        the positions, `NonFiniteError` for results that are not finite."""
         if self._kernel is None:
             return self._generally(*arrays)
         first, *rest = arrays

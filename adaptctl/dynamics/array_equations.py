@@ -49,10 +49,10 @@ class ArrayMechanism(Protocol):
         their values."""
 
     def configuration(self, p: ArrayLike) -> Array:
-        """The closed configuration (..., n) of the tree's n joints, rad (m if prismatic), at positions p (..., r) of
-        the r primary (independent) joints; p itself for a tree. An implementation raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, and `SingularityError` near a
-        singularity of the loops."""
+        """The closed configuration (..., n) of the spanning tree's n joints, rad (m if prismatic), at positions p (...,
+        r) of the r primary (independent) joints; p itself for a tree. An implementation raises `InputError` on a wrong
+        shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, and `SingularityError`
+        near a singularity of the loops."""
 
     def require_mass(self) -> None:
         """Raise `InputError` where torques do not determine the accelerations: for links of a tree that have neither
@@ -69,8 +69,8 @@ class ArrayEquations:
     `inverse_dynamics.call(p, v, a, D)` is the torque (..., r), N m (N); `forward_dynamics.call(p, v, torque, D)` the
     accelerations (..., r), rad/s^2 (m/s^2); `mass_matrix.call(p, D)` (..., r, r), kg m^2 (kg between prismatic joints,
     kg m mixed). p, v, a are positions, velocities, accelerations (..., r), v_r and a_r Slotine and Li's reference
-    velocities and accelerations, rad, rad/s, rad/s^2 (m for rad if prismatic), and D (P,) or (..., P) parameters in SI
-    units; leading axes are samples. Calls raise `InputError` on a wrong shape and for accelerations of links without
+    velocities and accelerations, rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic), and D (P,) or (..., P) parameters in
+    SI units; leading axes are samples. Calls raise `InputError` on a wrong shape and for accelerations of links without
     mass, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, `SingularityError` near a
     singularity of the loops. No equation is compiled before it is called.
     """
@@ -98,7 +98,7 @@ class ArrayEquations:
         """The equation on arrays of a `regressor`, "torque_regressor" or "slotine_li_regressor", of the k parameters of
         indices `columns` alone, each from 0 to P - 1.
 
-        Its `call` takes arrays (p, v, a), or (p, v, v_r, a_r), each (..., r), rad, rad/s, rad/s^2 (m for rad if
+        Its `call` takes arrays (p, v, a), or (p, v, v_r, a_r), each (..., r), rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
         prismatic), and returns (..., r, k), N m (N) per unit of each parameter, for r primary (independent) joints. The
         same request returns the same object. Raises `InputError` for another name; indices are not checked.
         """
@@ -117,9 +117,9 @@ class ArrayEquations:
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
         """An equation of this mechanism on arrays, an `ArrayEquation`, from a `function` of `Column` objects (vectors
-        of scalars of any kind). The function is called with the configuration q (n,) of the tree's n joints, rad (m if
-        prismatic), and one column for each further name in `arguments`, and returns a `Column` (m,) or a list of m rows
-        (k,).
+        of scalars of any kind). The function is called with the configuration q (n,) of the spanning tree's n joints,
+        rad (m if prismatic), and one column for each further name in `arguments`, and returns a `Column` (m,) or a
+        matrix of k columns as a list of m rows (k,).
 
         The equation's `call` takes the positions p (..., r) of the r primary (independent) joints in place of q, then
         the further arguments, and returns an array (..., m) or (..., m, k). An argument named in `sizes` has that size,

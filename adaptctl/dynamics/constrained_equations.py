@@ -26,10 +26,10 @@ class ConstrainedMotion(Motion):
 
     def torque(self, parameters: Column) -> Column:
         """The torque M a_r + C v_r + g + friction at v_r (r,), N m (N if prismatic), of the r primary (independent)
-        joints under reference velocities v_r and accelerations a_r, for values z (Z,) of the Z free inertial and
-        friction `parameters` in SI units. M is the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's
-        torque. The contribution of values that linear constraints fix is included. Raises `ValueError` for another
-        number of parameters."""
+        joints under reference velocities v_r and accelerations a_r. It is for values z (Z,) of the Z free inertial and
+        friction `parameters` in SI units, in the order of the constrained mechanism's `parameter_names`. M is the mass
+        matrix, C the Christoffel (Coriolis) matrix, g gravity's torque. The contribution of values that linear
+        constraints fix is included. Raises `ValueError` for another number of parameters."""
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -56,8 +56,8 @@ class ConstrainedMotion(Motion):
         """The scalars in SI units from which this motion can be rebuilt, a `Column` of length
         `ConstrainedEquations.motion_size`: those of the same motion without constraints on parameters, in their order.
 
-        These are, with loops, first the derivatives of the dependent joints by each primary one in turn; then of every
-        link the cosine and sine of its joint's angle (or its displacement), of every link its twelve
+        These are, with loops, first the derivatives of the dependent joints with respect to each primary one in turn;
+        then of every link the cosine and sine of its joint's angle (or its displacement), of every link its twelve
         `LinkMotion.numbers`, and of every rotor or friction term of a drive its torque per unit of the parameter.
         `ConstrainedEquations.remembered` rebuilds the motion from them.
         """
@@ -88,7 +88,7 @@ class ConstrainedEquations(Equations):
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the tree's n links, a `Segment` each, lengths in m, parents before their children."""
+        """Geometry of the spanning tree's n links, a `Segment` each, lengths in m, parents before their children."""
         return self.whole.links
 
     @property
@@ -109,52 +109,53 @@ class ConstrainedEquations(Equations):
         return self.whole.closing_numbers
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
-        primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a
-        tree. Where no closed form exists it is found by three Newton steps, exact to round-off from within 0.05 rad.
+        """The closed configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), at positions p (r,) of
+        the r primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for
+        a tree. Where no closed form exists it is found by three Newton steps, exact to round-off from within 0.05 rad.
         Constraints on parameters do not change it. Arguments are not checked: where the loops stay open, nothing is
         raised; with loops, too short a p or guess raises `ValueError` or `IndexError`, an exactly singular closure
         Jacobian `ZeroDivisionError` in floats."""
         return self.whole.closed(p, guess)
 
     def projected(self, q: Column) -> Column:
-        """A configuration (n,) of the tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions of the
-        primary (independent) joints and the loops closed; q itself for a tree. It is exact where a closed form exists,
-        else one Newton step from q, which must be near a closed configuration (from 0.05 rad away, 1e-3 rad remain).
-        Constraints on parameters do not change it. Arguments are not checked: with loops, too short a q raises
+        """A configuration (n,) of the spanning tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions
+        of the primary (independent) joints and the loops closed; q itself for a tree. It is exact where a closed form
+        exists, else one Newton step from q, which must be near a closed configuration (from 0.05 rad away, 1e-3 rad
+        remain). Constraints on parameters do not change it. Arguments are not checked: with loops, too short a q raises
         `IndexError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.whole.projected(q)
 
     def rates(self, q: Column, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of the r
-        primary (independent) joints, at a configuration `q` (n,) of the tree, rad (m). J (n, r) is the derivative of q
-        by the primary positions. For a tree they are v itself. Arguments are not checked: with loops, vectors too short
-        raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        """Velocities J v (n,) of the spanning tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of
+        the r primary (independent) joints, at a configuration `q` (n,) of the tree, rad (m). J (n, r) is the derivative
+        of q with respect to the primary positions. For a tree they are v itself. Arguments are not checked: with loops,
+        vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError`
+        in floats."""
         return self.whole.rates(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
         """Energy regressor N' E (Z,), J per unit of each of the Z free inertial and friction parameters z, at a
-        configuration q (n,) of the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary
-        (independent) joints, rad/s (m/s). N' is the transpose of N, D = D0 + N z being all P parameters, and E (P,)
-        their energy regressor; the inner product with z is kinetic plus potential energy in J, less the contribution of
-        D0. Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure
-        Jacobian `ZeroDivisionError` in floats."""
+        configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), and velocities v (r,) of the r
+        primary (independent) joints, rad/s (m/s). N' is the transpose of N, D = D0 + N z being all P parameters, and E
+        (P,) their energy regressor; the inner product with z is kinetic plus potential energy in J, less the
+        contribution of D0. Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, an exactly
+        singular closure Jacobian `ZeroDivisionError` in floats."""
         return self._gathered(self.whole.energy_regressor(q, v).of)
 
     def potential_regressor(self, q: Column) -> Column:
         """The potential part (Z,) of the energy regressor, J per unit of each of the Z free inertial and friction
-        parameters z, at a configuration q (n,) of the tree's n joints, rad (m if prismatic). Its inner product with z
-        is the potential energy in J, 0 at the ground frame's origin, less the contribution of values that linear
+        parameters z, at a configuration q (n,) of the spanning tree's n joints, rad (m if prismatic). Its inner product
+        with z is the potential energy in J, 0 at the ground frame's origin, less the contribution of values that linear
         constraints fix. Arguments are not checked: too short a q raises `IndexError`."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:
         """The motion at one instant, from which torques, regressors and powers in the Z free inertial and friction
-        parameters follow, a `ConstrainedMotion`. It is at a configuration q (n,) of the tree's n joints, rad (m if
-        prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary (independent)
-        joints, rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Arguments are not checked: vectors
-        too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in
-        floats."""
+        parameters follow, a `ConstrainedMotion`. It is at a configuration q (n,) of the spanning tree's n joints, rad
+        (m if prismatic), under velocities v and Slotine and Li's reference velocities v_r (r,) of the r primary
+        (independent) joints, rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Arguments are not
+        checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian
+        `ZeroDivisionError` in floats."""
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
@@ -172,12 +173,13 @@ class ConstrainedEquations(Equations):
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under a torque (r,),
-        N m (N), gravity and friction, for values z (Z,) of the Z free inertial and friction `parameters` in SI units.
-        The contribution of values that linear constraints fix is included.
+        N m (N), gravity and friction. They are for values z (Z,) of the Z free inertial and friction `parameters` in SI
+        units, in the order of the constrained mechanism's `parameter_names`. The contribution of values that linear
+        constraints fix is included.
 
-        At a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s). Arguments are not
-        checked: vectors too short raise `IndexError` or `ValueError`, a joint without inertia or an exactly singular
-        closure Jacobian `ZeroDivisionError` in floats.
+        At a configuration q (n,) of the spanning tree's n joints, rad (m), and velocities v (r,), rad/s (m/s).
+        Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, a joint without inertia or an
+        exactly singular closure Jacobian `ZeroDivisionError` in floats.
         """
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
@@ -189,20 +191,20 @@ class ConstrainedEquations(Equations):
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor inertias
         included, in kg m^2 (kg between prismatic joints, kg m between one of each). It is at a configuration q (n,) of
-        the tree's n joints, rad (m if prismatic), for values z (Z,) of the Z free inertial and friction `parameters` in
-        SI units, the contribution of values that linear constraints fix included. Arguments are not checked: vectors
-        too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in
-        floats."""
+        the spanning tree's n joints, rad (m if prismatic), for values z (Z,) of the Z free inertial and friction
+        `parameters` in SI units, in the order of the constrained mechanism's `parameter_names`, the contribution of
+        values that linear constraints fix included. Arguments are not checked: vectors too short raise `IndexError` or
+        `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
         """Damping matrix B (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, in N m
         s/rad (N s/m between prismatic joints, N s between one of each). B v is the friction torque that the drives must
         overcome at velocities v (r,), rad/s (m/s), less its constant offsets. It is at a configuration q (n,) of the
-        tree's n joints, rad (m), for values z (Z,) of the Z free inertial and friction `parameters` in SI units, the
-        contribution of values that linear constraints fix included. Arguments are not checked: vectors too short raise
-        `IndexError` or `ValueError` where they are read, an exactly singular closure Jacobian `ZeroDivisionError` in
-        floats."""
+        spanning tree's n joints, rad (m), for values z (Z,) of the Z free inertial and friction `parameters` in SI
+        units, in the order of the constrained mechanism's `parameter_names`, the contribution of values that linear
+        constraints fix included. Arguments are not checked: vectors too short raise `IndexError` or `ValueError` where
+        they are read, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
@@ -216,7 +218,8 @@ class ConstrainedEquations(Equations):
         return Column(map(_sum, terms))
 
     def needed(self, columns: Sequence[int]) -> list[int]:
-        """Indices, rising, of those of all P parameters that depend on the free ones of indices `columns`, from 0 to Z
+        """Indices, in ascending order, of those of all P parameters that depend on the free ones of indices `columns`,
+        from 0 to Z
         - 1: the rows in which these columns of N (P, Z), D = D0 + N z, have entries. Raises `IndexError` for an index
         of Z or more; negative ones are not refused."""
         return sorted({place for column in columns for place, _ in self.spread[column]})
@@ -225,9 +228,10 @@ class ConstrainedEquations(Equations):
         return self.combined(dict(enumerate(entries)), range(self.parameters))
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
-        """Derivatives (k,) of one scalar, such as an energy or a joint's torque, by k of the Z free inertial and
-        friction parameters z, from its derivatives y (P,) by all P parameters D = D0 + N z. They are those entries of
-        N' y, N' being the transpose of N (P, Z), whose indices `columns` has; their unit is that of y times that of N.
+        """Derivatives (k,) of one scalar, such as an energy or a joint's torque, with respect to k of the Z free
+        inertial and friction parameters z, from its derivatives y (P,) with respect to all P parameters D = D0 + N z.
+        They are those entries of N' y, N' being the transpose of N (P, Z), whose indices `columns` has; their unit is
+        that of y times that of N.
 
         `entries` has y's entries by index from 0 to P - 1, those of `needed(columns)` at least, else `KeyError` is
         raised; an index in `columns` of Z or more raises `IndexError`.

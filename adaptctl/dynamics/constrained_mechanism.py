@@ -28,20 +28,20 @@ class Parametrisation:
     """Affine map D = D0 + N z from the Z parameters z that linear constraints leave free to all P inertial and friction
     parameters D of a mechanism, SI units.
 
-    `left` are the indices, rising, of the free parameters among the P, so that z = D[left]; `matrix` is N (P, Z), each
-    entry in the unit of its D per unit of its z, whose rows `left` are the identity; `known` is D0 (P,), zero at
-    `left`. Nothing is checked at construction.
+    `left` are the indices, in ascending order, of the free parameters among the P, so that z = D[left]; `matrix` is N
+    (P, Z), each entry in the unit of its D per unit of its z, whose rows `left` are the identity; `known` is D0 (P,),
+    zero at `left`. Nothing is checked at construction.
     """
 
     left: tuple[int, ...]
-    """Indices, rising, of the free parameters z among D"""
+    """Indices, in ascending order, of the free parameters z among D"""
     matrix: Array
     """N (P, Z), with N[left] the identity"""
     known: Array
     """D0 (P,)"""
 
     def expanded(self, z: ArrayLike) -> Array:
-        """All P inertial and friction parameters D = D0 + N z (P,) from the free ones `z` (Z,), in SI units: N (P, Z)
+        """All P inertial and friction parameters D = D0 + N z (P,) from the Z free ones `z` (Z,), in SI units: N (P, Z)
         is this object's `matrix` and D0 (P,) its `known`. Raises `InputError` for a wrong shape and for values that are
         not finite."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
@@ -108,8 +108,8 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives N (P, Z) of all P inertial and friction parameters D by the Z ones z that linear constraints
-        leave free, D = D0 + N z: each entry in the unit of its D per unit of its z."""
+        """Derivatives N (P, Z) of all P inertial and friction parameters D with respect to the Z ones z that linear
+        constraints leave free, D = D0 + N z: each entry in the unit of its D per unit of its z."""
         return self.parametrisation.matrix
 
     @property
@@ -127,8 +127,8 @@ class ConstrainedMechanism(Mechanism):
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """Values (Z,) of the free inertial and friction parameters, in the order of this object's `parameter_names`, in
-        SI units (masses kg, first moments kg m, inertias kg m^2); read-only."""
+        """Values (Z,) of the Z free inertial and friction parameters, in the order of this object's `parameter_names`,
+        in SI units (masses kg, first moments kg m, inertias kg m^2); read-only."""
         values = self.description.inertial_parameters[list(self.parametrisation.left)]
         return frozen_array(values, values.shape, "parameters")
 
@@ -149,7 +149,7 @@ class ConstrainedMechanism(Mechanism):
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def with_parameters(self, parameters: ArrayLike) -> ConstrainedMechanism:
-        """A copy of this mechanism, under the same constraints, with other values (Z,) of its free `parameters`, SI
+        """A copy of this mechanism, under the same constraints, with other values (Z,) of its Z free `parameters`, SI
         units, in the order of its property `parameter_names`. Raises `InputError` for another number of them, values
         not finite, and where any of all P parameters is above 1e20 in size or a rotor inertia, viscous or Coulomb
         friction below 0."""
@@ -177,7 +177,7 @@ class ConstrainedMechanism(Mechanism):
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints due to the constant term D0 of
         all parameters D = D0 + N z, which regressors times the free parameters z leave out. It is at positions p,
-        velocities v and accelerations a, all (..., r), rad, rad/s, rad/s^2 (m for rad if prismatic). Raises
+        velocities v and accelerations a, all (..., r), rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). Raises
         `InputError` on a wrong shape and where D0 has a rotor's inertia, viscous or Coulomb friction below 0,
         `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, `SingularityError` near a
         singularity of the loops."""

@@ -35,10 +35,10 @@ def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -
     """Counts of floating-point operations of a mechanism's equations, as `EquationCosts`: of its Slotine-Li regressor,
     of the torque and powers of a control period (`tick`), and of its forward dynamics.
 
-    `columns` are the indices, from 0 to P - 1 in any order, of the k of its P inertial parameters that are counted, all
-    others being zero; None for all P. With loops, the closed configuration is given: closing it is not counted. Sheu
-    and Walker (1991, section 5.3) compare such counts. A repeated index counts once. Raises `InputError` for an entry
-    that is not a whole number from 0 to P - 1, `LoopError` where loops cannot be closed.
+    `columns` are the indices, from 0 to P - 1 in any order, of the k of its P inertial and friction parameters that are
+    counted, all others being zero; None for all P. With loops, the closed configuration is given: closing it is not
+    counted. Sheu and Walker (1991, section 5.3) compare such counts. A repeated index counts once. Raises `InputError`
+    for an entry that is not a whole number from 0 to P - 1, `LoopError` where loops cannot be closed.
     """
     equations, r, P = mechanism.equations, mechanism.dof, len(mechanism.parameter_names)
     kept = sorted(set(range(P) if columns is None else required_columns(columns, P, mechanism.name)))

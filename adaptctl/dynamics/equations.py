@@ -12,9 +12,9 @@ from adaptctl.scalars import Column, Scalar
 
 class Motion(ABC):
     """The motion of a mechanism at one instant, from which torques, regressors and powers of its r primary
-    (independent) joints follow. It is at a configuration q (n,) of the tree's n joints, rad (m if prismatic), under
-    velocities v and Slotine and Li's reference velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,),
-    rad/s^2 (m/s^2).
+    (independent) joints follow. It is at a configuration q (n,) of the spanning tree's n joints, rad (m if prismatic),
+    under velocities v and Slotine and Li's reference velocities v_r (r,), rad/s (m/s), and reference accelerations a_r
+    (r,), rad/s^2 (m/s^2).
 
     Abstract, made by `Equations.motion`; calling the class raises `TypeError`. A subclass gives `torque`, `regressor`,
     `powers` and `numbers`. The links' poses and motions are computed once, for all of these. Nothing is checked.
@@ -25,10 +25,10 @@ class Motion(ABC):
     @abstractmethod
     def torque(self, parameters: Column) -> Column:
         """The torque M a_r + C v_r + g + friction at v_r (r,), in N m (N if prismatic), of the r primary (independent)
-        joints under the motion's reference velocities v_r and accelerations a_r, for values D (P,) of the P inertial
-        and friction `parameters` in SI units. M is the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's
-        torque. The torque of parameters that linear constraints fix is included. Parameters are not checked: too few
-        raise `IndexError` or `ValueError`."""
+        joints under the motion's reference velocities v_r and accelerations a_r. It is for values D (P,) of the P
+        inertial and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`. M is the mass
+        matrix, C the Christoffel (Coriolis) matrix, g gravity's torque. The torque of parameters that linear
+        constraints fix is included. Parameters are not checked: too few raise `IndexError` or `ValueError`."""
 
     @abstractmethod
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -51,10 +51,10 @@ class Motion(ABC):
     def numbers(self) -> Column:
         """The scalars in SI units from which this motion can be rebuilt, a `Column` of length `Equations.motion_size`.
 
-        With loops they are first the derivatives of the dependent joints by each primary one in turn; then of every
-        link in turn the cosine and sine of its joint's angle (or its displacement); then of every link its twelve
-        `LinkMotion.numbers`, in the link's axes: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x,
-        y, z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or
+        With loops they are first the derivatives of the dependent joints with respect to each primary one in turn; then
+        of every link in turn the cosine and sine of its joint's angle (or its displacement); then of every link its
+        twelve `LinkMotion.numbers`, in the link's axes: six products of angular velocities (xx, xy, yy, xz, yz, zz),
+        then x, y, z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or
         friction term of a drive its torque per unit of the parameter. `Equations.remembered` rebuilds the motion from
         them.
         """
@@ -65,7 +65,7 @@ class Equations(ABC):
     samples, dual numbers, symbolic ones. Abstract: `Mechanism.equations` has them, calling the class raises
     `TypeError`.
 
-    Sizes: r primary (independent) joints, whose positions are p and velocities v; n joints of the tree, whose
+    Sizes: r primary (independent) joints, whose positions are p and velocities v; n joints of the spanning tree, whose
     configuration is q; P inertial and friction parameters D, in the order of `Mechanism.parameter_names`. All are in SI
     units: rad, N m, or m, N for prismatic joints. For a tree n = r and q = p; with loops q must be closed, which the
     caller ensures by `closed` or `projected`. No code branches on a scalar's value, and nothing is checked here:
@@ -89,8 +89,8 @@ class Equations(ABC):
     @property
     @abstractmethod
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the tree's n links, a `Segment` each, lengths in m, in depth-first order: parents come before
-        their children."""
+        """Geometry of the spanning tree's n links, a `Segment` each, lengths in m, in depth-first order: parents come
+        before their children."""
 
     @property
     def joints(self) -> int:
@@ -118,52 +118,54 @@ class Equations(ABC):
 
     @abstractmethod
     def closed(self, p: Column, guess: Column) -> Column:
-        """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions p (r,) of the r
-        primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for a
-        tree. It is found in closed form where the loops allow, else by three Newton steps, which is exact to round-off
-        from within 0.05 rad. Arguments are not checked: where the loops stay open, nothing is raised; too short a p or
-        guess raises `ValueError` or `IndexError` with loops, an exactly singular closure Jacobian `ZeroDivisionError`
-        in floats."""
-
-    @abstractmethod
-    def projected(self, q: Column) -> Column:
-        """A configuration (n,) of the tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions of the
-        primary (independent) joints and the loops closed; q itself for a tree. It is exact where a closed form exists,
-        else one Newton step from q, which must be near a closed configuration (from 0.05 rad away, 1e-3 rad remain).
-        Arguments are not checked: with loops, too short a q raises `IndexError`, an exactly singular closure Jacobian
+        """The closed configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), at positions p (r,) of
+        the r primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration; p itself for
+        a tree. It is found in closed form where the loops allow, else by three Newton steps, which is exact to
+        round-off from within 0.05 rad. Arguments are not checked: where the loops stay open, nothing is raised; too
+        short a p or guess raises `ValueError` or `IndexError` with loops, an exactly singular closure Jacobian
         `ZeroDivisionError` in floats."""
 
     @abstractmethod
+    def projected(self, q: Column) -> Column:
+        """A configuration (n,) of the spanning tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions
+        of the primary (independent) joints and the loops closed; q itself for a tree. It is exact where a closed form
+        exists, else one Newton step from q, which must be near a closed configuration (from 0.05 rad away, 1e-3 rad
+        remain). Arguments are not checked: with loops, too short a q raises `IndexError`, an exactly singular closure
+        Jacobian `ZeroDivisionError` in floats."""
+
+    @abstractmethod
     def rates(self, q: Column, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of the r
-        primary (independent) joints, at a configuration `q` (n,) of the tree, rad (m). J (n, r) is the derivative of q
-        by the primary positions. For a tree they are v itself. Arguments are not checked: with loops, vectors too short
-        raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        """Velocities J v (n,) of the spanning tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of
+        the r primary (independent) joints, at a configuration `q` (n,) of the tree, rad (m). J (n, r) is the derivative
+        of q with respect to the primary positions. For a tree they are v itself. Arguments are not checked: with loops,
+        vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError`
+        in floats."""
 
     @abstractmethod
     def energy_regressor(self, q: Column, v: Column) -> Column:
         """Energy regressor E (P,), J per unit of each of the P inertial and friction parameters D (P,), at a
-        configuration q (n,) of the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary
-        (independent) joints, rad/s (m/s). The inner product of E and D is kinetic plus potential energy in J, the
-        latter 0 at the ground frame's origin. E is 0 for friction. Under linear constraints D are the free parameters,
-        and the energy lacks the contribution of those that are fixed. Arguments are not checked: vectors too short
-        raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), and velocities v (r,) of the r
+        primary (independent) joints, rad/s (m/s). The inner product of E and D is kinetic plus potential energy in J,
+        the latter 0 at the ground frame's origin. E is 0 for friction. Under linear constraints D are the free
+        parameters, and the energy lacks the contribution of those that are fixed. Arguments are not checked: vectors
+        too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in
+        floats."""
 
     @abstractmethod
     def potential_regressor(self, q: Column) -> Column:
         """The potential part (P,) of the energy regressor, J per unit of each of the P inertial and friction parameters
-        D (P,), at a configuration q (n,) of the tree's n joints, rad (m if prismatic). Its inner product with D is the
-        potential energy in J, 0 at the ground frame's origin. Under linear constraints D are the free parameters, and
-        the energy lacks the contribution of those that are fixed. Arguments are not checked: too short a q raises
-        `IndexError`."""
+        D (P,), at a configuration q (n,) of the spanning tree's n joints, rad (m if prismatic). Its inner product with
+        D is the potential energy in J, 0 at the ground frame's origin. Under linear constraints D are the free
+        parameters, and the energy lacks the contribution of those that are fixed. Arguments are not checked: too short
+        a q raises `IndexError`."""
 
     @abstractmethod
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
         """The motion at one instant, from which torques, regressors and powers follow, a `Motion`. It is at a
-        configuration q (n,) of the tree's n joints, rad (m if prismatic), under velocities v and Slotine and Li's
-        reference velocities v_r (r,) of the r primary (independent) joints, rad/s (m/s), and reference accelerations
-        a_r (r,), rad/s^2 (m/s^2). Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, an
-        exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), under velocities v and Slotine and
+        Li's reference velocities v_r (r,) of the r primary (independent) joints, rad/s (m/s), and reference
+        accelerations a_r (r,), rad/s^2 (m/s^2). Arguments are not checked: vectors too short raise `IndexError` or
+        `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
 
     @abstractmethod
     def remembered(self, numbers: Column) -> Motion:
@@ -177,17 +179,18 @@ class Equations(ABC):
     def motion_size(self) -> int:
         """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: 14 a link (13 if
         prismatic), one for each rotor or friction term of a drive and, with loops, the derivative of each dependent
-        joint by each primary one."""
+        joint with respect to each primary one."""
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor inertias
         included, in kg m^2 (kg between prismatic joints, kg m between one of each).
 
-        It is at a configuration q (n,) of the tree's n joints, rad (m if prismatic), for values D (P,) of the P
-        inertial and friction `parameters` in SI units; under linear constraints D are the free ones, and the
-        contribution of those that are fixed is included. Arguments are not checked: vectors too short raise
-        `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats.
+        It is at a configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), for values D (P,) of the
+        P inertial and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`; under linear
+        constraints D are the free ones, and the contribution of those that are fixed is included. Arguments are not
+        checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian
+        `ZeroDivisionError` in floats.
         """
 
     @abstractmethod
@@ -196,10 +199,11 @@ class Equations(ABC):
         s/rad (N s/m between prismatic joints, N s between one of each). B v is the friction torque that the drives must
         overcome at velocities v, less its constant offsets; the entries are secants of the friction curves.
 
-        It is at a configuration q (n,) of the tree's n joints, rad (m), and primary velocities v (r,), rad/s (m/s), for
-        values D (P,) of the P inertial and friction `parameters` in SI units. B is positive semidefinite where no
-        friction parameter but offsets is negative. Arguments are not checked: vectors too short raise `IndexError` or
-        `ValueError` where they are read, an exactly singular closure Jacobian `ZeroDivisionError` in floats.
+        It is at a configuration q (n,) of the spanning tree's n joints, rad (m), and primary velocities v (r,), rad/s
+        (m/s), for values D (P,) of the P inertial and friction `parameters` in SI units, in the order of
+        `Mechanism.parameter_names`. B is positive semidefinite where no friction parameter but offsets is negative.
+        Arguments are not checked: vectors too short raise `IndexError` or `ValueError` where they are read, an exactly
+        singular closure Jacobian `ZeroDivisionError` in floats.
         """
 
     @abstractmethod
@@ -213,8 +217,8 @@ class Equations(ABC):
 
         Over all P columns Y D = M a_r + C v_r + g + friction at v_r for parameters D (P,), M the mass matrix, C the
         Christoffel (Coriolis) matrix, g gravity's torque; under linear constraints D are the free parameters, and the
-        torque lacks the contribution of those that are fixed. It is at a configuration q (n,) of the tree's n joints,
-        rad (m), velocities v and Slotine and Li's reference velocities v_r (r,), rad/s (m/s), and reference
+        torque lacks the contribution of those that are fixed. It is at a configuration q (n,) of the spanning tree's n
+        joints, rad (m), velocities v and Slotine and Li's reference velocities v_r (r,), rad/s (m/s), and reference
         accelerations a_r (r,), rad/s^2 (m/s^2). Raises `IndexError` for an index of P or more, `TypeError` for one not
         whole, `IndexError` or `ValueError` for vectors too short; negative indices are not refused, and may mean any
         parameter.
@@ -223,12 +227,12 @@ class Equations(ABC):
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
         """Torque M a_r + C v_r + g + friction at v_r (r,), in N m (N if prismatic), of the r primary (independent)
-        joints, for values D (P,) of the P inertial and friction `parameters` in SI units. M is the mass matrix, C the
-        Christoffel (Coriolis) matrix, g gravity's torque.
+        joints. It is for values D (P,) of the P inertial and friction `parameters` in SI units, in the order of
+        `Mechanism.parameter_names`. M is the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque.
 
-        It is at a configuration q (n,) of the tree's n joints, rad (m), velocities v and Slotine and Li's reference
-        velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Arguments are not
-        checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian
+        It is at a configuration q (n,) of the spanning tree's n joints, rad (m), velocities v and Slotine and Li's
+        reference velocities v_r (r,), rad/s (m/s), and reference accelerations a_r (r,), rad/s^2 (m/s^2). Arguments are
+        not checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian
         `ZeroDivisionError` in floats.
         """
         return self.motion(q, v, v_r, a_r).torque(parameters)
@@ -238,10 +242,11 @@ class Equations(ABC):
         (r,), N m (N): M a = torque - C v - g - friction, M the mass matrix, C the Christoffel (Coriolis) matrix, g
         gravity's torque.
 
-        They are at a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s), for
-        values D (P,) of the P inertial and friction `parameters` in SI units. Arguments are not checked: vectors too
-        short raise `IndexError` or `ValueError`; an exactly singular mass matrix, as of a joint without inertia, or
-        closure Jacobian raises `ZeroDivisionError` in floats, gives infinity or NaN in arrays.
+        They are at a configuration q (n,) of the spanning tree's n joints, rad (m), and velocities v (r,), rad/s (m/s),
+        for values D (P,) of the P inertial and friction `parameters` in SI units, in the order of
+        `Mechanism.parameter_names`. Arguments are not checked: vectors too short raise `IndexError` or `ValueError`; an
+        exactly singular mass matrix, as of a joint without inertia, or closure Jacobian raises `ZeroDivisionError` in
+        floats, gives infinity or NaN in arrays.
         """
         inertia = factorised(self.mass_matrix(q, parameters))  # first: its divisions wait for each other
         bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
@@ -255,12 +260,13 @@ class Equations(ABC):
         v - g - friction at v. The torque (r,) is in N m (N); M is the mass matrix, C the Christoffel (Coriolis) matrix,
         g gravity's torque.
 
-        They are at a configuration q (n,) of the tree's n joints, rad (m), and velocities v (r,), rad/s (m/s), for
-        values D (P,) of the P inertial and friction `parameters` in SI units. B is the damping matrix that the method
-        `damping` gives at v, to whose diagonal `more` (r,), N m s/rad (N s/m), is added: secants of other friction of
-        the primary joints that is in the torque already; empty for none, a shorter one for the first joints only.
-        Arguments are not checked: vectors too short, or `more` too long, raise `IndexError` or `ValueError`; an exactly
-        singular M + dt B or closure Jacobian raises `ZeroDivisionError` in floats, gives infinity or NaN in arrays.
+        They are at a configuration q (n,) of the spanning tree's n joints, rad (m), and velocities v (r,), rad/s (m/s),
+        for values D (P,) of the P inertial and friction `parameters` in SI units, in the order of
+        `Mechanism.parameter_names`. B is the damping matrix that the method `damping` gives at v, to whose diagonal
+        `more` (r,), N m s/rad (N s/m), is added: secants of other friction of the primary joints that is in the torque
+        already; empty for none, a shorter one for the first joints only. Arguments are not checked: vectors too short,
+        or `more` too long, raise `IndexError` or `ValueError`; an exactly singular M + dt B or closure Jacobian raises
+        `ZeroDivisionError` in floats, gives infinity or NaN in arrays.
         """
         rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
         for i, secant in enumerate(more):

@@ -27,8 +27,9 @@ class LoopMotion(Motion):
     """The motion of a mechanism with closed loops at one instant, in its r primary (independent) joints, from that of
     its tree of n joints, whose dependent joints follow the primary ones.
 
-    Made of `following`, the `Following`, which has the Jacobian J (n, r) of the tree's joints by the primary ones, and
-    `tree`, the tree's motion, a `TreeMotion`, under velocities that keep the loops closed. Nothing is checked.
+    Made of `following`, the `Following`, which has the Jacobian J (n, r) of the spanning tree's joints with respect to
+    the primary ones, and `tree`, the tree's motion, a `TreeMotion`, under velocities that keep the loops closed.
+    Nothing is checked.
     """
 
     __slots__ = ("following", "tree")
@@ -38,20 +39,21 @@ class LoopMotion(Motion):
 
     def torque(self, parameters: Column) -> Column:
         """The torque J' tau (r,), N m (N if prismatic), of the r primary (independent) joints for values (P,) of the P
-        inertial and friction `parameters` in SI units.
+        inertial and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`.
 
-        Here tau (n,) is the torque M a_r + C v_r + g + friction of the n joints of the tree under its reference
-        velocities v_r and accelerations a_r (M the mass matrix, C the Christoffel matrix, g gravity's torque), J (n, r)
-        their Jacobian by the primary joints, J' its transpose. Arguments are not checked: too few `parameters` raise
-        `IndexError` or `ValueError`.
+        Here tau (n,) is the torque M a_r + C v_r + g + friction of the n joints of the spanning tree under its
+        reference velocities v_r and accelerations a_r (M the mass matrix, C the Christoffel matrix, g gravity's
+        torque), J (n, r) their Jacobian with respect to the primary joints, J' its transpose. Arguments are not
+        checked: too few `parameters` raise `IndexError` or `ValueError`.
         """
         return self.following.primary(self.tree.torque(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
         """The Slotine-Li regressor Y = J' Y_tree (r, k) of r primary (independent) joints, as r rows, one `Column` (k,)
         each, for the k of the P inertial and friction parameters whose indices `columns` are, in their order: N m (N if
-        prismatic) per unit of each. Y_tree (n, k) is that of the tree's n joints, J' the transpose of their Jacobian
-        (n, r) by the primary ones. Raises `IndexError` for an index of P or more; negative ones are not refused."""
+        prismatic) per unit of each. Y_tree (n, k) is that of the spanning tree's n joints, J' the transpose of their
+        Jacobian (n, r) with respect to the primary ones. Raises `IndexError` for an index of P or more; negative ones
+        are not refused."""
         rows = self.tree.regressor(columns)
         by_column = [self.following.primary([row[k] for row in rows]) for k in range(len(columns))]
         return [Column(column[i] for column in by_column) for i in range(len(self.following.slopes))]
@@ -106,13 +108,13 @@ class LoopEquations(Equations):
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the tree's n links, a `Segment` each, lengths in m, parents before their children."""
+        """Geometry of the spanning tree's n links, a `Segment` each, lengths in m, parents before their children."""
         return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The closed configuration q (n,) of the tree's n joints, rad (m if prismatic), at positions `p` (r,) of the r
-        primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration nearby: in closed
-        form where one exists, else by three Newton steps.
+        """The closed configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), at positions `p` (r,)
+        of the r primary (independent) joints, on the assembly branch of `guess` (n,), a closed configuration nearby: in
+        closed form where one exists, else by three Newton steps.
 
         In closed form, angles are within half a turn of the guess's. The number of Newton steps is fixed, so that no
         code branches on a value: from 0.05 rad away the first leaves 1e-3 rad, the second 1e-6 rad, the third
@@ -134,10 +136,10 @@ class LoopEquations(Equations):
         return content((self.tree.segments, self.closing, self.rules))
 
     def projected(self, q: Column) -> Column:
-        """A configuration (n,) of the tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions of the
-        primary (independent) joints and the loops closed. It is exact where a closed form exists, else one Newton step
-        of the dependent joints from q, which must be near a closed configuration (from 0.05 rad away, 1e-3 rad remain).
-        Arguments are not checked: too short a q raises `IndexError`, an exactly singular closure Jacobian
+        """A configuration (n,) of the spanning tree's n joints, rad (m if prismatic), near `q` (n,), with q's positions
+        of the primary (independent) joints and the loops closed. It is exact where a closed form exists, else one
+        Newton step of the dependent joints from q, which must be near a closed configuration (from 0.05 rad away, 1e-3
+        rad remain). Arguments are not checked: too short a q raises `IndexError`, an exactly singular closure Jacobian
         `ZeroDivisionError` in floats."""
         return self._placed(q) if self.rules else self._stepped(q)
 
@@ -162,56 +164,57 @@ class LoopEquations(Equations):
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
 
     def residual(self, q: Column) -> Column:
-        """Closure residual (d,) of the loops and couplings at a configuration q (n,) of the tree's n joints, rad (m if
-        prismatic): the amounts by which d = n - r independent closure conditions are violated, zero at a closed
-        configuration. Those of loops, in m for positions and rad for directions, come before those of couplings, in the
-        joint's unit. Arguments are not checked: too short a q raises `IndexError`."""
+        """Closure residual (d,) of the loops and couplings at a configuration q (n,) of the spanning tree's n joints,
+        rad (m if prismatic): the amounts by which d = n - r independent closure conditions are violated, zero at a
+        closed configuration. Those of loops, in m for positions and rad for directions, come before those of couplings,
+        in the joint's unit. Arguments are not checked: too short a q raises `IndexError`."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
-        """The links' placements, the factored closure Jacobian and the Jacobian J (n, r) of all joints by the r primary
-        (independent) ones, as a `Posture`, at a closed configuration q (n,) of the tree's n joints, rad (m if
-        prismatic). Arguments are not checked: too short a q raises `IndexError`, an exactly singular closure Jacobian
-        `ZeroDivisionError` in floats."""
+        """The links' placements, the factored closure Jacobian and the Jacobian J (n, r) of all joints with respect to
+        the r primary (independent) ones, as a `Posture`, at a closed configuration q (n,) of the spanning tree's n
+        joints, rad (m if prismatic). Arguments are not checked: too short a q raises `IndexError`, an exactly singular
+        closure Jacobian `ZeroDivisionError` in floats."""
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
-        """Jacobian (d, d) of the closure residual by the d = n - r dependent joints, rad or m per rad or m, as its d
-        columns, each a `Column` (d,), in the joints' order. It is at a configuration `q` (n,) of the tree's n joints,
-        rad (m if prismatic), and is singular where the primary joints do not determine the others, at a singularity of
-        the loops. Arguments are not checked: too short a q raises `IndexError`."""
+        """Jacobian (d, d) of the closure residual with respect to the d = n - r dependent joints, rad or m per rad or
+        m, as its d columns, each a `Column` (d,), in the joints' order. It is at a configuration `q` (n,) of the
+        spanning tree's n joints, rad (m if prismatic), and is singular where the primary joints do not determine the
+        others, at a singularity of the loops. Arguments are not checked: too short a q raises `IndexError`."""
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
     def rates(self, q: Column, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of the r
-        primary (independent) joints, at a closed configuration `q` (n,) of the tree, rad (m). J (n, r) is the
-        derivative of q by the primary positions. Arguments are not checked: vectors too short raise `IndexError` or
-        `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        """Velocities J v (n,) of the spanning tree's n joints, rad/s (m/s if prismatic), from velocities `v` (r,) of
+        the r primary (independent) joints, at a closed configuration `q` (n,) of the tree, rad (m). J (n, r) is the
+        derivative of q with respect to the primary positions. Arguments are not checked: vectors too short raise
+        `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.posture(q).tree(v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
         """Energy regressor E (P,), J per unit of each of the P inertial and friction parameters D (P,), at a closed
-        configuration q (n,) of the tree's n joints, rad (m if prismatic), and velocities v (r,) of the r primary
-        (independent) joints, rad/s (m/s). The inner product of E and D is kinetic plus potential energy in J, the
-        latter 0 at the ground frame's origin. E is 0 for friction. Arguments are not checked: vectors too short raise
-        `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), and velocities v (r,) of the r
+        primary (independent) joints, rad/s (m/s). The inner product of E and D is kinetic plus potential energy in J,
+        the latter 0 at the ground frame's origin. E is 0 for friction. Arguments are not checked: vectors too short
+        raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
         return self.tree.energy_regressor(q, self.posture(q).tree(v))
 
     def potential_regressor(self, q: Column) -> Column:
         """The potential part (P,) of the energy regressor, J per unit of each of the P inertial and friction parameters
-        D (P,), at a configuration `q` (n,) of the tree's n joints, rad (m if prismatic). Its inner product with D is
-        the potential energy in J, 0 at the ground frame's origin. Arguments are not checked: too short a q raises
-        `IndexError`."""
+        D (P,), at a configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic). Its inner product
+        with D is the potential energy in J, 0 at the ground frame's origin. Arguments are not checked: too short a q
+        raises `IndexError`."""
         return self.tree.potential_regressor(q)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
         """The motion at one instant, from which torques, regressors and powers follow, a `LoopMotion`. It is at a
-        closed configuration q (n,) of the tree's n joints, rad (m if prismatic), under velocities v and Slotine and
-        Li's reference velocities v_r (r,) of the r primary (independent) joints, rad/s (m/s), and reference
+        closed configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), under velocities v and
+        Slotine and Li's reference velocities v_r (r,) of the r primary (independent) joints, rad/s (m/s), and reference
         accelerations a_r (r,), rad/s^2 (m/s^2). The tree's joints move at J v, J v_r and J a_r + J_dot v_r, J (n, r)
-        being their Jacobian by the primary ones and J_dot its rate under v. Arguments are not checked: vectors too
-        short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        being their Jacobian with respect to the primary ones and J_dot its rate under v. Arguments are not checked:
+        vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError`
+        in floats."""
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
     def remembered(self, numbers: Column) -> LoopMotion:
@@ -226,15 +229,16 @@ class LoopEquations(Equations):
     @property
     def motion_size(self) -> int:
         """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: the tree's, and the
-        derivative of each of the n - r dependent joints by each of the r primary ones."""
+        derivative of each of the n - r dependent joints with respect to each of the r primary ones."""
         return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under their `torque`
-        (r,), N m (N), gravity and friction, for values (P,) of the P inertial and friction `parameters` in SI units.
-        They are at a closed configuration `q` (n,) of the tree's n joints, rad (m), and velocities `v` (r,), rad/s
-        (m/s). Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular mass
-        matrix or closure Jacobian `ZeroDivisionError` in floats."""
+        (r,), N m (N), gravity and friction, for values (P,) of the P inertial and friction `parameters` in SI units, in
+        the order of `Mechanism.parameter_names`. They are at a closed configuration `q` (n,) of the spanning tree's n
+        joints, rad (m), and velocities `v` (r,), rad/s (m/s). Arguments are not checked: vectors too short raise
+        `IndexError` or `ValueError`, an exactly singular mass matrix or closure Jacobian `ZeroDivisionError` in floats.
+        """
         posture = self.posture(q)
         inertia = factorised(self._mass_matrix(posture, q, parameters))
         bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
@@ -248,10 +252,11 @@ class LoopEquations(Equations):
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix J' M J (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor
         inertias included, in kg m^2 (kg between prismatic joints, kg m between one of each). It is at a closed
-        configuration q (n,) of the tree's n joints, rad (m if prismatic), for values (P,) of the P inertial and
-        friction `parameters` in SI units. M (n, n) is the tree's mass matrix, J (n, r) the Jacobian of its joints by
-        the primary ones, J' its transpose. Arguments are not checked: vectors too short raise `IndexError` or
-        `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), for values (P,) of the P inertial
+        and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`. M (n, n) is the tree's mass
+        matrix, J (n, r) the Jacobian of its joints with respect to the primary ones, J' its transpose. Arguments are
+        not checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian
+        `ZeroDivisionError` in floats."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
@@ -259,11 +264,11 @@ class LoopEquations(Equations):
         symmetric, in N m s/rad (N s/m between prismatic joints, N s between one of each). B v is the friction torque
         that the drives must overcome at velocities v (r,), rad/s (m/s), less its constant offsets.
 
-        It is at a closed configuration q (n,) of the tree's n joints, rad (m), for values (P,) of the P inertial and
-        friction `parameters` in SI units; J (n, r) is the Jacobian of these joints by the primary ones, J' its
-        transpose, B_tree (n, n) their own damping matrix. Arguments are not checked: vectors too short raise
-        `IndexError` or `ValueError` where they are read, an exactly singular closure Jacobian `ZeroDivisionError` in
-        floats.
+        It is at a closed configuration q (n,) of the spanning tree's n joints, rad (m), for values (P,) of the P
+        inertial and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`; J (n, r) is the
+        Jacobian of these joints with respect to the primary ones, J' its transpose, B_tree (n, n) their own damping
+        matrix. Arguments are not checked: vectors too short raise `IndexError` or `ValueError` where they are read, an
+        exactly singular closure Jacobian `ZeroDivisionError` in floats.
         """
         posture = self.posture(q)
         rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]

@@ -105,16 +105,16 @@ class Mechanism:
 
     @property
     def home(self) -> Array:
-        """Home configuration: positions (r,) of the primary (independent) joints, rad (m if prismatic), in the closed
+        """Home configuration: positions (r,) of the r primary (independent) joints, rad (m if prismatic), in the closed
         reference configuration; zeros for a tree. Raises `LoopError` where loops cannot be closed."""
         loops = self.continuation
         return np.zeros(self.dof) if loops is None else loops.reference[loops.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
         """Positions (..., n), rad (m if prismatic), of the tree's n joints, loops closed, at those of the r primary
-        (independent) ones, `p` (..., r) (Sheu and Walker 1991, equation 1), followed along straight lines in p from the
-        closed `start` (..., n), None being the reference; p itself for a tree. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
+        (independent) ones, `p` (..., r) (Sheu and Walker 1991, equation 1); p itself for a tree. Followed along
+        straight lines in p from the closed `start` (..., n), None: the reference configuration. Raises `InputError` on
+        a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
         loops = self.continuation
         if loops is not None and start is None and (known := loops.follow_alone(p)) is not None:
             return known
@@ -146,8 +146,8 @@ class Mechanism:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P parameters D (P,), read-only, SI units, in the order of `parameter_names`: of each body (link not
-        massless) m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in its own frame, then the drives' terms."""
+        """The P inertial and friction parameters D (P,), read-only, SI, ordered as `parameter_names`: of each link not
+        massless m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in its frame, then drives' terms."""
         return self.description.inertial_parameters
 
     @property
@@ -162,8 +162,8 @@ class Mechanism:
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of all P parameters by the Z that linear constraints leave free, in the unit of the former
-        per unit of the latter; the identity (P, P) without constraints."""
+        """Derivatives (P, Z) of all P parameters with respect to the Z that linear constraints leave free, in the unit
+        of the former per unit of the latter; the identity (P, P) without constraints."""
         return np.eye(len(self.parameter_names))
 
     @property
@@ -179,7 +179,7 @@ class Mechanism:
 
     @cached_property
     def effort_limits(self) -> Array:
-        """Greatest torque of each primary joint (r,), N m (N if prismatic), infinite where not known; read-only."""
+        """Greatest torques (r,) of the r primary joints, N m (N if prismatic), infinite where not known; read-only."""
         return frozen(np.array([joint.limits.effort for joint in self.primary_joints]))
 
     @property
@@ -188,15 +188,16 @@ class Mechanism:
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
-        """A copy of this mechanism with other inertial `parameters` (P,), SI units. Raises `InputError` for another
-        number, values not finite or above 1e20 in size, and rotor inertia, viscous or Coulomb friction below 0."""
+        """A copy of this mechanism with other values of its P inertial and friction `parameters` (P,), SI units, in the
+        order of `parameter_names`. Raises `InputError` for another number of them, values not finite or above 1e20 in
+        size, and rotor inertia, viscous or Coulomb friction below 0."""
         return Mechanism(self.description.with_parameters(parameters))
 
     def on_columns(self, regressor: str, columns: Sequence[int]) -> OnArrays:
         """The equation on arrays of a `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters
         of indices `columns`. Its `call` takes the arrays p, v, a or p, v, v_r, a_r of that method, (..., r) of r
-        primary (independent) joints, rad, rad/s, rad/s^2 (m), and returns (..., r, k), N m (N if prismatic) per unit.
-        Raises `InputError` for another name and for an index that is not from 0 to P - 1."""
+        primary (independent) joints, rad, rad/s, rad/s^2 (m, m/s, m/s^2), and returns (..., r, k), N m (N if prismatic)
+        per unit. Raises `InputError` for another name and for an index that is not from 0 to P - 1."""
         asked = required_columns(columns, len(self.parameter_names), self.name)
         return self._arrays.on_columns(regressor, tuple(asked))
 
@@ -231,11 +232,12 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The torque regressor Y (..., r, P), N m (N if prismatic) per unit of the `inertial_parameters` D (P,): Y D is
-        the torque, gravity and friction included, that gives r primary joints the accelerations a at positions p and
-        velocities v, all (..., r), rad, rad/s, rad/s^2 (m). `columns` are indices of k parameters, then Y is (..., r,
-        k); None for all. `out`, float64 of Y's shape, is filled and returned; None: a new one. Raises `InputError` on a
-        wrong shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
+        """The torque regressor Y (..., r, P), N m (N if prismatic) per unit of the P `inertial_parameters` D (P,): Y D
+        is the torque, gravity and friction included, that gives r primary joints the accelerations a at positions p and
+        velocities v, all (..., r), rad, rad/s, rad/s^2 (m, m/s, m/s^2). `columns` are indices of k parameters, then Y
+        is (..., r, k); None for all. `out`, float64 like Y, is filled and returned; None: a new one. Raises
+        `InputError` on a wrong shape or index, `NonFiniteError` on NaN, infinity, `SingularityError` near loop
+        singularities."""
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.on_columns("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -249,12 +251,12 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The Slotine-Li regressor Y_r (..., r, P), N m (N if prismatic) per unit of each of the `inertial_parameters`
-        D (P,): Y_r D = M a_r + C v_r + g + friction at v_r, M the mass matrix, C the Christoffel (Coriolis) one at v, g
+        """The Slotine-Li regressor Y_r (..., r, P), N m (N if prismatic) per unit of the P `inertial_parameters` D
+        (P,): Y_r D = M a_r + C v_r + g + friction at v_r, M the mass matrix, C the Christoffel (Coriolis) one at v, g
         gravity. p, v, v_r, a_r are positions, velocities, Slotine and Li's reference velocities and accelerations (...,
-        r) of r primary joints, rad, rad/s, rad/s^2 (m). `columns` are indices of k parameters, then Y_r is (..., r, k);
-        None for all. `out`, float64 of Y_r's shape, is filled and returned; None: a new one. Raises `InputError` on a
-        wrong shape or index, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
+        r) of r primary joints, rad, rad/s, rad/s^2 (m, m/s, m/s^2). `columns` are indices of k parameters, then Y_r is
+        (..., r, k); None for all. `out`, float64 like Y_r, is filled and returned; None: a new one. Raises `InputError`
+        on a wrong shape or index, `NonFiniteError` on NaN, infinity, `SingularityError` near loop singularities."""
         own = self._arrays.slotine_li_regressor
         equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
@@ -271,8 +273,8 @@ class Mechanism:
     def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r), N m (N if prismatic), due to values that linear constraints on parameters fix, which
         regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of r primary
-        (independent) joints, rad, rad/s, rad/s^2 (m). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity, with constraints `SingularityError` near singularities of loops."""
+        (independent) joints, rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises `InputError` on a wrong shape,
+        `NonFiniteError` on NaN or infinity, with constraints `SingularityError` near loop singularities."""
         given = {"p": p, "v": v, "a": a}
         samples = same_samples(**{what: checked(x, self.dof, f"{self.name}: {what}") for what, x in given.items()})
         return np.zeros((*samples, self.dof))
@@ -303,7 +305,7 @@ class Mechanism:
 
     @needed("Mechanism.to_pinocchio")
     def to_pinocchio(self) -> pinocchio.Model:
-        """A Pinocchio model of this mechanism's tree, in depth-first order, without its loop closures. Raises
+        """A Pinocchio model of this mechanism's spanning tree, in depth-first order, without its loop closures. Raises
         `InputError` for a first moment without mass and for drives that turn with several joints, `MissingExtraError`
         without Pinocchio. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out."""
         from adaptctl.description.readers.pinocchio_model import to_pinocchio

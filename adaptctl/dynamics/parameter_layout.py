@@ -18,8 +18,8 @@ class ParameterLayout(NamedTuple):
     the joints.
 
     A body's ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin). `links` is the number N of the tree's links; `bodies` are the zero-based indices, rising, of those that are
-    not massless. Nothing is checked at construction.
+    origin). `links` is the number N of the tree's links; `bodies` are the zero-based indices, in ascending order, of
+    those that are not massless. Nothing is checked at construction.
     """
 
     links: int
@@ -48,7 +48,7 @@ class ParameterLayout(NamedTuple):
 
     def tens(self, parameters: Column) -> Column:
         """The ten inertial parameters of each of the N links (10 N,), link by link: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). They are taken from all `parameters`
+        I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). They are taken from all P `parameters`
         (P,), which have ten for each link that is not massless, then the drives'. Those of massless links are exact
         zeros, which cost nothing in compiled equations. Nothing is checked."""
         if len(self.bodies) == self.links:
@@ -64,8 +64,8 @@ class ParameterLayout(NamedTuple):
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:
-        """The entries of all `parameters` (P,) that are the drives', SI units: one for each rotor or friction term, in
-        the order of this object's `drives`. Nothing is checked."""
+        """The entries of all P `parameters` (P,) that are the drives', SI units: one for each rotor or friction term,
+        in the order of this object's `drives`. Nothing is checked."""
         return parameters.of[self.driven :]
 
 

@@ -47,9 +47,10 @@ class TreeMotion(Motion):
 
     def torque(self, parameters: Column) -> Column:
         """The joint torques M a_r + C v_r + g + friction at v_r (n,), N m (N if prismatic), of a tree's n joints under
-        reference velocities v_r and accelerations a_r, for values (P,) of the P inertial and friction `parameters` in
-        SI units. M is the mass matrix, C the Christoffel (Coriolis) matrix, g gravity's torque. Arguments are not
-        checked: too few parameters raise `IndexError` or `ValueError`."""
+        reference velocities v_r and accelerations a_r. It is for values (P,) of the P inertial and friction
+        `parameters` in SI units, in the order of `Mechanism.parameter_names`. M is the mass matrix, C the Christoffel
+        (Coriolis) matrix, g gravity's torque. Arguments are not checked: too few parameters raise `IndexError` or
+        `ValueError`."""
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
@@ -199,8 +200,9 @@ class TreeEquations(Equations):
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix (n, n) of a tree's n joints, as n rows of n scalars: symmetric, rotor inertias included, in kg
         m^2 (kg between prismatic joints, kg m between one of each). It is at positions `p` (n,), rad (m if prismatic),
-        for values (P,) of the P inertial and friction `parameters` in SI units, by composite rigid bodies (Walker and
-        Orin 1982). Arguments are not checked: vectors too short raise `IndexError` or `ValueError`."""
+        for values (P,) of the P inertial and friction `parameters` in SI units, in the order of
+        `Mechanism.parameter_names`, by composite rigid bodies (Walker and Orin 1982). Arguments are not checked:
+        vectors too short raise `IndexError` or `ValueError`."""
         rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
@@ -212,9 +214,9 @@ class TreeEquations(Equations):
         """Damping matrix B (n, n) of a tree's n joints, as n rows of n scalars: symmetric, in N m s/rad (N s/m between
         prismatic joints, N s between one of each). B v is the friction torque that the drives must overcome at
         velocities `v` (n,), rad/s (m/s), less its constant offsets. B is diagonal but for drives whose shafts turn with
-        several joints. `parameters` (P,) are the P parameters' values in SI units; the positions `p` (n,) are not used.
-        Arguments are not checked: too few parameters raise `ValueError`, too short a v `IndexError` where it is
-        read."""
+        several joints. `parameters` (P,) are the P inertial and friction parameters in SI units, in the order of
+        `Mechanism.parameter_names`; the positions `p` (n,) are not used. Arguments are not checked: too few parameters
+        raise `ValueError`, too short a v `IndexError` where it is read."""
         rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             if not term.kind.is_friction:
@@ -226,8 +228,8 @@ class TreeEquations(Equations):
 
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree's n joints under a `torque` (n,), N m (N),
-        gravity and friction, at positions `p`, rad (m), and velocities `v`, rad/s (m/s), both (n,), for values (P,) of
-        the P inertial and friction `parameters` in SI units.
+        gravity and friction, at positions `p`, rad (m), and velocities `v`, rad/s (m/s), both (n,). They are for values
+        (P,) of the P inertial and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`.
 
         They are found by the articulated-body algorithm (Featherstone 2008, chapter 7) where 6.5 joints or more are
         between a link and the ground on average and each rotor turns with one joint, else from the mass matrix.

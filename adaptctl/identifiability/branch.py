@@ -25,16 +25,16 @@ FEWEST = 100
 
 
 def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
-    """Positions (n, r), rad (m for a prismatic joint), of a mechanism's r primary (independent) joints, at which its
-    closed loops can be closed, from random `positions` (n, r). Those of joints that move a loop are brought onto the
-    assembly branch of the reference configuration; a mechanism without loops keeps all.
+    """Positions (n, r) of n samples, rad (m for a prismatic joint), of a mechanism's r primary (independent) joints, at
+    which its closed loops can be closed, from random `positions` (n, r). Those of joints that move a loop are brought
+    onto the assembly branch of the reference configuration; a mechanism without loops keeps all.
 
-    Of the m joints that move a loop, `positions` are offsets from the reference. They go from it along the straight
-    line to that offset, clipped to their limits, as far as the mechanism's conditions (bounds on weighted sums of its
-    positions) hold and the closure Jacobian's smallest singular value is at least 0.2 of that at the reference. They
-    stop at a fraction u^(1/m) of this line, with u uniform in 0..1, drawn for each sample with NumPy's `generator`.
-    Joints that move no loop keep their positions. Raises `InputError` for a reference that breaks a condition,
-    `LoopError` where loops cannot be closed.
+    Of the m joints that move a loop, `positions` are offsets from the reference configuration. They go from it along
+    the straight line to that offset, clipped to their limits, as far as the mechanism's conditions (bounds on weighted
+    sums of its positions) hold and the closure Jacobian's smallest singular value is at least 0.2 of that at the
+    reference configuration. They stop at a fraction u^(1/m) of this line, with u uniform in 0..1, drawn for each sample
+    with NumPy's `generator`. Joints that move no loop keep their positions. Raises `InputError` for a reference that
+    breaks a condition, `LoopError` where loops cannot be closed.
     """
     continuation = mechanism.continuation
     if continuation is None:
@@ -56,8 +56,8 @@ def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int]
     `draw`, called with a number n, gives n random positions (n, r). Those are taken that keep the mechanism's
     conditions (bounds on weighted sums of its positions) and, loops closed, the limits of all the tree's joints, and to
     which a straight line from the reference leads on which the closure Jacobian's smallest singular value is at least
-    0.2 of that at the reference. Raises `InputError` when a hundred draws, of at least 100 positions each, do not give
-    enough, `LoopError` where loops cannot be closed.
+    0.2 of that at the reference configuration. Raises `InputError` when a hundred draws, of at least 100 positions
+    each, do not give enough, `LoopError` where loops cannot be closed.
     """
     continuation = mechanism.continuation
     if continuation is None:

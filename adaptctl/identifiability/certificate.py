@@ -137,8 +137,8 @@ class Certificate:
     def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
         """Raise `RankError` unless the rank, the number of identifiable parameters, can be accepted, that is unless
         this certificate's `faults`, reasons to refuse it, are empty. The error's `singular_values` are the n scaled
-        singular values `spectrum` (n,), falling, no unit, an array that is not checked; its message names the
-        `mechanism`, the faults and the `suspects`, possible causes, none by default."""
+        singular values `spectrum` (n,), in descending order, no unit, an array that is not checked; its message names
+        the `mechanism`, the faults and the `suspects`, possible causes, none by default."""
         if not self.faults:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)

@@ -140,14 +140,15 @@ def _torque_rank(mechanism: Mechanism, rows: Array, energies: ScaledRegressor) -
 def certified_by_transfers(
     mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
 ) -> CertifiedNullSpace:
-    """The certified null space of a tree's energies from its geometry, joint by joint, checked at every joint against
+    """The null space of a tree's energies (the directions of its inertial parameters that change no energy) with a
+    certificate of its dimension, found joint by joint from the tree's geometry. It is checked at every joint against
     energies at 46 random states, drawn by `seed`.
 
     The mechanism must be a tree without constraints on its parameters, which is not checked here. `samples` (2 or more)
     is the number of random states of which the `energies` of the returned object are made when they are asked for.
-    Raises `RankError` unless the rank by geometry is, joint by joint, that of the sampled energies, with a ratio of at
-    least 1e6 between the singular values that count and the rest, and that of energies on exact geometry, if a `proof`
-    is given.
+    Raises `RankError` unless the rank by geometry equals, joint by joint, that of the sampled energies, with a ratio of
+    at least 1e6 between the singular values that count and the rest, and that of energies on exact geometry, if a
+    `proof` is given.
     """
     found = TreeNullSpace.of(mechanism, seed)
     generator = np.random.default_rng(seed)
@@ -199,8 +200,8 @@ def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) 
     `Leftover` each, with the names of the parameters that dominate its right singular vector. These are its four
     largest entries in size, as far as they are above a tenth of the largest.
 
-    `spectrum` (P,) has the singular values, falling, in any unit; `vectors` (P, P) a right singular vector in each
-    column; the first `rank` are not looked at; `names` (P,) are the parameters'. Nothing is checked.
+    `spectrum` (P,) has the singular values, in descending order, in any unit; `vectors` (P, P) a right singular vector
+    in each column; the first `rank` are not looked at; `names` (P,) are the parameters'. Nothing is checked.
     """
     relative = spectrum / spectrum.max(initial=1e-300)
     beyond = [i for i in range(rank, len(spectrum)) if relative[i] > ROUND_OFF]

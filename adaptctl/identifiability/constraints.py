@@ -80,7 +80,7 @@ class Constraints:
 
     @classmethod
     def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
-        """The constraints that a matrix states on inertial parameters D (n,) of these `names`: `matrix` times D =
+        """The constraints that a matrix states on n inertial parameters D (n,) of these `names`: `matrix` times D =
         `values`, a relation for each of its m rows.
 
         `matrix` is (m, n), or (n,) for one row; `values` (m,), None for zeros; D in SI units; `names` (n,), each once,
@@ -105,7 +105,9 @@ class Constraints:
 
     @classmethod
     def read(cls, path: str | Path) -> Constraints:
-        """The constraints that the TOML file at `path` states, by parameter, in SI units::
+        """The linear equality constraints on inertial parameters that the TOML file at `path` states, a `Constraints`.
+        The table `[known]` fixes parameters, by name, at values in SI units; each table `[[relations]]` sets the sum of
+        weight times parameter to a value::
 
             schema = "adaptctl/parameter-constraints/1"
 
@@ -117,8 +119,8 @@ class Constraints:
             weights = { link4.m = 1.0, link5.m = -1.0 }
             value = 0.0
 
-        Both tables, `name` and `value` (0 by default) may be left out; a relation is sum of weight times parameter =
-        value. Raises `FileError` for a file that cannot be read, or naming the element that is wrong.
+        Both tables, `name` and `value` (0 by default) may be left out. Raises `FileError` for a file that cannot be
+        read, or naming the element that is wrong.
         """
         content = read_toml(path, _ConstraintsFile)
         try:

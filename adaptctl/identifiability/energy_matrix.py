@@ -25,10 +25,10 @@ def energies(mechanism: Mechanism, states: States) -> Array:
 
 
 def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Array]:
-    """Iterator over the energy regressors at many states, in blocks (m, P) of at most max(1024, 4 P) successive states
-    each, or one more: kinetic plus potential energy, in J per SI unit of each of a mechanism's P inertial parameters
-    (all but friction). `states` is an iterable of `States`. Raises, in the course of the iteration, `InputError` for
-    states of another number of joints and `SingularityError` near a singularity of closed loops."""
+    """Iterator over the energy regressors at many states, in blocks (m, P) of m states, at most max(1024, 4 P)
+    successive ones or one more: kinetic plus potential energy, in J per SI unit of each of a mechanism's P inertial
+    parameters (all but friction). `states` is an iterable of `States`. Raises, in the course of the iteration,
+    `InputError` for states of another number of joints and `SingularityError` near a singularity of closed loops."""
     for some in states:
         for part in some.parts(max(BLOCK, 4 * mechanism.energetic)):
             yield energies(mechanism, part)
@@ -72,9 +72,9 @@ class EnergyFactor:
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
         """The triangular factor R (n, P), n at most P, of the differences H = Q R, Q orthonormal, of energies between
-        successive states, as an `EnergyFactor`. Energies (m, P), in J per SI unit of each of P parameters, come in
-        `blocks`; the states follow those of the factor `before`, if one is given (None by default). Raises `ValueError`
-        when there is no block and no factor before, and for blocks of different widths."""
+        successive states, as an `EnergyFactor`. Energies (m, P) at m states, in J per SI unit of each of P parameters,
+        come in `blocks`; the states follow those of the factor `before`, if one is given (None by default). Raises
+        `ValueError` when there is no block and no factor before, and for blocks of different widths."""
         factor = before
         for block in blocks:
             factor = cls._begun(block) if factor is None else factor.followed_by(block)

@@ -97,7 +97,7 @@ class EssentialSpace:
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names (P,) of the inertial parameters, all but friction, such as ``link3.I_xx``, in the mechanism's order."""
+        """Names of the P inertial parameters, all but friction, such as ``link3.I_xx``, in the mechanism's order."""
         return energetic_names(self.mechanism)
 
     @property
@@ -131,9 +131,9 @@ class EssentialSpace:
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (P,), falling, of the matrix H (samples - 1, P) of differences of kinetic plus potential
-        energy between successive ones of `samples` states, in J per SI unit of each of the P inertial parameters, which
-        are not scaled."""
+        """Singular values (P,), in descending order, of the matrix H (samples - 1, P) of differences of kinetic plus
+        potential energy between successive ones of `samples` states, in J per SI unit of each of the P inertial
+        parameters, which are not scaled."""
         return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
@@ -152,9 +152,9 @@ class EssentialSpace:
         return titled("EssentialSpace", text) + table(("certificate", ""), rows)
 
     def project(self, parameters: ArrayLike) -> Array:
-        """Essential parameters D_E = V1 V1' D (..., P) of inertial parameters D (..., P) without friction, in SI units:
-        D without its part in the null space, which changes no energy. V1 (P, k) is this object's `basis`, V1' its
-        transpose, k the rank. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Essential parameters D_E = V1 V1' D (..., P) of P inertial parameters D (..., P) without friction, in SI
+        units: D without its part in the null space, which changes no energy. V1 (P, k) is this object's `basis`, V1'
+        its transpose, k the rank. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property

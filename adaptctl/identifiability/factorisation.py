@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 
 def triangle(matrix: Array) -> Array:
-    """The triangular factor R (n, n) of the QR factors of a tall `matrix` (m, n), in its unit: it has the matrix's
-    singular values and right singular vectors. A matrix of at most n rows is returned as it is. Nothing is checked.
+    """The triangular factor R (n, n) of the QR factors of a tall `matrix` (m, n) of m rows, in its unit: it has the
+    matrix's singular values and right singular vectors. A matrix of at most n rows is returned as it is. Nothing is
+    checked.
 
     It saves time: a singular value decomposition of R takes a tenth of that of the tall regressor of a long mechanism.
     """
@@ -30,16 +31,17 @@ def triangle(matrix: Array) -> Array:
 
 
 def singular_values(matrix: Array) -> Array:
-    """The singular values (n,) of a matrix (m, n), in its unit, falling; zeros at the end where m is below n. Raises
-    `numpy.linalg.LinAlgError` for NaN or infinity."""
+    """The singular values (n,) of a matrix (m, n), in its unit, in descending order; zeros at the end where m is below
+    n. Raises `numpy.linalg.LinAlgError` for NaN or infinity."""
     with one_thread():
         values = np.linalg.svd(triangle(matrix), compute_uv=False)
     return np.pad(values, (0, matrix.shape[1] - len(values)))
 
 
 def right_vectors(matrix: Array) -> Array:
-    """The matrix (n, n) whose columns are the orthonormal right singular vectors of a matrix (m, n), by falling
-    singular value, n of them also where m is below n. Raises `numpy.linalg.LinAlgError` for NaN or infinity."""
+    """The matrix (n, n) whose columns are the orthonormal right singular vectors of a matrix (m, n), in descending
+    order of singular value, n of them also where m is below n. Raises `numpy.linalg.LinAlgError` for NaN or infinity.
+    """
     with one_thread():
         return np.asarray(np.linalg.svd(triangle(matrix))[2].T, dtype=np.float64)
 

@@ -32,12 +32,12 @@ class FundamentalBasis:
     Y (r, P) of r primary (independent) joints, the inertial parameters D (P,) without friction, and the fundamental
     ones beta = K D, K the `regrouping` (k, P) in SI units. It depends on the geometry and gravity only of the mechanism
     called `mechanism_name`, by their SHA-256 hash `geometry_sha256`: its inertial values may change. `parameter_names`
-    are P, `columns` (k,) the rising zero-based indices of the kept ones; parameters divided by `scales` (P,), positive
-    and in SI units per J, are comparable; `gap`, positive and without a unit, is the ratio of the smallest singular
-    value that counts for the rank to the next; `passed_over` names kept parameters that the priority, the order of
-    removal, would remove, but that those removed before determine up to the tolerance (none after `load`). Raises
-    `InputError` for columns that are no rising indices, columns, regrouping and scales whose shapes do not agree, and
-    scales or a gap that are not positive and finite.
+    are P, `columns` (k,) the zero-based indices in ascending order of the kept ones; parameters divided by `scales`
+    (P,), positive and in SI units per J, are comparable; `gap`, positive and without a unit, is the ratio of the
+    smallest singular value that counts for the rank to the next; `passed_over` names kept parameters that the priority,
+    the order of removal, would remove, but that those removed before determine up to the tolerance (none after `load`).
+    Raises `InputError` for columns that are no indices in ascending order, columns, regrouping and scales whose shapes
+    do not agree, and scales or a gap that are not positive and finite.
     """
 
     mechanism_name: str
@@ -92,12 +92,12 @@ class FundamentalBasis:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names (k,) of the kept inertial parameters, such as ``link2.mc_x``, in the order of the fundamental (base)
+        """Names of the k kept inertial parameters, such as ``link2.mc_x``, in the order of the fundamental (base)
         parameters; friction is not among them."""
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
-        """Fundamental (base) parameters beta = K D (..., k), in the order of this object's `names`, of P inertial
+        """The k fundamental (base) parameters beta = K D (..., k), in the order of this object's `names`, of P inertial
         `parameters` D (..., P), in that of its `parameter_names` (no friction), in SI units; K (k, P) is its
         `regrouping`. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         return checked(parameters, len(self.parameter_names), "parameters") @ self.regrouping.T
@@ -150,8 +150,10 @@ class FundamentalBasis:
 def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
-    """The fundamental basis of an essential `space`: the k of P inertial parameters that are kept (base parameters), by
-    removing the others in the order of a `priority`, the first first, and regrouping them onto the k.
+    """The fundamental basis of an essential `space` (the directions of P inertial parameters that change energies): a
+    choice of k of the P parameters that are kept, the others being removed and regrouped onto them. The values of the k
+    kept parameters after regrouping, not those before it, are the base parameters. Others are removed in the order of a
+    `priority`, the first first.
 
     A priority of None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy, I_xz,
     I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. A parameter is removed where its row
@@ -182,9 +184,9 @@ def fundamental_basis(
 
 
 class Chosen(NamedTuple):
-    """The choice of a fundamental (base) basis, as it is cached, of k kept ones of P inertial parameters. `columns`
-    (k,) are their rising zero-based indices; `regrouping` (k, P), the regrouping matrix in SI units, and `scales` (P,),
-    SI units per J, are lists; `passed_over` has the names of kept parameters that the order of removal would remove.
+    """Cached choice of a fundamental (base) basis: the k kept ones of P inertial parameters. `columns` (k,) are their
+    zero-based indices in ascending order; `regrouping` (k, P), the regrouping matrix in SI units, and `scales` (P,), SI
+    units per J, are lists; `passed_over` has the names of kept parameters that the order of removal would remove.
     Nothing is checked."""
 
     columns: tuple[int, ...]

@@ -49,9 +49,10 @@ class NullSpace(Protocol):
 
 
 def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Array]:
-    """Orthonormal bases V2 (P, P-k) of the null space of a regressor among P unscaled parameters, and (P, k) of its
-    orthogonal complement, k the rank, as a pair. `scaled_null_basis` (P, P-k) are null vectors of the regressor times
-    `scales` (P,), of full column rank, that is directions of the parameters divided by `scales`. Nothing is checked.
+    """Orthonormal bases, a pair, of the null space of a regressor in P unscaled parameters, V2 (P, P-k), and of its
+    orthogonal complement (P, k), k the rank. `scaled_null_basis` (P, P-k), of full column rank, spans the null space of
+    the regressor whose columns are multiplied by `scales` (P,), that is, of parameters divided by `scales`. Nothing is
+    checked.
 
     They come from Householder's QR of the vectors mapped back, rows sorted by size and columns pivoted, which keeps
     small rows as accurate as large ones (Cox and Higham 1998). On the PUMA with lengths in m, mm and um, null vectors

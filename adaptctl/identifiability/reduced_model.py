@@ -59,8 +59,8 @@ class ReducedModel(Keyed):
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Zero-based indices (k,), rising, of the k kept parameters among the mechanism's P inertial and friction
-        parameters: those of the fundamental (base) basis, and all friction, which energies cannot show."""
+        """Zero-based indices (k,), in ascending order, of the k kept parameters among the mechanism's P inertial and
+        friction parameters: those of the fundamental (base) basis, and all friction, which energies cannot show."""
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
@@ -68,7 +68,7 @@ class ReducedModel(Keyed):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names (k,) of the kept parameters, such as ``link2.mc_x``, in the order of the fundamental (base) parameters:
+        """Names of the k kept parameters, such as ``link2.mc_x``, in the order of the fundamental (base) parameters:
         inertial ones, then friction's."""
         return tuple(self.mechanism.parameter_names[j] for j in self.columns)
 
@@ -152,9 +152,9 @@ class ReducedModel(Keyed):
         return self.mechanism.on_columns("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
-        """Full (inertial and friction) parameters D_I = F1 beta (..., P) with the same torques as k fundamental (base)
-        ones `beta` (..., k): F1 (P, k) puts beta at the kept indices, zeros elsewhere; in SI units. Raises `InputError`
-        on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """Values (..., P) of all P inertial and friction parameters D_I = F1 beta with the same torques as k
+        fundamental (base) ones `beta` (..., k): F1 (P, k) puts beta at the kept indices, zeros elsewhere; in SI units.
+        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
         values = self._checked(beta)
         out = np.zeros((*values.shape[:-1], len(self.mechanism.parameter_names)))
         out[..., list(self.columns)] = values

@@ -22,20 +22,20 @@ class Reduction:
     section 3.2).
 
     It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters D
-    (P,) from which it was made: others change the weights. `components` (k, P), by falling size of their weight, are in
-    the parameters' SI units, k the space's rank, and the first `kept` of them sum to the reduced parameters. With H c
-    the energy differences (J) that parameters c make between successive states, and |.| the root of the summed squares,
-    the size of each of the `weights` (k,), J, is |H c| of its component c; `order` (k,) has the zero-based column
-    indices of the essential space's `basis` V1 from which the components come; `percent_errors` (k + 1,) are the errors
-    100 |H (D' - D)| / |H D| in percent (equation 23) of the sums D' of the first 0, 1, ... k components. Made by
-    `reduce`, with read-only arrays; nothing is checked at construction.
+    (P,) from which it was made: others change the weights. `components` (k, P), in descending order of size of their
+    weight, are in the parameters' SI units, k the space's rank, and the first `kept` of them sum to the reduced
+    parameters. With H c the energy differences (J) that parameters c make between successive states, and |.| the root
+    of the summed squares, the size of each of the `weights` (k,), J, is |H c| of its component c; `order` (k,) has the
+    zero-based column indices of the essential space's `basis` V1 from which the components come; `percent_errors` (k +
+    1,) are the errors 100 |H (D' - D)| / |H D| in percent (equation 23) of the sums D' of the first 0, 1, ... k
+    components. Made by `reduce`, with read-only arrays; nothing is checked at construction.
     """
 
     states: str
     components: Array
-    """Components alpha_j v_j (k, P) by falling weight; the first s sum to the reduced parameters."""
+    """Components alpha_j v_j (k, P) in descending order of weight; the first s sum to the reduced parameters."""
     weights: Array
-    """Weights beta_j = sigma_j v_j' D (k,) by falling size, in J."""
+    """Weights beta_j = sigma_j v_j' D (k,) in descending order of size, in J."""
     order: tuple[int, ...]
     """Zero-based column indices (k,) of V1 from which the components come."""
     percent_errors: Array
@@ -51,8 +51,8 @@ class Reduction:
         return float(self.percent_errors[self.kept])
 
     def parameters(self, components: int | None = None) -> Array:
-        """Reduced inertial parameters (P,) in SI units, without friction: the sum of the first `components` of the k
-        essential components, those with the largest weights; of all that are kept where None.
+        """Reduced values (P,) of the P inertial parameters in SI units, without friction: the sum of the first
+        `components` of the k essential components, those with the largest weights; of all that are kept where None.
 
         The components are the parts (P,) of the parameters along the k directions that change energies. Raises
         `InputError` unless `components` is a whole number from 0 to k.

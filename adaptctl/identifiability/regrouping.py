@@ -27,14 +27,14 @@ class Regrouping:
     added, give the same energies and torques as all P.
 
     Scaled parameters are those of a mechanism divided by scales (P,) that make them comparable, all in J. `kept` (k,),
-    rising, and `removed` (P-k,), in any order, are zero-based indices; `coefficients` C (k, P-k) are without a unit;
-    `rank` is the rank of a regressor's kept columns, k if they are independent, or if no regressor was looked at;
-    `passed_over` has the indices of kept parameters that the order of removal would remove, but that those removed
-    before determine up to the tolerance. Nothing is checked at construction.
+    in ascending order, and `removed` (P-k,), in any order, are zero-based indices; `coefficients` C (k, P-k) are
+    without a unit; `rank` is the rank of a regressor's kept columns, k if they are independent, or if no regressor was
+    looked at; `passed_over` has the indices of kept parameters that the order of removal would remove, but that those
+    removed before determine up to the tolerance. Nothing is checked at construction.
     """
 
     kept: tuple[int, ...]
-    """Indices (k,), rising."""
+    """Indices (k,), in ascending order."""
     removed: tuple[int, ...]
     """Indices (P - k,), in any order."""
     coefficients: Array

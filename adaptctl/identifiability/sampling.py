@@ -104,8 +104,8 @@ def whereabouts(mechanism: Mechanism) -> str:
 def random_halves(
     mechanism: Mechanism, samples: int, generator: np.random.Generator
 ) -> tuple[Iterable[States], Iterable[States]]:
-    """Two sets of random states of a mechanism, `samples` in each, as iterables of `States`, drawn with NumPy's
-    `generator` as `random_states` does. They are to be used up one after the other, the first first.
+    """Two sets of random states of a mechanism, `samples` in each, as iterables of `States`, drawn by `random_states`
+    with NumPy's `generator`. They are to be used up one after the other, the first first.
 
     More than 4096 states in all are drawn as they are used, 4096 at a time, so that the storage does not grow with
     their number. Raises `InputError` unless `samples` is a whole number of at least 2, and, when drawn, for a reference

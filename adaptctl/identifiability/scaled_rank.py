@@ -95,8 +95,8 @@ class NumericalRank:
 
     @classmethod
     def of(cls, singular_values: ArrayLike) -> NumericalRank:
-        """The numerical rank k of a matrix from its `singular_values` sigma_1, ..., sigma_n, an array (n,), falling:
-        the k, from 1 to n, at which sigma_k/sigma_k+1 is largest, as a `NumericalRank`.
+        """The numerical rank k of a matrix from its `singular_values` sigma_1, ..., sigma_n, an array (n,), in
+        descending order: the k, from 1 to n, at which sigma_k/sigma_k+1 is largest, as a `NumericalRank`.
 
         Values below 1e-15 sigma_1, and sigma_n+1, count as 1e-15 sigma_1. The rank is 0, with a gap of 1e15, where
         there are no values, or none above 1e-12: the matrix's columns are taken to have been scaled to norms of about
@@ -148,16 +148,16 @@ class ScaledRegressor:
 
     @cached_property
     def singular_values(self) -> Array:
-        """The singular values (P,), falling, without a unit, of the regressor (energies or torques at sampled states)
-        with its P columns, one for each inertial parameter, scaled to be comparable. Raises `numpy.linalg.LinAlgError`
-        for NaN."""
+        """The singular values (P,), in descending order, without a unit, of the regressor (energies or torques at
+        sampled states) with its P columns, one for each inertial parameter, scaled to be comparable. Raises
+        `numpy.linalg.LinAlgError` for NaN."""
         return np.asarray(np.linalg.svd(self.triangle, compute_uv=False), dtype=np.float64)
 
     @cached_property
     def vectors(self) -> Array:
-        """The orthonormal right singular vectors (P, P), one in each column, by falling singular value, of the
-        regressor (energies or torques at sampled states) with its P columns, one for each inertial parameter, scaled to
-        be comparable. Raises `numpy.linalg.LinAlgError` for NaN."""
+        """The orthonormal right singular vectors (P, P), one in each column, in descending order of singular value, of
+        the regressor (energies or torques at sampled states) with its P columns, one for each inertial parameter,
+        scaled to be comparable. Raises `numpy.linalg.LinAlgError` for NaN."""
         return right_vectors(self.triangle)
 
     @cached_property

@@ -103,10 +103,10 @@ class Drives:
     `motors`, r of them, are the names of each motor's columns in a log (position, torque, velocity), and its torque
     constant in N m (N if linear) for a unit of its torque column; `time` is the name of the log's column of time,
     `units` are the factors from the columns' units to SI units. `payloads` are known bodies (mass, kg, centre of mass,
-    m, inertia, kg m^2) that are fixed to a link throughout one log, none unless given, and `source` is where the
-    numbers come from, as text. Raises `InputError` for another number of motors, a transmission or offsets of another
-    shape or not finite, a motor that does not turn its own joint, and a transmission from which the joints do not
-    follow (its condition number is 1e6 or more); `read_drives` checks the rest.
+    m, inertia, kg m^2) that are fixed to a link throughout one log, none by default, and `source` is where the numbers
+    come from, as text. Raises `InputError` for another number of motors, a transmission or offsets of another shape or
+    not finite, a motor that does not turn its own joint, and a transmission from which the joints do not follow (its
+    condition number is 1e6 or more); `read_drives` checks the rest.
     """
 
     joints: tuple[str, ...]

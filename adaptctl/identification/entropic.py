@@ -37,9 +37,9 @@ RIDGE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class EntropicPrior:
-    """Entropic prior of a robot's parameters, as it is before any log is read (Lee, Wensing and Park 2020). It has
-    first guesses of N links, all that are not massless in the mechanism's order, and rough sizes of parameters that
-    must be positive, such as viscous and Coulomb friction.
+    """Entropic prior of a robot's parameters, from what is known before any log is read (Lee, Wensing and Park 2020).
+    It has first guesses of N links, all that are not massless in the mechanism's order, and rough sizes of parameters
+    that must be positive, such as viscous and Coulomb friction.
 
     `tens` (N, 10) are the links' inertial parameters m (kg), mc_x, mc_y, mc_z (kg m), I_xx, I_xy, I_yy, I_xz, I_yz,
     I_zz (kg m^2), about the origins of their frames; in vectors x (P,) of all P parameters they are the first 10 N.

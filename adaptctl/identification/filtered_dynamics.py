@@ -79,8 +79,8 @@ class SmoothMotion:
     are those of the log, unfiltered.
 
     `log` is the `PreparedLog` (evenly sampled) and `number` its zero-based index among several. The motion has every
-    `every`-th of the log's samples, from the sample of index `first` on, m in all: `position` (m, r), rad (m for a
-    prismatic joint), and `velocity` (m, r), rad/s (m/s), of r primary (independent) joints, both through one low-pass
+    `every`-th of the log's samples, from the sample of index `first` on, M in all: `position` (M, r), rad (m for a
+    prismatic joint), and `velocity` (M, r), rad/s (m/s), of r primary (independent) joints, both through one low-pass
     filter of at most 50 Hz. Made by `SmoothMotion.of`; nothing is checked at construction.
     """
 
@@ -91,9 +91,9 @@ class SmoothMotion:
     first: int
     """of the log's samples: the motion's first one"""
     position: Array
-    """(m, r)"""
+    """(M, r)"""
     velocity: Array
-    """(m, r)"""
+    """(M, r)"""
 
     @property
     def rate(self) -> float:
@@ -118,8 +118,8 @@ class SmoothMotion:
         return cls(log, number, every, len(rate_kernel) // 2, position, velocity)
 
     def acceleration(self) -> Array:
-        """Accelerations (m - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary (independent) joints, from
-        differences of the smoothed velocities. They are at the motion's m samples without the first two and the last
+        """Accelerations (M - 4, r), rad/s^2 (m/s^2 for a prismatic joint), of r primary (independent) joints, from
+        differences of the smoothed velocities. They are at the motion's M samples without the first two and the last
         two. Raises `InputError` for a motion of fewer than five samples."""
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
@@ -203,10 +203,10 @@ class RowFilter:
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
-        """Rows of low-pass filtered equations of motion, a `Rows`, made of a filtered `regressor` (n, r, P) at those of
-        its n instants at which the arm moves, with the torques, filtered alike at the log's own rate, and the filtered
-        velocities of the `motion`. The regressor, N m (N for a prismatic joint) of r joints per SI unit of each of P
-        parameters, is that of all n rows that the filter makes of the motion. Nothing is checked."""
+        """Rows of low-pass filtered equations of motion, a `Rows`, at those of n instants at which the arm moves. They
+        are made of a filtered `regressor` (n, r, P), the torques, filtered alike at the log's own rate, and the
+        filtered velocities of the `motion`. The regressor, N m (N for a prismatic joint) of r joints per SI unit of
+        each of P parameters, is that of all n rows that the filter makes of the motion. Nothing is checked."""
         log, n = motion.log, len(regressor)
         at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)

@@ -25,15 +25,15 @@ def low_pass(cutoff: float, rate: float) -> Array:
 
 
 def padded(kernel: Array) -> Array:
-    """The `kernel` (t,) of a filter with two zeros before and two after its weights (t + 4,), so that it is as long as
+    """The `kernel` (t,) of a filter, t weights, with two zeros before and two after, (t + 4,), so that it is as long as
     that of `derivative`. Nothing is checked."""
     return np.pad(kernel, AROUND)
 
 
 def derivative(kernel: Array, rate: float) -> Array:
-    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by `kernel` (t,), by central
-    differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as those
-    of `padded(kernel)`, which filters the signal itself. Nothing is checked."""
+    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by `kernel` (t,), t weights, by
+    central differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as
+    those of `padded(kernel)`, which filters the signal itself. Nothing is checked."""
     return np.convolve(kernel, DIFFERENCE) * rate
 
 

@@ -142,7 +142,7 @@ class LogEvidence:
         return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
 
     def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
-        """Zero-based indices (c,) of the parameters that least squares is solved for, among the mechanism's P
+        """Zero-based indices (c,) of the c parameters that least squares is solved for, among the mechanism's P
         parameters and the r coefficients of load-dependent friction (its torque over that of the joint without
         friction). First come the fundamental (base) parameters, which the motion can tell apart, then those of the
         `friction` model. Nothing is raised."""
@@ -239,11 +239,12 @@ def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
 
 
 def positive_columns(mechanism: Mechanism, tens: Array) -> tuple[NDArray[np.int64], Array]:
-    """Zero-based indices (c,), rising, among a mechanism's parameters (in the order of its `parameter_names`), of the c
-    parameters of drives that must be positive (rotor inertias, viscous and Coulomb friction), and their rough sizes
-    (c,), SI units, a pair. The size of a rotor inertia is a tenth of the links' mean moment of inertia, at least 1e-6
-    kg m^2; other sizes are 1. `tens` (N, 10) are the ten inertial parameters, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-    I_xz, I_yz, I_zz in SI units, of the N links that are not massless. Nothing is checked."""
+    """Zero-based indices (c,), in ascending order, among a mechanism's parameters (in the order of its
+    `parameter_names`), of the c parameters of drives that must be positive (rotor inertias, viscous and Coulomb
+    friction), and their rough sizes (c,), SI units, a pair. The size of a rotor inertia is a tenth of the links' mean
+    moment of inertia, at least 1e-6 kg m^2; other sizes are 1. `tens` (N, 10) are the ten inertial parameters, m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in SI units, of the N links that are not massless. Nothing is
+    checked."""
     first = 10 * len(mechanism.description.bodies)
     drives = mechanism.description.drive_parameters
     own = [first + k for k, (_, kind) in enumerate(drives) if kind not in MAY_BE_NEGATIVE]

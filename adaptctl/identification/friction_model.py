@@ -84,15 +84,17 @@ def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
 def load_columns(
     motions: Sequence[SmoothMotion], mechanism: Mechanism, x: Array, cutoff: float, drives: Drives
 ) -> Array:
-    """Columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in the n rows of filtered equations
-    that a low-pass filter of `cutoff` Hz makes of smoothed `motions`. They are the torques of r joints (second axis) by
-    the friction of each drive (third axis) for a coefficient of 1, that is, as large as the rigid torque (the torque
-    without friction) at the drive's joint.
+    """Regressor columns (n, r, r), N m (N for prismatic joints), of load-dependent friction in the n rows of filtered
+    equations of motion that a low-pass filter of `cutoff` Hz makes of smoothed `motions`. They are the torques of r
+    joints (second axis) by the friction of each drive (third axis) for a coefficient of 1, for which friction is as
+    large as the rigid torque (the torque without friction) at the drive's joint.
 
-    `mechanism` has all kinds of friction and `x` its P parameters, SI units (more are ignored); n is the number of
-    instants at which the arm moves. `drives` is the transmission, which couples drives with joints. Raises `InputError`
-    for parameters that no mechanism may have (not finite, above 1e20, or a rotor's inertia below zero) and motions
-    shorter than the filter, `ValueError` for empty `motions` and for a cut-off not below half their rate.
+    `mechanism` has all kinds of friction, and `x` its P inertial and friction parameters in the order of
+    `parameter_names`, SI units (more are ignored). Rows are taken where the log is flagged as moving at the row's
+    instant and at both ends of the filter's kernel around it. `drives` is the transmission, which couples drives with
+    joints. Raises `InputError` for parameters that no mechanism may have (not finite, above 1e20, or a rotor's inertia
+    below zero) and motions shorter than the filter, `ValueError` for empty `motions` and for a cut-off not below half
+    their rate.
     """
     rigid = mechanism.with_parameters(np.where(_friction(mechanism), 0.0, x[: len(mechanism.parameter_names)]))
     parts = []

@@ -20,18 +20,18 @@ from adaptctl.identification.validation import Validation
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """Result of an identification: a robot's k fundamental (base) parameters as its logs show them, with their standard
-    deviations and a validation.
+    """Identified robot: its k fundamental (base) parameters as its logs show them, with their standard deviations and a
+    validation.
 
     `mechanism` has the identified parameters, physically consistent links, and drives coupled as in the robot's
     transmission; `model` is its reduced model on the fundamental parameters. `deviations` (k,), SI units, in the order
     of `names`, are standard deviations by the block jackknife and what the prior (first guess of the links) leaves
-    open, `nominal_deviations` (k,), likewise, as if torque residuals were white (uncorrelated). `load` (r,), without a
-    unit, are the coefficients of load-dependent friction of r drives, its torque over the rigid torque (without
-    friction), zero where it was not chosen. `validation` compares torques on rows (filtered equations) that the fit
-    which it judges has not seen, `alternatives` are simpler models' validations on the same rows, by name; `choice` is
-    the choice of the fit's settings (friction, low-pass cut-off, prior's weight), `steps` are those of the logs'
-    preparation and `remarks` texts on logs and prior.
+    open, `nominal_deviations` (k,) those for white (uncorrelated) torque residuals. `load` (r,), without a unit, are
+    the coefficients of load-dependent friction of r drives, its torque over the rigid torque (without friction), zero
+    where it was not chosen. `validation` compares torques on rows (filtered equations) that the fit which it judges has
+    not seen, `alternatives` are simpler models' validations on the same rows, by name; `choice` is the choice of the
+    fit's settings (friction, low-pass cut-off, prior's weight), `steps` are those of the logs' preparation and
+    `remarks` texts on logs and prior.
 
     `misfit_ratio`, without a unit, is the ratio of the root mean square of the fitted rows' torque residuals, each
     divided by its joint's standard deviation, to that of plain least squares. `space` is the essential space
@@ -71,8 +71,8 @@ class Identification:
 
     @property
     def estimate(self) -> Array:
-        """The identified fundamental (base) parameters (k,), SI units, in the order of the property `names`: an initial
-        estimate for an adaptive controller."""
+        """The k identified fundamental (base) parameters (k,), SI units, in the order of the property `names`: an
+        initial estimate for an adaptive controller."""
         return self.model.fundamental_parameters
 
     @property

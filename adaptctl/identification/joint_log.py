@@ -18,10 +18,10 @@ FEWEST = 100
 
 @dataclass(frozen=True, eq=False)
 class JointLog:
-    """Log of a robot's joints, n samples of r joints in SI units. `time` (n,) is in s, rising, as logged; `position`
-    (n, r) in rad (m for a prismatic joint); `torque` (n, r) in N m (N), where a motor's torque constant is unknown as
-    if it were 1; and `velocity` (n, r) in rad/s (m/s), as logged, None, the default, where it was not. `source` is the
-    log's file, as text; `len` gives n. Nothing is checked at construction."""
+    """Log of a robot's joints, n samples of r joints in SI units. `time` (n,) is in s, in ascending order, as logged;
+    `position` (n, r) in rad (m for a prismatic joint); `torque` (n, r) in N m (N), where a motor's torque constant is
+    unknown as if it were 1; and `velocity` (n, r) in rad/s (m/s), as logged, None, the default, where it was not.
+    `source` is the log's file, as text; `len` gives n. Nothing is checked at construction."""
 
     source: str
     time: Array

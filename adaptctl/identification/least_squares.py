@@ -31,9 +31,10 @@ def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
 
 
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
-    """The parameters (P,), SI units, by weighted least squares over the c of them of zero-based indices `columns` (c,),
-    the others being zero, and the standard deviations (r,), N m (N for a prismatic joint), of the torque residuals of r
-    joints, a pair. The joints' equations are weighted by the inverse squares of these deviations (Gautier 1997).
+    """The parameters (P,), SI units, of a weighted least-squares fit and the standard deviations (r,), N m (N for a
+    prismatic joint), of the torque residuals of r joints, a pair. Only the c parameters of zero-based indices `columns`
+    (c,) are fitted, the others being zero; the joints' equations are weighted by the inverse squares of these
+    deviations (Gautier 1997).
 
     `equations` are normal equations on P parameters. Weights and parameters are found in three rounds. Raises
     `ValueError` for numbers that are not finite, as for equations of no instants, `IndexError` where `columns` is empty

@@ -64,24 +64,25 @@ class NormalEquations:
         return NormalEquations(normal, np.pad(self.moment, ((0, 0), (0, 0), wider)), self.square, self.count)
 
     def whitened(self, deviations: Array) -> tuple[Array, Array]:
-        """The normal matrix A (P, P) and the moment b (P,) of P parameters, a pair, summed over all blocks of time and
-        r joints, each joint's equations being divided by its standard deviation in `deviations` (r,), N m (N for a
-        prismatic joint). The weighted residuals' sum of squares is least at the parameters x where x^T A x/2 - b^T x
-        is, ^T being the transpose. Deviations must be above zero, which is not checked. Raises `ValueError` for another
-        number of them than r."""
+        """The normal matrix A (P, P) and the moment b (P,) of weighted least squares on P parameters, a pair, summed
+        over all blocks of time and r joints. Each joint's equations are divided by its standard deviation in
+        `deviations` (r,), N m (N for a prismatic joint). The weighted residuals' sum of squares is least at the
+        parameters x where x^T A x/2 - b^T x is, ^T being the transpose. Deviations must be above zero, which is not
+        checked. Raises `ValueError` for another number of them than r."""
         weight = 1.0 / deviations**2
         return np.einsum("brij,r->ij", self.normal, weight), np.einsum("bri,r->i", self.moment, weight)
 
     def misfit(self, x: Array) -> Array:
-        """Sums (r,) of the squared torque residuals of P parameters `x` (P,), SI units, over all blocks of time, for
-        each of r joints, (N m)^2 (N^2 for a prismatic joint); at least 0. Raises `ValueError` for another number of
-        parameters."""
+        """Sums (r,) of the squared torque residuals of P parameters `x` (P,), SI units, in the order of
+        `parameter_names`, over all blocks of time, for each of r joints, (N m)^2 (N^2 for a prismatic joint); at least
+        0. Raises `ValueError` for another number of parameters."""
         normal, moment = self.normal.sum(axis=0), self.moment.sum(axis=0)
         return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
 
     def rms(self, x: Array) -> float:
         """Root mean square, N m (N for prismatic joints), of the torque residuals of P parameters `x` (P,), SI units,
-        over all joints and instants. Raises `ValueError` for another number of parameters."""
+        in the order of `parameter_names`, over all joints and instants. Raises `ValueError` for another number of
+        parameters."""
         return float(np.sqrt(self.misfit(x).sum() / (self.count.sum() * self.square.shape[1])))
 
 
@@ -93,9 +94,9 @@ def _sums(Y: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
-    """Edges of blocks of time of low-pass filtered equations of motion, `rows`: a list, rising, of pairs of the
-    zero-based index of a log and the time (s) at which a block begins in it. There are about `count` blocks of equally
-    many rows, and each is within one log, so that there are more blocks where there are several logs. Raises
+    """Edges of blocks of time of low-pass filtered equations of motion, `rows`: a list, in ascending order, of pairs of
+    the zero-based index of a log and the time (s) at which a block begins in it. There are about `count` blocks of
+    equally many rows, and each is within one log, so that there are more blocks where there are several logs. Raises
     `IndexError` for rows of no instants."""
     starts = [int(start) for start in np.linspace(0, len(rows), count, endpoint=False)]
     firsts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
@@ -104,7 +105,7 @@ def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
 
 def blocks_of(rows: Rows, edges: Sequence[tuple[int, float]]) -> NDArray[np.int64]:
     """Zero-based indices (n,) of the blocks of time that n `rows` of low-pass filtered equations of motion belong to.
-    `edges`, one for each block in rising order, are pairs of the zero-based index of a log and the time (s) at which
+    `edges`, one for each block in ascending order, are pairs of the zero-based index of a log and the time (s) at which
     the block begins in it; a row at that very time is in the block. Rows before the first edge are in block 0. Nothing
     is checked."""
     keys = np.array(edges)

@@ -136,7 +136,7 @@ def exciting_motion(
     allowed: Allowed | None = None,
 ) -> RobotMotion:
     """A motion, a `RobotMotion`, that excites a mechanism's parameters for an identification, within the `limits` of
-    its r joints. It is an exciting periodic reference, entered from rest at a pose `start` (r,) and left to rest at
+    its r joints. It is a periodic excitation trajectory, entered from rest at a pose `start` (r,) and left to rest at
     `end` (r,), rad (m for a prismatic joint), by default (None) the middle of the joints' ranges.
 
     The reference has `harmonics` (5 by default) of the frequency 1/(`duration` - 2 `fade`) Hz and is the best of a

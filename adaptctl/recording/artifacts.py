@@ -29,8 +29,8 @@ STAGED = "artifacts"
 def shown(comparison: Comparison) -> Result:
     """The `Result` of an experiment, as the command line shows it, made from the `comparison` of its runs: whether it
     is complete, and headline, facts and verdict in words. Its `write(folder, progress)` writes its files (recording,
-    summary, trace, figures, report) as `write_artifacts` does. Its `failed` is False: whether the adaptive controller
-    did what was asked is in its `verdict.passed`. Raises `ValueError` for a first run of another number of joints than
+    summary, trace, figures, report) by `write_artifacts`. Its `failed` is False: whether the adaptive controller did
+    what was asked is in its `verdict.passed`. Raises `ValueError` for a first run of another number of joints than
     there are torque limits."""
     return Result(
         complete=comparison.complete,

@@ -29,8 +29,8 @@ class ScreenContents:
     such as "kg·m, kg·m²". `joints` are the joints' names, `position_units` and `torque_units` their units. `runs` are
     the names of the runs whose errors are shown, first the one that the comparison is about, and `labels` their titles.
     `lyapunov` is a text on the Lyapunov function, `leading` the title of errors that are shown before the joints', both
-    None where there are none. `end`, s, is where the first run ended and time axes end; `truth_known`, True unless
-    given, says whether true parameters are drawn. Nothing is checked at construction.
+    None where there are none. `end`, s, is where the first run ended and time axes end; `truth_known`, True by default,
+    says whether true parameters are drawn. Nothing is checked at construction.
     """
 
     viewpoint: Viewpoint

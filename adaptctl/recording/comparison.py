@@ -83,9 +83,9 @@ class ControllerRun:
 
     def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
         """Root mean square of the tracking errors of the run, positions less desired ones, over some joints and over
-        the samples at times t with `start` <= t < `stop`, s, all of the run unless given; None without such samples. It
+        the samples at times t with `start` <= t < `stop`, s, all of the run by default; None without such samples. It
         is in rad (m if prismatic), and mixes both where the joints are of both kinds. `joints` is a slice or a list of
-        zero-based indices, all unless given. Raises `IndexError` for an index without a joint, `InputError` where
+        zero-based indices, all by default. Raises `IndexError` for an index without a joint, `InputError` where
         `joints` selects none."""
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         errors = self.rollout.error[inside][:, joints]
@@ -240,7 +240,7 @@ class Comparison:
     mechanism's parameters are not the arm's true ones; `leading` are errors that recording and report show before the
     joints' errors, None where there are none; `expected` maps the subject's failures that the experiment expects to the
     reasons why; `live` is the subject's closed loop compiled to run in the report's page, a `LiveArm`, or a text that
-    says why there is none (empty unless given).
+    says why there is none (empty by default).
 
     Raises `InputError` for empty `runs`, where the first has no samples, where two have one name, for torque limits of
     another shape, not above 0 or not numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without an

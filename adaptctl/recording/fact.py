@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 
 class Whose(Enum):
-    """Enumeration of the runs that a fact about an experiment can be about, by which a report colours it: SUBJECT, the
-    run that a comparison is about; BASELINE, that with adaptation off; NOBODY, no run by itself. The value is the name
-    of the report's style: "subject", "off" or, for no colour, empty."""
+    """Enumeration of what a fact in an experiment's report is about, by which the report colours it. SUBJECT is the
+    simulated run that a comparison examines, BASELINE the run with adaptation off, NOBODY no single run. The value is
+    the name of the report's style: "subject", "off" or, for no colour, empty."""
 
     SUBJECT = "subject"
     """the run that a comparison is about"""

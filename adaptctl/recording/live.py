@@ -38,7 +38,7 @@ class Live:
     """Live view of a control loop on a `mechanism` of r joints, drawn by the rerun viewer: its method `show` takes a
     sample of the loop and returns within microseconds.
 
-    At most `rate` samples per second of the loop's time, 100 unless given, are sent to a separate process that draws
+    At most `rate` samples per second of the loop's time, 100 by default, are sent to a separate process that draws
     them; where it does not keep up, samples are dropped and the loop never waits. The attributes `sent` and `dropped`
     count them. `to` is the address HOST:PORT of a viewer on this computer, None for 127.0.0.1:9876, or a file that ends
     in .rrd. With `start_viewer` (the default) a viewer is started where none is at the address, bound to 127.0.0.1
@@ -205,7 +205,7 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
 
 @contextmanager
 def streaming(to: str | None) -> Iterator[None]:
-    """A context in which experiments that can be watched stream their runs to a live view: `to` is the address
+    """Context manager in which experiments that can be watched stream their runs to a live view: `to` is the address
     HOST:PORT of a rerun viewer on this computer, or a file that ends in .rrd; None for no live view. At its end the
     earlier setting is restored. The address is checked only where an experiment uses it."""
     token = CURRENT.set(to)

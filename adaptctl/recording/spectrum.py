@@ -16,8 +16,8 @@ SMALLEST = 1e-18
 
 def shares(space: EssentialSpace) -> Array:
     """Normalised singular values (P,) of a mechanism's matrix of energy differences between states (rows), by its P
-    inertial parameters (columns): sigma_i/sigma_1, no unit, in falling order. Those below 1e-18, which are round-off or
-    zero, are set to 1e-18. `space` is the mechanism's essential space (directions of the parameters that change
+    inertial parameters (columns): sigma_i/sigma_1, no unit, in descending order. Those below 1e-18, which are round-off
+    or zero, are set to 1e-18. `space` is the mechanism's essential space (directions of the parameters that change
     energies), which has the singular values. Nothing is raised."""
     values = np.asarray(space.singular_values)
     return np.maximum(values / values[0], SMALLEST)
@@ -26,8 +26,8 @@ def shares(space: EssentialSpace) -> Array:
 def threshold(space: EssentialSpace) -> float:
     """Threshold, no unit, between the normalised singular values of a mechanism's energy differences that count and
     those that are zero but for round-off: sqrt(s_k s_(k+1)). Here s_i = sigma_i/sigma_1 are the singular values over
-    the largest, in falling order and at least 1e-18, and k is the number of independent inertial parameters; s_(k+1) is
-    1e-18 where all count. `space` is the mechanism's essential space (directions of the parameters that change
+    the largest, in descending order and at least 1e-18, and k is the number of independent inertial parameters; s_(k+1)
+    is 1e-18 where all count. `space` is the mechanism's essential space (directions of the parameters that change
     energies), which has the singular values sigma_i. Nothing is raised."""
     values = shares(space)
     beyond = values[space.rank] if space.rank < len(values) else SMALLEST
@@ -37,10 +37,10 @@ def threshold(space: EssentialSpace) -> float:
 def decades(space: EssentialSpace) -> Array:
     """Powers of ten (P,), no unit, by which the singular values of a mechanism's matrix of energy differences between
     states (rows), by its P inertial parameters (columns), lie above a threshold in their gap: log10(s_i / sqrt(s_k
-    s_(k+1))). Here s_i = sigma_i/sigma_1 are the singular values over the largest, in falling order and at least 1e-18,
-    and k is the number of independent parameters; s_(k+1) is 1e-18 where k = P. The first k are positive, the others
-    negative. `space` is the mechanism's essential space (directions of the parameters that change energies), which has
-    the singular values. Nothing is raised."""
+    s_(k+1))). Here s_i = sigma_i/sigma_1 are the singular values over the largest, in descending order and at least
+    1e-18, and k is the number of independent parameters; s_(k+1) is 1e-18 where k = P. The first k are positive, the
+    others negative. `space` is the mechanism's essential space (directions of the parameters that change energies),
+    which has the singular values. Nothing is raised."""
     return np.log10(shares(space) / threshold(space))
 
 

@@ -32,7 +32,7 @@ def log_scene(
     one, the run with adaptation off, in its own colour.
 
     `parts` are the shapes they are drawn by, `floor` is the floor's height, m, and `within` a prefix of the entities'
-    names below "world", ending in a slash, empty unless given. Each run is thinned to at most 2000 samples. Raises
+    names below "world", ending in a slash, empty by default. Each run is thinned to at most 2000 samples. Raises
     `NonFiniteError` for positions that are NaN or infinite, `LoopError` where kinematic loops cannot be closed,
     `SingularityError` near a singularity of these.
     """

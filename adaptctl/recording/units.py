@@ -27,8 +27,8 @@ def coupling_unit(mechanism: Mechanism) -> str:
 
 
 def typeset(unit: str) -> str:
-    """Text of a unit as pages show it: "kg m^2" becomes "kg·m²". Spaces become middle dots, "^2" and "^1/2" raised
-    signs, and "us" is "µs"; all else stays as it is. Nothing is raised."""
+    """Typeset text of a `unit`, as report pages show it: "kg m^2" becomes "kg·m²". Spaces become middle dots, "^2" and
+    "^1/2" raised signs, and "us" is "µs"; all else stays as it is. Nothing is raised."""
     if unit == "us":
         return "µs"
     return unit.replace(" ", "·").replace("^2", "²").replace("^1/2", "^½")

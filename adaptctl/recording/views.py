@@ -79,10 +79,10 @@ def curves(
     legend: bool = True,
 ) -> rrb.View:
     """View, for a rerun blueprint, of the curves below the entity path `origin`, with the title `name`, from `start` (0
-    unless given) until `end`, s; with an `end` of None all times, as for a run that goes on. The vertical axis has the
+    by default) until `end`, s; with an `end` of None all times, as for a run that goes on. The vertical axis has the
     range `bounds`, least and greatest value in the curves' unit, or adapts itself where that is None, the default. With
-    a `legend`, as by default, space is left empty for it on the right: `room` times the time range, 0.3 unless given.
-    Nothing is checked."""
+    a `legend`, as by default, space is left empty for it on the right: `room`, a fraction, times the time range, 0.3 by
+    default. Nothing is checked."""
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,

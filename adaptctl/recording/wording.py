@@ -12,7 +12,7 @@ from adaptctl.recording.summary import realtime_factor
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Text of a number with so many significant `digits`, 3 by default, such as "0.0123"; "–", a dash, for None.
+    """Number formatted as text with `digits` significant digits, 3 by default, such as "0.0123"; "–", a dash, for None.
     Numbers below 1e-4 or from 1e5 on in size are written with a power of ten, such as "2.80·10⁻¹⁴", and those from 10
     to the power `digits` on as whole numbers; NaN and infinity in words, such as "not a number". Nothing is checked."""
     if value is None:
@@ -26,8 +26,8 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def scientific(value: float, digits: int = 3) -> str:
-    """Text of a number as a multiple of a power of ten, with so many significant `digits`, 3 by default: 2.8e-14 is
-    "2.80·10⁻¹⁴". NaN and infinity are in words: "not a number", "infinity", "minus infinity". Nothing is checked."""
+    """Number formatted as text, as a multiple of a power of ten with `digits` significant digits, 3 by default: 2.8e-14
+    is "2.80·10⁻¹⁴". NaN and infinity are in words: "not a number", "infinity", "minus infinity". Nothing is checked."""
     if not math.isfinite(value):
         return "not a number" if math.isnan(value) else "infinity" if value > 0.0 else "minus infinity"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
@@ -38,7 +38,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def error(value: float | None, unit: str) -> str:
-    """Text of a tracking error `value`, given in rad (m if prismatic) and shown in thousandths with their `unit`: 0.012
+    """Tracking error `value`, given in rad (m if prismatic), formatted as text in thousandths with their `unit`: 0.012
     and "mrad" give "12 mrad". It is "–", a dash, for None, and "not a number" or "infinity", without a unit, for NaN
     and infinity. Nothing is raised."""
     if value is None or not math.isfinite(value):
@@ -47,15 +47,15 @@ def error(value: float | None, unit: str) -> str:
 
 
 def first_error(comparison: Comparison, run: ControllerRun) -> str:
-    """Text of the root mean square tracking error of a `run` over its first second, over all joints of each unit: "12
-    mrad", or "12 mrad and 3 mm". It has a dash for the number where the run is shorter, and words for NaN and infinity.
-    Raises `IndexError` for a run of fewer joints than the comparison's mechanism."""
+    """Root mean square tracking error of a `run` over its first second, over all joints of each unit, formatted as
+    text: "12 mrad", or "12 mrad and 3 mm". It has a dash for the number where the run is shorter, and words for NaN and
+    infinity. Raises `IndexError` for a run of fewer joints than the comparison's mechanism."""
     return _in_each_unit(comparison, run.first_rms_error_of)
 
 
 def final_error(comparison: Comparison, run: ControllerRun) -> str:
-    """Text of the root mean square tracking error of a `run` over its last two seconds, over all joints of each unit:
-    "12 mrad", or "12 mrad and 3 mm". It has a dash for the number where the run is shorter, and words for NaN and
+    """Root mean square tracking error of a `run` over its last two seconds, over all joints of each unit, formatted as
+    text: "12 mrad", or "12 mrad and 3 mm". It has a dash for the number where the run is shorter, and words for NaN and
     infinity. Raises `IndexError` for a run of fewer joints than the comparison's mechanism."""
     return _in_each_unit(comparison, run.final_rms_error_of)
 

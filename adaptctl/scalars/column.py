@@ -26,7 +26,7 @@ class Column:
 
     @classmethod
     def zeros(cls, n: int) -> Column:
-        """Column (n,) of n zeros, as floats; empty for `n` of 0 or less."""
+        """Column (n,) of n zeros, as floats; empty for `n` of 0 or less. Nothing is checked."""
         return cls((0.0,) * n)
 
     def __add__(self, other: Column) -> Column:

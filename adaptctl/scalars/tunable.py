@@ -38,9 +38,9 @@ class Structure:
 
 
 class Keyed:
-    """Base class of frozen dataclasses without tunable numbers (arguments of native code). The property `structure`,
-    the class and the values of all fields, is computed once; objects of equal structure share native code. Nothing is
-    checked at construction."""
+    """Base class of frozen dataclasses without tunable numbers (arguments of native code): all their values are
+    compiled into the code of their equations. The property `structure`, computed once, is their class and the values of
+    all fields; objects of equal structure share native code. Nothing is checked at construction."""
 
     @cached_property
     def structure(self) -> Structure:
@@ -89,9 +89,10 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All g tunable numbers (arguments of native code) in one float array (g,). The settings' own come first, in
-        the order of the property `tunable`, then those of parts (attributes that are `Tunable` themselves); matrices
-        are row by row."""
+        """All g tunable numbers (arguments of native code) in one float64 array (g,), in the order of the property
+        `numbers`: the settings' own first, in the order of the property `tunable`, then those of parts (attributes that
+        are `Tunable` themselves), in the order of these attributes. Matrices are row by row, and each number is in its
+        attribute's unit."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
@@ -129,7 +130,7 @@ class Tunable:
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
         """A copy of these settings with other tunable numbers, given in `numbers` by their names in the property of
         that name, such as "adaptation.gain", in the shapes and units of the attributes. Those not given stay. The
-        values are checked as those of new settings are.
+        values are checked by the constructor.
 
         Raises `NotFoundError` for an unknown name, and what the class itself raises for its attributes.
         """

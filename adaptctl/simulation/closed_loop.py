@@ -33,7 +33,7 @@ class Sample(NamedTuple):
     sensors measured of these, (0,) without sensors; `energy` (1,), J, is kinetic plus potential. `torque` (r,), N m
     (N), was commanded, and `applied` (r,) reached the joints; `clipped` (1,) is 1 where the command was beyond the
     plant's torque limits, else 0. `estimate` (k,) has the controller's k parameter estimates, SI units, after the
-    period's evaluation of its law, k = 0 where it has none. `marks` (m,), named in `ClosedLoop.marks`, are 1 where an
+    period's evaluation of its law, k = 0 where it has none. `marks` (h,), named in `ClosedLoop.marks`, are 1 where an
     actuator effect or a guard of the controller acted, else 0. `learning` (l,) has the l numbers that the adaptation
     law records of its internal state, l = 0 where it records none.
     """
@@ -123,11 +123,12 @@ class ClosedLoop:
 
         `columns` are, in SI units, those of the state before the period: "q", "v", "drives", "sensors", "measured_p",
         "measured_v" and "memory_0", "memory_1", ... (lengths in the property `state`); "parameters", the plant's P true
-        inertial parameters, in the order of `Mechanism.parameter_names`, and "gains", the controller's tunable numbers
-        (lengths in the property `held`); "reference_p", "reference_v" and "reference_a", the reference's positions,
-        velocities and accelerations (lengths in the property `reference`); "noise", the sensors' standard normal
-        numbers, the positions' first. Without "gains" the controller's own are taken. Raises `KeyError` where another
-        is missing; lengths are not checked.
+        inertial and friction parameters, in the order of `Mechanism.parameter_names`, and "gains", the controller's
+        tunable numbers (lengths in the property `held`); "reference_p", "reference_v" and "reference_a", the
+        reference's positions, velocities and accelerations, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic)
+        (lengths in the property `reference`); "noise", the sensors' standard normal numbers, the positions' first.
+        Without "gains" the controller's own are taken. Raises `KeyError` where another is missing; lengths are not
+        checked.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
@@ -182,11 +183,12 @@ class ClosedLoop:
         return (*passed_on, *sample)
 
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
-        """Set `arms`, M copies of the compiled step, to the plants' `state` and the controller's `memory`, as
-        `Plant.init` and `Controller.init` give them, and their tunable gains, if any, to the controller's. Each array
-        is (length,), the same for all arms, or (M, length), the length being its column's. The plants' inertial
-        parameters, `arms.held["parameters"]`, are left alone. Raises `InputError` for arms of another loop and where
-        arrays do not fit the arms, `ValueError` for an internal state of another number of arrays."""
+        """Set all M `arms`, an `Ensemble` of copies of this loop's compiled step, to the beginning of a run: to the
+        plants' `state` and the controller's internal state `memory`, which `Plant.init` and `Controller.init` return.
+        Tunable gains, if any, become the controller's. Each array in `state` and `memory` is (length,), the same for
+        all arms, or (M, length), length being that of its column. The plants' parameters, `arms.held["parameters"]`,
+        are not changed. Returns nothing. Raises `InputError` for arms of another loop and where arrays do not fit the
+        arms, `ValueError` for an internal state of another number of arrays."""
         self._require_own(arms)
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))

@@ -41,7 +41,7 @@ class GainsOfMany:
         that axis: the numbers of M controllers that exist already, which are not checked again. Both may be empty: then
         all arms have the controller's own gains.
 
-        Each arm's gains in `given` are checked as those of a new controller are. Raises `InputError` where neither
+        Each arm's gains in `given` are checked by the controller's constructor. Raises `InputError` where neither
         mapping is empty and for arrays of another shape or of no numbers, `NotFoundError` for an unknown name, and what
         the controller's class raises for its numbers, such as `GainError`.
         """

@@ -32,10 +32,10 @@ class Bodies(NamedTuple):
     Their columns are q (n,), rad (m if prismatic), positions of the spanning tree's n joints, and v (r,), rad/s (m/s),
     velocities of the r primary (independent) joints; with elastic joints each is followed by the motors' (r,). A prime
     is a time derivative. `rates` gives q' (n,), rad/s (m/s), from q and v. `moved` gives q' and the accelerations v'
-    (r,), rad/s^2 (m/s^2), from q, v, the torque (r,), N m (N), and the inertial parameters (P,), SI units. Where it is
-    for the links alone and an implicit integrator, it may be given one more column (r,), N m s/rad (N s/m), the
-    decrease of the torque for every rad/s (m/s) that v gains in the step. `projected` gives from q a configuration
-    whose loops are closed more exactly, q itself for a tree.
+    (r,), rad/s^2 (m/s^2), from q, v, the torque (r,), N m (N), and the P inertial and friction parameters (P,), SI
+    units, in the order of `Mechanism.parameter_names`. Where it is for the links alone and an implicit integrator, it
+    may be given one more column (r,), N m s/rad (N s/m), the decrease of the torque for every rad/s (m/s) that v gains
+    in the step. `projected` gives from q a configuration whose loops are closed more exactly, q itself for a tree.
     """
 
     rates: Callable[[Column, Column], Column]
@@ -60,9 +60,9 @@ def held_motion(
     of scalars of any kind (floats, arrays, or symbols to be compiled).
 
     q, rad (m if prismatic), are positions of all n joints of the spanning tree, v, rad/s (m/s), velocities of the r
-    primary (independent) joints, the torque is in N m (N), the inertial parameters are in SI units, in the order of
-    `Mechanism.parameter_names`. The period is integrated by `integrator` in `substeps` equal steps. `friction` are
-    effects that brake the joints, none unless given; `transmission` has the springs of elastic joints, None for rigid
+    primary (independent) joints, the torque is in N m (N), the inertial and friction parameters are in SI units, in the
+    order of `Mechanism.parameter_names`. The period is integrated by `integrator` in `substeps` equal steps. `friction`
+    are effects that brake the joints, none by default; `transmission` has the springs of elastic joints, None for rigid
     ones: with it q is (n + r,), the joints' positions and then the motors', and v is (2r,), the joints' velocities and
     then the motors'. Kinematic loops are closed again in every step. Nothing is checked here.
     """
@@ -139,8 +139,8 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
 
 
 def joined(links: Column, motors: Column) -> Column:
-    """The column (vector) (a + b,) of the numbers of `links` (a,), such as positions, followed by those of `motors`
-    (b,), in the units that they have. Nothing is checked."""
+    """The concatenated column (vector) (a + b,) of the a numbers of `links` (a,), such as positions, and the b of
+    `motors` (b,), in the units that they have. Nothing is checked."""
     return Column((*links, *motors))
 
 

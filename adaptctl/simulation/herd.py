@@ -29,9 +29,9 @@ class Herd:
 
     `loop` is the closed loop, and `stepper` its native step of one control period; `members` is the slice of these arms
     among all that are simulated, and `references` and `noise` are for these arms alone. `parameters` (M, P) are their P
-    true inertial parameters, SI units, in the order of `Mechanism.parameter_names`, without the loads of effects. The
-    attribute `arms` is the `Ensemble` of M copies of the step, all zero until `begin`. Raises `InputError` where
-    `parameters` has no rows.
+    true inertial and friction parameters, SI units, in the order of `Mechanism.parameter_names`, without the loads of
+    effects. The attribute `arms` is the `Ensemble` of M copies of the step, all zero until `begin`. Raises `InputError`
+    where `parameters` has no rows.
     """
 
     def __init__(

@@ -46,7 +46,7 @@ class LyapunovRise(NamedTuple):
 def rise_sizes(law: SlotineLi | None) -> dict[str, int]:
     """Lengths, by name, of the columns "lyapunov" and "lyapunov_rise", a Lyapunov function V and its largest rise so
     far, J: 1 each, or 0 where `law` is None. `law` is the controller of which V is computed, None where V is not known,
-    as `watched` returns it. Nothing is raised."""
+    which `watched` returns. Nothing is raised."""
     known = 0 if law is None else 1
     return LyapunovRise(known, known)._asdict()
 
@@ -55,7 +55,7 @@ def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
     """Lengths, by name, of the constant columns from which a Lyapunov function V is computed, as `first_rise` makes
     them. They are k for "truth", the true values of the k adapted parameters, and k (k + 1)/2 for "metric", the upper
     triangle of the inverse of the adaptation gain, only where the adaptation is gradient descent with a matrix (k, k)
-    as gain. `law` is the controller of which V is computed, as `watched` returns it; where it is None, as V is not
+    as gain. `law` is the controller of which V is computed, which `watched` returns; where it is None, as V is not
     known, the dict is empty. Nothing is checked."""
     if law is None:
         return {}
@@ -89,15 +89,16 @@ def first_rise(
     law: SlotineLi | None, parameters: Array, gains: Mapping[str, Array]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """The initial columns for computing a Lyapunov function V and its largest rise, and its constant columns, two dicts
-    by name for M arms. `law` is the controller of which V is computed, as `watched` returns it: None where V is not
+    by name for M arms. `law` is the controller of which V is computed, which `watched` returns: None where V is not
     known, which gives two empty dicts.
 
     The first dict has "lyapunov", the largest finite float, from which nothing rises, and "lyapunov_rise", 0.0, the
     same for all arms. The second has "truth" (M, k), the true values of the k adapted parameters in SI units, and,
     where the adaptation is gradient descent with a matrix (k, k) as gain Gamma, "metric" (M, k (k + 1)/2), the upper
-    triangle of its inverse, row by row, its diagonal entries halved. `parameters` (M, P) are the P true inertial ones,
-    SI units; `gains` has arms' own tunable numbers, (M, ...), by name, of which "adaptation.gain" (M, k, k) is read,
-    the controller's where missing. Raises `numpy.linalg.LinAlgError` for a gain that is singular.
+    triangle of its inverse, row by row, its diagonal entries halved. `parameters` (M, P) are the P true inertial and
+    friction ones, SI units, in the order of `Mechanism.parameter_names`; `gains` has arms' own tunable numbers, (M,
+    ...), by name, of which "adaptation.gain" (M, k, k) is read, the controller's where missing. Raises
+    `numpy.linalg.LinAlgError` for a gain that is singular.
     """
     if law is None:
         return {}, {}
@@ -123,8 +124,8 @@ def risen(
     be compiled).
 
     `sample` is the period's record, a `Sample`, `point` the reference in it, columns (r,) of positions, rad (m if
-    prismatic), velocities and accelerations, the same per s and s^2, of r joints; `runs` is a condition that is true
-    until the run diverges, from when on the rise stays. `columns` has by name what `first_rise` gave or the period
+    prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), of r joints; `runs` is a condition that is
+    true until the run diverges, from when on the rise stays. `columns` has by name what `first_rise` gave or the period
     before left, "lyapunov", "lyapunov_rise", "truth" and "metric", and "gains", if any, (g,), the arm's own tunable
     numbers. Where V is not known, the first two are empty and are returned as they are. Raises `KeyError` where a
     column is missing.

@@ -87,9 +87,9 @@ class MuJoCoPlant(Plant):
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
         """The state at time zero, a `PlantState`, of one arm at positions `p`, rad (m if prismatic), and velocities
-        `v`, rad/s (m/s), (r,) each; all else in the scene is as the model has it at its start. `parameters` (P,), SI
-        units, are the arm's P true inertial and friction parameters, in the order of `Mechanism.parameter_names`, None
-        for the mechanism's own; `noise` is not used, for there are no sensors.
+        `v`, rad/s (m/s), (r,) each; all else in the scene is in the model's initial state. `parameters` (P,), SI units,
+        are the arm's P true inertial and friction parameters, in the order of `Mechanism.parameter_names`, None for the
+        mechanism's own; `noise` is not used, for there are no sensors.
 
         Raises `InputError` on a wrong shape, for parameters that no rigid bodies can have and for friction other than
         viscous and Coulomb, `NonFiniteError` on NaN or infinity.

@@ -24,7 +24,7 @@ class PeriodOutcome(NamedTuple):
     actuator effects, followed, with elastic joints, by the motors' positions (r,) and velocities (r,); `sensors` (s,)
     is that of the sensor effects. `measured_p` and `measured_v` (r,) are what the sensors measure at the end, in rad
     (m) and rad/s (m/s). `applied` (r,), N m (N), reached the joints; `clipped` (1,) is 1 where the torque commanded was
-    beyond the plant's limits, else 0; `marks` (m,), named in `Plant.marks`, are 1 where that actuator effect changed a
+    beyond the plant's limits, else 0; `marks` (h,), named in `Plant.marks`, are 1 where that actuator effect changed a
     torque, else 0.
     """
 
@@ -45,7 +45,7 @@ class PeriodOutcome(NamedTuple):
     clipped: Column
     """(1,) 1 where the torque commanded was beyond the plant's limits, else 0"""
     marks: Column
-    """(m,) 1 for each of `Plant.marks` that changed a torque, else 0"""
+    """(h,) 1 for each of `Plant.marks` that changed a torque, else 0"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,11 +44,10 @@ class Plant(Tunable):
     limits. `effects`, in any order, none by default, are what real arms have besides rigid links and drives: delays and
     limits of torques, friction and springs in the joints, sensors, and loads. Joints have no stops.
 
-    The inertial parameters are an argument of `step`, so one plant serves an arm with any payload; so is the sensors'
-    noise, and equal calls give equal bits. Up to LARGEST_COMPILED (100) links run as native code, more in Python.
-    Raises `InputError` for a period not positive and finite, limits not positive, `substeps` not a whole number from 1
-    to MOST_SUBSTEPS (1 000 000) or too few for elastic joints, an object without an integrator's members, links without
-    mass that move none with mass, and effects that do not fit.
+    Parameters are an argument of `step`, so one plant serves an arm with any payload; so is sensors' noise: equal calls
+    give equal bits. Up to 100 links run as native code, more in Python. Raises `InputError` for a period not positive
+    and finite, limits not positive, `substeps` not a whole number from 1 to 1000000 or too few for elastic joints, no
+    integrator, links without mass that move none with mass, and effects that do not fit.
     """
 
     mechanism: Mechanism
@@ -87,7 +86,7 @@ class Plant(Tunable):
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """Names (m,) of the flags, such as "torque_limited", that actuator effects set in periods in which they act."""
+        """Names of the flags, such as "torque_limited", that actuator effects set in periods in which they act."""
         return self._effects.marks
 
     @cached_property
@@ -107,12 +106,12 @@ class Plant(Tunable):
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
-        """The P true inertial parameters (..., P) at `time` (s), SI, ordered as `Mechanism.parameter_names`: `own`
-        (..., P), of arms alone, with effects' loads added. Raises `InputError` for too few for a payload's link."""
+        """True inertial and friction parameters (..., P) at `time` (s), SI, ordered as `Mechanism.parameter_names`:
+        `own` (..., P), of arms alone, plus effects' loads. Raises `InputError` for too few for a payload's link."""
         return self._effects.loaded(own, self._links, time)
 
     def until(self, time: float) -> float:
-        """Time, s, until which true inertial parameters stay as at `time` (s), at least `time`; infinity for ever."""
+        """Time, s, until which the true parameters stay as at `time` (s), at least `time`; infinity for ever."""
         return min((load.until(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
@@ -122,10 +121,10 @@ class Plant(Tunable):
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """The state of one arm or many at time zero from positions p, rad (m if prismatic), and velocities v, rad/s
-        (m/s), (..., r). The r joints have been held by the torque that gravity asks for on the P true inertial
+        """State of one arm or many at time zero, at positions `p`, rad (m if prismatic), and velocities `v`, rad/s
+        (m/s), (..., r). Its last torque holds the r joints at rest against gravity for the P true inertial and friction
         `parameters` (..., P), SI, ordered as `Mechanism.parameter_names`, None for the mechanism's own with loads; it
-        stretches elastic joints' springs, whose motors move as the links do. `noise` (..., 2r) is the first
+        stretches elastic joints' springs, whose motors move as fast as the links. `noise` (..., 2r) is the first
         measurement's, standard normal, positions' first, None for zero. Raises `SingularityError` where loops cannot be
         followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity; parameters are used only with
         actuator effects or elastic joints, noise only with sensors."""
@@ -154,10 +153,10 @@ class Plant(Tunable):
         noise: ArrayLike | None = None,
     ) -> PlantState:
         """State of one arm a control period after `state`; the `torque` (r,) of r joints, N m (N), is clipped and held.
-        `parameters` (P,), SI, ordered as `Mechanism.parameter_names`, are the true inertial ones in this period, None
-        for the mechanism's own with loads as at the state's time. `noise` (2r,) is the sensors', standard normal,
+        `parameters` (P,), SI, ordered as `Mechanism.parameter_names`, are the true inertial and friction ones, None for
+        the mechanism's own with loads as at the state's time. `noise` (2r,) is the sensors', standard normal,
         positions' first, None for zero, not checked. Raises `InputError` on a wrong shape and `NonFiniteError` on NaN
-        or infinity in positions, velocities, torque or parameters, or when the motion itself becomes non-finite."""
+        or infinity in positions, velocities, torque or parameters, or in the motion."""
         true = self._true(state.time) if parameters is None else parameters
         moving = state.q, state.v, self._finite(torque), true
         if self._chained:
@@ -179,8 +178,9 @@ class Plant(Tunable):
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
         """Kinetic plus potential energy of one arm, J, gravity's zero at the base's origin, with elastic joints'
-        springs and motors; true inertial `parameters` (P,), SI, are ordered as `Mechanism.parameter_names`, None for
-        the mechanism's own with loads. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        springs and motors; `parameters` (P,), SI, inertial and friction, are ordered as `Mechanism.parameter_names`,
+        None for the mechanism's own with loads. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
+        infinity."""
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
         ((energy,),) = self._energy(state.q, state.v, true, *motors)
@@ -206,10 +206,11 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """The equation of a control period, a `ControlPeriod`: a function from Columns, vectors of scalars of any kind
-        (floats, arrays, symbols), SI units, to a `PeriodOutcome`: "q" (n,), the tree's n joints, "v" and "torque" (r,),
-        of the r primary (independent) ones, "parameters" (P,), inertial, "noise" (2r,), standard normal, empty without
-        sensors, and "drives" and "sensors", effects' internal states. It raises `KeyError` where one is missing."""
+        """Equation of a control period, a `ControlPeriod`, which makes of a mapping of Columns, vectors of scalars of
+        any kind (SI units), a `PeriodOutcome`: the next state, measurements and torques applied. The mapping has "q"
+        (n,), the tree's n joints, "v" and "torque" (r,), of the r primary (independent) ones, "parameters" (P,),
+        inertial and friction, "noise" (2r,), standard normal, empty without sensors, and the effects' internal states
+        "drives" and "sensors"; a missing one raises `KeyError`."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
@@ -218,8 +219,8 @@ class Plant(Tunable):
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
         """Kinetic plus potential energy, J, with springs and motors, a scalar. Columns, vectors of scalars of any kind,
         are q (n,), rad (m), of the spanning tree's n joints, v (r,), rad/s (m/s), of the r primary (independent) ones,
-        true inertial `parameters` (P,), SI, ordered as `Mechanism.parameter_names`, and `drives`, used for elastic
-        joints alone, which ends in their motors' positions and velocities (2r,). Nothing is checked."""
+        true `parameters` (P,), inertial and friction, SI, ordered as `Mechanism.parameter_names`, and `drives`, used
+        for elastic joints alone, which ends in their motors' positions and velocities (2r,). Nothing is checked."""
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters

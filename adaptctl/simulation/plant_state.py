@@ -17,7 +17,7 @@ class PlantState(NamedTuple):
 
     Of the last control period: `applied` (r,), N m (N), the torques that reached the joints, at time zero those that
     held them if there are actuator effects or springs, else 0; `clipped`, True if the torque commanded was beyond the
-    plant's limits; `marks` (m,), one for each of the m effects named in `Plant.marks`, 1 if it changed a torque, else
+    plant's limits; `marks` (h,), one for each of the h effects named in `Plant.marks`, 1 if it changed a torque, else
     0.
 
     `drives` (d,) are the internal states of the actuator effects, one after the other, followed, with `ElasticJoints`,
@@ -42,7 +42,7 @@ class PlantState(NamedTuple):
     clipped: bool
     """True if the torque commanded in the last period was beyond the plant's limits"""
     marks: Array
-    """(m,) 1 for each of `Plant.marks` that changed a torque in the last period, else 0"""
+    """(h,) 1 for each of `Plant.marks` that changed a torque in the last period, else 0"""
     drives: Array
     """(d,) internal states of the actuator effects; with `ElasticJoints`, then the motors' positions (r,) and
     velocities (r,)"""

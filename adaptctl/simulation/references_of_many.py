@@ -20,37 +20,37 @@ from adaptctl.simulation.sampled_references import REFERENCE, sampled
 @dataclass(frozen=True)
 class SampledForm:
     """Form of the references of a compiled step whose points come from outside as samples: positions, rad (m if
-    prismatic), velocities and accelerations, the same per s and s^2, of `size` joints. There is one point for all arms
-    or, where `each` is True, one for each arm. The properties `held`, `shared` and `driven` name the step's columns
-    (vectors); forms that are equal share native code. Nothing is checked."""
+    prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), of `size` joints. There is one point for
+    all arms or, where `each` is True, one for each arm. The properties `held`, `shared` and `driven` name the step's
+    columns (vectors); forms that are equal share native code. Nothing is checked."""
 
     size: int
     each: bool
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the reference's columns (vectors) that are constant over a run for each arm, as a
-        compiled step takes them: an empty dict, for references that come as samples change in each control period."""
+        """Lengths, by name, of the reference's columns (vectors) that are constant over a run for each arm: an empty
+        dict, for references that come as samples change in each control period."""
         return {}
 
     @property
     def shared(self) -> dict[str, int]:
         """Lengths, by name, of the reference's columns (vectors) that change in each control period and are the same
-        for all arms, as a compiled step takes them. Where one reference is for all arms, they are "reference_p",
-        "reference_v" and "reference_a", one number for each of the form's `size` joints; else the dict is empty."""
+        for all arms. Where one reference is for all arms, they are "reference_p", "reference_v" and "reference_a", one
+        number for each of the form's `size` joints; else the dict is empty."""
         return {} if self.each else dict.fromkeys(REFERENCE, self.size)
 
     @property
     def driven(self) -> dict[str, int]:
         """Lengths, by name, of the reference's columns (vectors) that change in each control period and differ from arm
-        to arm, as a compiled step takes them. Where each arm has its own reference, they are "reference_p",
-        "reference_v" and "reference_a", one number for each of the form's `size` joints; else the dict is empty."""
+        to arm. Where each arm has its own reference, they are "reference_p", "reference_v" and "reference_a", one
+        number for each of the form's `size` joints; else the dict is empty."""
         return dict.fromkeys(REFERENCE, self.size) if self.each else {}
 
     def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
         """The reference point of a control period, made of three entries of `columns`, vectors of scalars, unchanged:
-        "reference_p", positions, rad (m if prismatic), "reference_v", velocities, and "reference_a", accelerations, the
-        same per s and s^2, (r,) each for r joints. Raises `KeyError` where one is missing."""
+        "reference_p", positions, rad (m if prismatic), "reference_v", velocities, rad/s (m/s), and "reference_a",
+        accelerations, rad/s^2 (m/s^2), (r,) each for r joints. Raises `KeyError` where one is missing."""
         return ReferencePoint(*(columns[name] for name in REFERENCE))
 
 
@@ -66,30 +66,28 @@ class SinusoidForm:
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the reference's columns (vectors) that are constant over a run for each arm, as a
-        compiled step takes them: the numbers of the arm's sums of h sinusoids for each of r joints. They are r for
-        "center", rad (m if prismatic); h r for "amplitude", rad (m), "frequency", Hz, and "phase", rad, each with the r
-        numbers of the first term first; 1 for "start_time", s."""
+        """Lengths, by name, of the reference's columns (vectors) that are constant over a run for each arm: the numbers
+        of the arm's sums of h sinusoids for each of r joints. They are r for "center", rad (m if prismatic); h r for
+        "amplitude", rad (m), "frequency", Hz, and "phase", rad, each with the r numbers of the first term first; 1 for
+        "start_time", s."""
         wave = self.size * self.terms
         return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict()
 
     @property
     def shared(self) -> dict[str, int]:
         """Lengths, by name, of the reference's columns (vectors) that change in each control period and are the same
-        for all arms, as a compiled step takes them: {"time": 1}, the time in s, of which the step computes each arm's
-        sinusoids."""
+        for all arms: {"time": 1}, the time in s, of which the step computes each arm's sinusoids."""
         return {"time": 1}
 
     @property
     def driven(self) -> dict[str, int]:
         """Lengths, by name, of the reference's columns (vectors) that change in each control period and differ from arm
-        to arm, as a compiled step takes them: an empty dict, for only the time changes, which is the same for all
-        arms."""
+        to arm: an empty dict, for only the time changes, which is the same for all arms."""
         return {}
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
         """The reference point of an arm's sums of sinusoids for r joints, at the time in `columns` plus `ahead` (s), 0
-        unless given. It has columns (r,), vectors of scalars of any kind (floats, arrays, or symbols to be compiled):
+        by default. It has columns (r,), vectors of scalars of any kind (floats, arrays, or symbols to be compiled):
         positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2).
 
         `columns` has by name "time" (1,), s, and the numbers of h sinusoids a joint: "center" (r,) and "amplitude" (h
@@ -122,8 +120,8 @@ ReferenceForm: TypeAlias = SampledForm | SinusoidForm
 class ReferencesOfMany:
     """References of M arms, `references`, one for all or one for each, and the `form` in which a compiled step gets
     their points: as samples from outside, or computed from the numbers of sinusoids. Each point has positions, rad (m
-    if prismatic), velocities and accelerations, the same per s and s^2, of `size` joints. `arms` is (M,), or () where
-    one reference was given for any number of arms. `ReferencesOfMany.of` checks them; the class itself checks
+    if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), of `size` joints. `arms` is (M,), or ()
+    where one reference was given for any number of arms. `ReferencesOfMany.of` checks them; the class itself checks
     nothing."""
 
     references: Sequence[Reference]
@@ -157,10 +155,10 @@ class ReferencesOfMany:
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """The values, by name, of the references' columns that are constant over a run for each of M arms, as a
-        compiled step takes them; empty where references are sampled. For `Sinusoids` of h terms for each of r joints
-        they are "center" (M, r) and "amplitude" (M, h r), rad (m if prismatic), "frequency", Hz, and "phase", rad, (M,
-        h r) each, with the r numbers of the first term first, and "start_time" (M, 1), s."""
+        """The values, by name, of the references' columns that are constant over a run for each of M arms; empty where
+        references are sampled. For `Sinusoids` of h terms for each of r joints they are "center" (M, r) and "amplitude"
+        (M, h r), rad (m if prismatic), "frequency", Hz, and "phase", rad, (M, h r) each, with the r numbers of the
+        first term first, and "start_time" (M, 1), s."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:
@@ -174,12 +172,12 @@ class ReferencesOfMany:
         return points.p[0], points.v[0]
 
     def signals(self, time: Array) -> Mapping[str, Array]:
-        """The values, by name, of the references' columns that change in each control period, as a compiled step takes
-        them, in the T periods that begin at the times `time` (T,), s. Where the step computes the points from the
-        numbers of sinusoids, there is "time" (T, 1) alone. Where references are sampled, there are "reference_p",
-        positions, rad (m if prismatic), "reference_v", velocities, and "reference_a", accelerations, the same per s and
-        s^2: (T, M, n) for M arms, n numbers a point, or (T, n) where one reference is for all. Raises then `InputError`
-        for points of another shape and `NonFiniteError` for NaN or infinity."""
+        """The values, by name, of the references' columns that change in each control period, in the T periods that
+        begin at the times `time` (T,), s. Where the step computes the points from the numbers of sinusoids, there is
+        "time" (T, 1) alone. Where references are sampled, there are "reference_p", positions, rad (m if prismatic),
+        "reference_v", velocities, rad/s (m/s), and "reference_a", accelerations, rad/s^2 (m/s^2): (T, M, n) for M arms,
+        n numbers a point, or (T, n) where one reference is for all. Raises then `InputError` for points of another
+        shape and `NonFiniteError` for NaN or infinity."""
         if isinstance(self.form, SinusoidForm):
             return {"time": time[:, None]}
         return dict(zip(REFERENCE, self._points(time), strict=True))

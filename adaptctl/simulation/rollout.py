@@ -41,15 +41,18 @@ def rollout(
 
     Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` (s) and `observation_slices`,
     a mapping from the names p, v, reference_p, reference_v and reference_a to slices of the observation: measured
-    positions and velocities and the reference's positions, velocities and accelerations, r joints each, in rad (m if
-    prismatic) and per s and s^2. `seed` and `options` are passed to `env.reset`, None for its own defaults. `info` may
-    have `applied_torque` (r,), N m (N), `energy` (J), `clipped` (the number of control periods with a clipped torque so
-    far) and `time` (s); for a missing one the torque commanded, NaN, 0 and the periods counted from zero are taken. It
-    may have the true positions `p` and velocities `v`, and `marks`, a mapping from names of events to numbers; the
-    controller's state may have a NamedTuple `marks` of arrays (1,), as `Guarded` has. `progress`, if given, is called
-    about a hundred times with the fraction done, 0 to 1, where the run's length is known. The run has a sample of one
-    in `every` control periods, the first one included, and only those of its last `last` seconds, None for the whole
-    run; no memory is allocated for more.
+    positions and velocities and the reference's positions, velocities and accelerations, r joints each, in rad, rad/s
+    and rad/s^2 (m, m/s and m/s^2 if prismatic). `seed` and `options` are passed to `env.reset`, None for its own
+    defaults.
+
+    `info` may have keys that are recorded: `applied_torque` (r,), N m (N), the commanded torque where it is missing;
+    `energy` (J), NaN where missing; `clipped`, the number of control periods with a clipped torque so far, 0 where
+    missing; and `time` (s), the number of control periods times their length where missing. It may have the true
+    positions `p` and velocities `v`, and `marks`, a mapping from names of events to numbers; the controller's state may
+    have a NamedTuple `marks` of arrays (1,), such as that of `Guarded`. `progress`, if given, is called about a hundred
+    times with the fraction done, 0 to 1, where the run's length is known. The run has a sample of one in `every`
+    control periods, the first one included, and only those of its last `last` seconds, None for the whole run; no
+    memory is allocated for more.
 
     Ctrl-C ends the run but keeps what was computed; the run's `complete` is then False. Raises `InputError` for an
     environment that cannot be driven or has another number of joints than the controller, an `every` that is not a

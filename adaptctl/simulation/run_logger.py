@@ -84,8 +84,8 @@ class RunLogger:
         estimate: ArrayLike = (),
     ) -> None:
         """Append a sample at `time` (s) to the log, of r joints: the measured positions `p`, rad (m if prismatic), and
-        velocities `v`, rad/s (m/s), the positions, velocities and accelerations of the `reference`, in the same units
-        and per s^2, and the `torque` commanded, N m (N), (r,) each.
+        velocities `v`, rad/s (m/s), the positions, velocities and accelerations of the `reference`, in rad, rad/s and
+        rad/s^2 (m, m/s and m/s^2 if prismatic), and the `torque` commanded, N m (N), (r,) each.
 
         `applied` (r,) is the torque applied, N m (N), None where that is the one commanded; `estimate` (k,) is the
         controller's k parameter estimates, SI units, which may be left out only where k = 0. A sample with an array of

@@ -26,12 +26,12 @@ LAST = 2.0
 class DrawnRun(LearningRun, SampledRun, Protocol):
     """Protocol of a closed-loop run that can be drawn, such as a `Rollout`: T samples of r joints, their reference and
     k parameter estimates, and how the run ended. An implementation has, besides the properties here, positions `p`,
-    velocities `v`, `reference_p`, `reference_v` and `reference_a`, (T, r) each, in rad (m if prismatic) and per s and
-    s^2, `estimate` (T, k), SI units, and `control_period`, s."""
+    velocities `v`, `reference_p`, `reference_v` and `reference_a`, (T, r) each, in rad, rad/s and rad/s^2 (m, m/s and
+    m/s^2 if prismatic), `estimate` (T, k), SI units, and `control_period`, s."""
 
     @property
     def time(self) -> Array:
-        """Times (T,) of the T samples, s, rising."""
+        """Times (T,) of the T samples, s, in ascending order."""
         ...
 
     @property

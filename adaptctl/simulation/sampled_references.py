@@ -24,9 +24,9 @@ BLOCK = 128
 
 def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
     """The points of a `reference` of `size` coordinates (joints) at `times` (T,), s, a `ReferencePoint`: positions,
-    velocities and accelerations, (T, size) each, rad (m if prismatic) and the same per s and s^2. They are views of one
-    array (T, 3, size): `out`, which is overwritten, or a new one where `out` is None. The shape of `out` is not
-    checked.
+    velocities and accelerations, (T, size) each, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic). They are
+    views of one array (T, 3, size): `out`, which is overwritten, or a new one where `out` is None. The shape of `out`
+    is not checked.
 
     Raises `InputError` where the reference returns no reference point or one of another shape, `NonFiniteError` for NaN
     or infinity in it; what the reference itself raises goes through.
@@ -46,12 +46,12 @@ def sampled(reference: Reference, times: Array, size: int, out: Array | None = N
 
 class Preview:
     """Preview of a `reference` of r = `dof` joints: a row of numbers for each `control_period` (s). A row has
-    positions, rad (m if prismatic), velocities and accelerations, the same per s and s^2, of the period's beginning,
-    then positions at each of the h times `look_ahead` (h,), s, after it.
+    positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), of the period's
+    beginning, then positions at each of the h times `look_ahead` (h,), s, after it.
 
-    Rows are computed for `block` periods at once, BLOCK (128) unless given, so that a control step costs no evaluation
-    of its own; only the blocks asked for last are kept. Raises at construction and in its methods `InputError` where
-    the reference's points have another shape, `NonFiniteError` where they have NaN or infinity.
+    Rows are computed for `block` periods at once, BLOCK (128) by default, so that a control step costs no evaluation of
+    its own; only the blocks asked for last are kept. Raises at construction and in its methods `InputError` where the
+    reference's points have another shape, `NonFiniteError` where they have NaN or infinity.
     """
 
     def __init__(
@@ -64,10 +64,10 @@ class Preview:
 
     def row(self, step: int) -> Array:
         """The row (3r + h r,) of the control period of zero-based index `step`, of r joints. It has the reference's
-        positions, rad (m if prismatic), velocities and accelerations, the same per s and s^2, (r,) each, at the
+        positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), (r,) each, at the
         period's beginning, then its positions at each of the h times after that for which the preview was made. Raises
-        `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN or
-        infinity."""
+        `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN or infinity.
+        """
         block, place = divmod(step, self._size)
         if block not in self._blocks:
             self._keep([block])
@@ -76,10 +76,10 @@ class Preview:
 
     def rows(self, steps: NDArray[np.int64]) -> Array:
         """The rows (k, 3r + h r) of the control periods of zero-based indices `steps` (k,), of r joints. Each has the
-        reference's positions, rad (m if prismatic), velocities and accelerations, the same per s and s^2, (r,) each, at
-        the period's beginning, then its positions at each of the h times after that for which the preview was made.
-        Raises `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN or
-        infinity."""
+        reference's positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), (r,)
+        each, at the period's beginning, then its positions at each of the h times after that for which the preview was
+        made. Raises `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN
+        or infinity."""
         needed, which = np.unique(steps // self._size, return_inverse=True)
         self._keep(needed.tolist())
         rows: Array = np.stack(list(self._blocks.values()))[which, steps % self._size]

@@ -48,8 +48,8 @@ class Rollouts:
 
     `time` (T,), s. (T, M, r): positions `p` and `reference_p`, rad (m if prismatic), velocities `v` and `reference_v`,
     rad/s (m/s), `torque`, the one commanded, and `applied`, the one at the joints, N m (N). `estimate` (T, M, k), the
-    controllers' k parameter estimates, k = 0 where they have none; `parameters` (M, P), the P true inertial parameters
-    without the effects' loads, both in SI units.
+    controllers' k parameter estimates, k = 0 where they have none; `parameters` (M, P), the P true inertial and
+    friction parameters without the effects' loads, in the order of `Mechanism.parameter_names`; both in SI units.
 
     (M, r), rad (m): `rms_error`, root mean square, `largest_error`, largest magnitude, and `final_rms_error`, root mean
     square over the last SETTLED (2) s, NaN in shorter runs and those that diverged before; the first two are NaN in a
@@ -148,14 +148,14 @@ def simulate_many(
 
     `controller` is one for all runs or a sequence of M, which may differ in their `numbers`, such as gains, alone;
     `reference` is one for all or a sequence of M; `Sinusoids` with equal numbers of terms are not stored as samples.
-    `parameters` (P,) or (M, P), SI units, are the P true inertial ones, in the order of `Mechanism.parameter_names`,
-    the mechanism's own when not given; `p`, rad (m if prismatic), and `v`, rad/s (m/s), (r,) or (M, r), are where the
-    arms start, on their references when not given; `memory` is the controllers' initial internal state, such as
-    estimates, in the form in which `controller.init` gives it for one arm or for M, which is taken when it is not
-    given; `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the controller by their
-    names in `controller.numbers`, as they are there or with a leading axis of M, the controller's own when not given.
-    `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not depend on who else
-    runs; None draws another noise each time.
+    `parameters` (P,) or (M, P), SI units, are the P true inertial and friction ones, in the order of
+    `Mechanism.parameter_names`, the mechanism's own when not given; `p`, rad (m if prismatic), and `v`, rad/s (m/s),
+    (r,) or (M, r), are where the arms start, on their references when not given; `memory` is the controllers' initial
+    internal state, such as estimates, in the form in which `controller.init` gives it for one arm or for M, which is
+    taken when it is not given; `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the
+    controller by their names in `controller.numbers`, of the shapes there or with a leading axis of M, the controller's
+    own when not given. `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not
+    depend on who else runs; None draws another noise each time.
 
     Every `every`-th control period is recorded as a sample, the first one included; None records no samples. Summaries
     of the errors are of all control periods. `within` (rad or m, a number or (r,), infinite unless given) bounds the

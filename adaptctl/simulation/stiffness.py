@@ -38,7 +38,7 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
     r) the slope of the friction torque over velocity at rest, where it is steepest, N m s/rad (N s/m if prismatic). The
     configurations are the same at every call.
 
-    Friction is that of the `mechanism`'s drives and of `effects` in the joints, none unless given. Raises `InputError`
+    Friction is that of the `mechanism`'s drives and of `effects` in the joints, none by default. Raises `InputError`
     where the mass matrix is singular, for settings of effects that do not fit r joints, and where loops reach none of
     the configurations.
     """

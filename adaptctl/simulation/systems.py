@@ -94,12 +94,13 @@ def controller_system(
     `period` (s).
 
     Its inputs are positions p, rad (m if prismatic), velocities v, rad/s (m/s), r each for r joints, and the
-    reference's positions, velocities and accelerations, in the same units and per s^2, r each (or as many as a task
-    space has, in m): ``p[0]``, ..., ``v[0]``, ..., ``reference_p[0]``, ..., ``reference_v[0]``, ...,
-    ``reference_a[0]``, ... Its outputs are r torques, ``torque[0]``, ..., N m (N). Its state, ``memory[0]``, ..., is
-    the law's internal state, the estimate first where there is one; `controller_start` returns the initial one. Raises
-    `InputError` for a period that is not positive and finite, or is not the controller's own where it has one, and
-    `MissingExtraError` without python-control; an evaluation raises what `controller.step` raises.
+    reference's positions, velocities and accelerations, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic), r
+    each (or as many as a task space has coordinates, in m, m/s, m/s^2): ``p[0]``, ..., ``v[0]``, ...,
+    ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ... Its outputs are r torques, ``torque[0]``,
+    ..., N m (N). Its state, ``memory[0]``, ..., is the law's internal state, the estimate first where there is one;
+    `controller_start` returns the initial one. Raises `InputError` for a period that is not positive and finite, or is
+    not the controller's own where it has one, and `MissingExtraError` without python-control; an evaluation raises what
+    `controller.step` raises.
     """
     import control
 
@@ -143,10 +144,10 @@ def closed_loop_system(
     """A discrete-time python-control system of a plant and a controller in closed loop, called `name`, sampled every
     control period of the plant.
 
-    Inputs are the reference's positions, velocities and accelerations, rad (m if prismatic) and per s and s^2,
-    ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ..., r each for r joints (or as many as a task
-    space has, in m); outputs are positions ``p[0]``, ..., rad (m), and velocities ``v[0]``, ..., rad/s (m/s), r each.
-    The state is the plant's, p and v (2r,), then the controller's internal state, such as its estimate.
+    Inputs are the reference's positions, velocities and accelerations, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if
+    prismatic), ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ..., r each for r joints (or as
+    many as a task space has, in m); outputs are positions ``p[0]``, ..., rad (m), and velocities ``v[0]``, ..., rad/s
+    (m/s), r each. The state is the plant's, p and v (2r,), then the controller's internal state, such as its estimate.
 
     Raises `InputError` where plant and controller differ in their number of joints or, if the controller has a period
     of its own, in their period, and for a plant with effects other than those in the joints, such as friction;

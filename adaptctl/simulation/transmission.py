@@ -16,9 +16,9 @@ from adaptctl.simulation.effects import ElasticJoints
 
 
 class Motors(NamedTuple):
-    """Motors of r elastic joints, before the springs, as they appear behind their gears. They have positions `theta`,
-    rad (m if prismatic), velocities `w`, rad/s (m/s), and inertias `inertia`, kg m^2 (kg): Columns (r,), vectors of
-    scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is checked."""
+    """Motors of r elastic joints, before the springs, reflected to the joints (as seen through the gears). They have
+    positions `theta`, rad (m if prismatic), velocities `w`, rad/s (m/s), and inertias `inertia`, kg m^2 (kg): Columns
+    (r,), vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is checked."""
 
     theta: Column
     w: Column
@@ -26,18 +26,19 @@ class Motors(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """Torque f (r,) of the springs and dampers on the links of r elastic joints over an integration step of `dt` (s),
-    linear in the links' joint velocities at the step's end. Its parts are Columns (r,), vectors of scalars of any kind
-    (floats, arrays, or symbols to be compiled). Nothing is checked.
+    """Torque f (r,) of the springs and dampers of r elastic joints on their links over an integration step of `dt` (s),
+    as an affine function of the links' joint velocities v_1 (r,) at the step's end: joint by joint, f = held + slope
+    (w_1 - v_1), where the motor's velocity w_1 at the end follows from f.
 
-    The motors have positions theta and velocities w, the links' joints p and v; the index 1 is for the end of the step.
-    The springs' stretch at the end is taken to be (theta - p) + dt (u + u_1)/2, where u = w - v. The motors' equation,
-    J (w_1 - w) = dt (tau - f), is solved for w_1, J being their inertias and tau their torque, which leaves f linear in
-    v_1. With dt = 0, f is the springs' and dampers' torque at the beginning.
+    The fields are Columns (r,), vectors of scalars of any kind (floats, arrays, or symbols to be compiled). The motors
+    have positions theta and velocities w, the links' joints p and v; the index 1 is for the end of the step. The
+    springs' stretch at the end is taken to be (theta - p) + dt (u + u_1)/2, where u = w - v. The motors' equation, J
+    (w_1 - w) = dt (tau - f), is solved for w_1, J being their reflected inertias and tau their torque, which leaves f
+    affine in v_1. With dt = 0, f is the springs' and dampers' torque at the beginning.
 
-    `held`, N m (N if prismatic), is f for w_1 = v_1; `slope`, N m s/rad (N s/m), what f gains by each unit of w_1 -
+    `held`, N m (N if prismatic), is f for w_1 = v_1; `slope`, N m s/rad (N s/m), is the change of f per unit of w_1 -
     v_1; `v`, rad/s (m/s), are the joint velocities at the beginning; `motors` has theta, w and J then; `given`, N m
-    (N), is tau.
+    (N), is tau. Nothing is checked.
     """
 
     held: Column
@@ -68,9 +69,9 @@ class Springs(NamedTuple):
 
     def spin(self, after: Column) -> Column:
         """The mean acceleration (r,), rad/s^2 (m/s^2 if prismatic), of the motors of r elastic joints over the
-        integration step, seen behind their gears, a `Column` (vector of scalars of any kind). `after` (r,), rad/s
-        (m/s), are the links' joint velocities at the step's end. Raises `ValueError` for another number of joints than
-        r."""
+        integration step, reflected to the joints (as seen through the gears), a `Column` (vector of scalars of any
+        kind). `after` (r,), rad/s (m/s), are the links' joint velocities at the step's end. Raises `ValueError` for
+        another number of joints than r."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property
@@ -88,10 +89,10 @@ class Transmission:
     `Transmission.of` makes and checks it; the class itself checks nothing.
 
     `stiffness`, N m/rad (N/m if prismatic), and `damping`, N m s/rad (N s/m), are (r,) arrays; so is `inertia`, kg m^2
-    (kg), that of the motors, behind their gears, besides the rotors modelled. `rotors` (r,) has for each joint the
-    index of its rotor's inertia among the mechanism's P inertial parameters (in the order of
-    `Mechanism.parameter_names`), None where it has none; `primary` (r,) the indices of the primary (independent) joints
-    among the spanning tree's n.
+    (kg), the motors' reflected inertia (as seen at the joint, through the gears) besides the rotors modelled. `rotors`
+    (r,) has for each joint the index of its rotor's inertia among the mechanism's P inertial and friction parameters
+    (in the order of `Mechanism.parameter_names`), None where it has none; `primary` (r,) are the indices of the primary
+    (independent) joints among the spanning tree's n.
     """
 
     stiffness: Array
@@ -124,17 +125,18 @@ class Transmission:
         return found
 
     def motors(self, parameters: Column) -> Column:
-        """Inertias (r,) of the motors of r elastic joints behind their gears, kg m^2 (kg of a prismatic joint), rotors
-        included. The mechanism's P inertial `parameters` (P,), SI units, have the rotors' inertias. Both are Columns,
-        vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError` where
-        `parameters` is too short."""
+        """Reflected inertias (r,) of the motors of r elastic joints, kg m^2 (kg of a prismatic joint): their inertias
+        as seen at the joints, through the gears, rotors included. The rotors' are taken from `parameters` (P,), the
+        mechanism's P inertial and friction parameters in SI units, in the order of `Mechanism.parameter_names`. Both
+        are Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError`
+        where `parameters` is too short."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
     def links(self, parameters: Column) -> Column:
-        """Inertial parameters (P,) of the links alone, SI units: the mechanism's P `parameters` (P,) with the rotors'
-        inertias replaced by zero, over Columns, vectors of scalars of any kind (floats, arrays, or symbols to be
-        compiled). Nothing is checked."""
+        """Inertial and friction parameters (P,) without rotors, SI units: the mechanism's P `parameters` (P,), in the
+        order of `Mechanism.parameter_names`, with the rotors' inertias replaced by zero, over Columns, vectors of
+        scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is checked."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:

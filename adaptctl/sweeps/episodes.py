@@ -16,7 +16,8 @@ WHAT_IS_HELD = frozenset({"payload"})
 
 class BegunEpisode(NamedTuple):
     """An episode of a tracking environment in its initial state: `episode`, an `Episode`, its plant, state, true
-    inertial parameters and reference, and `env`, the environment without Gymnasium's wrappers. Nothing is checked."""
+    parameters (inertial and friction) and reference trajectory, and `env`, the environment without Gymnasium's
+    wrappers. Nothing is checked."""
 
     episode: Episode
     env: Any
@@ -30,18 +31,21 @@ class BegunEpisode(NamedTuple):
 
 
 class Episodes:
-    """Cache of the initial episodes of many experiments, empty at first. Episodes of equal tasks on one mechanism share
-    an environment, which is made and reset once; they differ only in the arm's true inertial parameters, such as by a
-    payload."""
+    """Cache of experiments' tracking environments after their reset, empty at first, from which the method `of` takes
+    the initial episode of an experiment. Experiments with equal tasks on one mechanism share an environment, which is
+    made and reset once; their episodes differ only in the arm's true inertial and friction parameters, such as by a
+    payload. It keeps every environment and has no bound on their number. Nothing is checked at construction; `of`
+    raises what an environment raises."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Mechanism, SinusoidTask], BegunEpisode] = {}
 
     def of(self, experiment: Learning, mechanism: Mechanism) -> BegunEpisode:
-        """The initial episode of an `experiment` on a `mechanism`, a `BegunEpisode`, as the experiment's environment
-        begins it with the experiment's seed and options. Experiments with the same task and mechanism share an
-        environment; one with another kind of environment, or with options other than a payload, gets its own. Raises
-        what the environment raises, such as `InputError` for another number of joints."""
+        """The initial episode of an `experiment` on a `mechanism`, a `BegunEpisode`: its plant, initial state, true
+        parameters and reference, after a reset of the experiment's environment with the experiment's seed and options.
+        Experiments with the same task and mechanism share an environment, which is reset once; one with another kind of
+        environment, or with options other than a payload, gets its own. Raises what the environment raises, such as
+        `InputError` for another number of joints."""
         if type(experiment).environment is not StatedTask.environment or experiment.options.keys() - WHAT_IS_HELD:
             return _begun(experiment, mechanism)
         key = mechanism, experiment.task(mechanism)  # type: ignore[attr-defined]  # as its environment tells

@@ -12,10 +12,10 @@ from adaptctl.recording.page import Figure
 
 class SettingsMap(NamedTuple):
     """Map of the outcomes of a sweep's runs over two of its settings, named `x` and `y`. `across` (c,) and `down` (d,)
-    have c values of x and d of y, rising, or the lower ends of bins of them. `error` (d, c) has root mean square errors
-    of joint positions, rad or m, over the last two seconds (over all of a shorter run), as their mean over the runs of
-    status "done"; `stable` (d, c) has the fraction of runs of status "done", 0 to 1; NaN where there are none. Nothing
-    is checked."""
+    have c values of x and d of y, in ascending order, or the lower ends of bins of them. `error` (d, c) has root mean
+    square errors of joint positions, rad or m, over the last two seconds (over all of a shorter run), as their mean
+    over the runs of status "done"; `stable` (d, c) has the fraction of runs of status "done", 0 to 1; NaN where there
+    are none. Nothing is checked."""
 
     x: str
     y: str

@@ -19,9 +19,10 @@ ATTEMPTS = 3
 
 
 def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] = lambda share: None) -> pa.Table:
-    """Table (pyarrow) of the rows of all runs of the study of a `folder`, computed by the workers of a `cluster`, which
-    is also written to the folder. Runs come in shards, groups whose rows this process writes to one file each as they
-    are computed; shards whose file exists are not computed again.
+    """Run all missing runs of the study of a `folder` on the workers of a `cluster`, and return the table (pyarrow) of
+    its rows. A row is for one setting of the study's values and one of the controllers compared; the table is also
+    written to the folder, as "sweep.parquet". Runs come in shards, groups whose rows this process writes to one file
+    each as they are computed; shards whose file exists are not computed again.
 
     `progress(share)` is called with the fraction of shards that is done, 0 to 1; by default it does nothing. Raises
     `InputError` where the cluster cannot be reached or its workers have another version of adaptctl,

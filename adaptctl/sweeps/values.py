@@ -80,8 +80,8 @@ def _is_whole(entry: Field[Any]) -> bool:
 
 def as_span(entry: Field[Any], values: tuple[Any, ...] | Span) -> Span | None:
     """The `Span` that a setting is drawn from: `values` where it is one, or the range of `values` that are two or more
-    successive whole numbers, in rising order, of a setting of whole numbers. None for all others, of which a draw picks
-    one. `entry` is the setting's dataclass field, whose default tells its kind. Nothing is raised."""
+    successive whole numbers, in ascending order, of a setting of whole numbers. None for all others, of which a draw
+    picks one. `entry` is the setting's dataclass field, whose default tells its kind. Nothing is raised."""
     if isinstance(values, Span):
         return values
     if len(values) > 1 and _is_whole(entry) and list(values) == list(range(values[0], values[-1] + 1)):

@@ -57,8 +57,9 @@ class Delayed(Controller[AdaptiveState]):
         """The torque (r,) of r joints, N m (N if prismatic), for one control period, and the wrapped law's internal
         state after it. The torque is the wrapped law's for the last period where torques come late, else its new one.
         Measured positions p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has the desired
-        positions, velocities and accelerations (r,), in rad (m) and s; `memory` is the internal state of the last
-        control period. Nothing is checked here: the method `step` checks shapes."""
+        positions, velocities and accelerations (r,), in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic);
+        `memory` is the internal state of the last control period. Nothing is checked here: the method `step` checks
+        shapes."""
         _, after = self.of.law(p, v, reference, memory)
         late = self.late > 0.5
         return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after
@@ -70,8 +71,8 @@ class TrialSetting(NamedTuple):
 
     `bandwidth` (r,) is in 1/s and `damping` (r,) in N m s/rad (N s/m if prismatic); `gain` (P,) is the diagonal of the
     adaptation gain on all P inertial and friction parameters, in their units squared per J, zero for adaptation off.
-    `parameters` (P,) are the arm's true ones, SI units. With `late` True, False by default, torques come a control
-    period late.
+    `parameters` (P,) are the arm's true inertial and friction ones, SI units, in the order of
+    `Mechanism.parameter_names`. With `late` True, False by default, torques come a control period late.
     """
 
     bandwidth: Array

@@ -42,13 +42,13 @@ def tune(
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
-    """A `Tuning` of a `mechanism` of r joints: a reference, gains and integration with which Slotine and Li's law
-    learns its parameters from zero.
+    """A `Tuning` of a `mechanism` of r joints: a reference trajectory, gains, and the integrator and its number of
+    steps a control period, with which Slotine and Li's law learns its parameters from zero.
 
     The law is torque = Y estimate - K s, s = v - v_d + Lambda (p - p_d), d estimate/dt = -Gamma Y' s. p and v (r,) are
-    positions and velocities, p_d and v_d the reference's, Y (r, P) is the regressor of the P inertial and friction
-    parameters and Y' its transpose; Lambda (1/s) and K (N m s/rad, N s/m if prismatic) are gains of each joint, Gamma
-    (P, P) is the adaptation gain in the parameters' units squared per J.
+    positions and velocities, p_d and v_d the reference's, in rad and rad/s (m and m/s if prismatic), Y (r, P) is the
+    regressor of the P inertial and friction parameters and Y' its transpose; Lambda (1/s) and K (N m s/rad, N s/m if
+    prismatic) are gains of each joint, Gamma (P, P) is the adaptation gain in the parameters' units squared per J.
 
     `period` is the control period T (s), 1 ms by default. The `reference`, unless given, is drawn by `seed` within 60 %
     of the torque limits; the `initial_error` (rad or m, one number or (r,)), position less the reference's at time 0,

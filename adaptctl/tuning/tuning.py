@@ -38,7 +38,7 @@ class Tuning:
 
     `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the `Verification` runs with these
     gains, none for a mechanism of more than 100 links, for which no native code is made, and `notes` sentences on what
-    else matters, none unless given.
+    else matters, none by default.
     """
 
     mechanism: Mechanism

@@ -63,10 +63,10 @@ class ArmReferences:
         return SinusoidForm(self._dof, terms).numbers([self.of[arm] for arm in arms.tolist()])
 
     def rows(self, arms: Steps, steps: Steps) -> Array:
-        """Values (k, 3r + r L) of the references of the arms of indices `arms` (k,), zero-based, a row an arm, at the
-        control periods of numbers `steps` (k,), counted from 0 at the episode's start: positions, velocities and
-        accelerations at that time, r each, then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2
-        (m if prismatic).
+        """References' points now and ahead, (k, 3r + r L), of the k arms of zero-based indices `arms` (k,), a row an
+        arm, at the control periods `steps` (k,), counted from 0 at the episode's start. A row has the positions,
+        velocities and accelerations of r joints at that time, then the positions at each of the L look-ahead times, in
+        rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic).
 
         Raises `NotFoundError`, naming the arm, for arms without samples: those whose reference has not been set by
         `put`, and all where the property `terms` is not 0; and what sampling the references raises: `InputError` for a

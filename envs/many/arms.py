@@ -38,7 +38,7 @@ class StepResult:
     `truncated` (k,), bools, the two ways in which an episode ends; `time` (k,), s since the reset; `energy` (k,),
     kinetic plus potential, J; `clipped` (k,), the number of control periods since the reset in which a torque was
     clipped; `p` and `v` (k, r), the true positions, rad (m if prismatic), and velocities, rad/s (m/s), not those
-    measured; `torque` (k, r), N m (N), as applied at the joints; `marks` (k, m), flags of the m actuator effects named
+    measured; `torque` (k, r), N m (N), as applied at the joints; `marks` (k, h), flags of the h actuator effects named
     in `Plant.marks`, 1 where the effect changed a torque, else 0. Nothing is checked.
     """
 
@@ -55,7 +55,7 @@ class StepResult:
     torque: Array
     """(k, r) N m, what reached the joints"""
     marks: Array
-    """(k, m) of `Plant.marks`"""
+    """(k, h) of `Plant.marks`"""
 
     def copy(self) -> StepResult:
         """Copy of this object, a new `StepResult` whose arrays are copies."""
@@ -74,9 +74,9 @@ class Arms:
 
     `count` is N; `precision`, "double" by default or "single", is that of the native code. Attributes: `steps` and
     `clipped` (N,), the numbers of control periods since the reset and of those with a clipped torque; `parameters` (N,
-    P), the P true inertial parameters now, payloads included, SI units, in the order of `Mechanism.parameter_names`,
-    read-only; `payload` (N,), the mass in kg that load effects add. Raises `InputError` for another precision, and
-    where single precision cannot close the mechanism's loops.
+    P), the P true inertial and friction parameters now, payloads included, SI units, in the order of
+    `Mechanism.parameter_names`, read-only; `payload` (N,), the mass in kg that load effects add. Raises `InputError`
+    for another precision, and where single precision cannot close the mechanism's loops.
     """
 
     def __init__(self, single: TrackingEnv, count: int, precision: Precision = "double") -> None:
@@ -99,11 +99,12 @@ class Arms:
         self._kernels: dict[int, Kernel] = {}
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> StepResult:
-        """First results, a `StepResult` of k rows, of new episodes of the arms of indices `arms` (k,), zero-based,
-        which this call begins. `options` may have `payload` (kg, a `Payload` or a mapping of its fields `mass`,
-        `center` and `inertia`), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number, (r,) or
-        (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true inertial ones, SI units, in the order
-        of `Mechanism.parameter_names`: one value for all N arms or N of them. Other entries are ignored, and what is
+        """First results, a `StepResult` of k rows, of new episodes of the k arms, of r joints each, of zero-based
+        indices `arms` (k,), which this call begins. `options` may have `payload` (a mass in kg, a `Payload`, or a
+        mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg m^2, about that centre, in the last link's
+        frame), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number, (r,) or (N, r), rad, m if
+        prismatic) and `parameters`, (P,) or (N, P), the P true inertial and friction ones, SI units, in the order of
+        `Mechanism.parameter_names`: one value for all N arms or N of them. Other entries are ignored, and what is
         missing is that of the single environment.
 
         Raises `InputError`, naming the arm, for a bad value (its subclass `NonFiniteError` for numbers that are not
@@ -130,11 +131,11 @@ class Arms:
 
     def advance(self, torque: Array, moving: Numbers) -> StepResult:
         """Results, a `StepResult` of N rows, of one control period, by which this call advances all N arms under the
-        torques `torque` (N, r), N m (N if prismatic), clipped to the torque limits and held. `moving` are the indices,
-        zero-based, of the arms whose rows count; rows of other arms are arbitrary. Raises `InputError` for torques that
-        do not broadcast to (N, r), `NonFiniteError`, naming the arm and the time, where the motion of a moving arm
-        diverges: its positions and velocities are not finite, or their squares sum to 1e300 or more. Torques are not
-        checked for NaN."""
+        torques `torque` (N, r) of r joints each, N m (N if prismatic), clipped to the torque limits and held. `moving`
+        are the indices, zero-based, of the arms whose rows count; rows of other arms are arbitrary. Raises `InputError`
+        for torques that do not broadcast to (N, r), `NonFiniteError`, naming the arm and the time, where the motion of
+        a moving arm diverges: its positions and velocities are not finite, or their squares sum to 1e300 or more.
+        Torques are not checked for NaN."""
         self.steps += 1
         time = np.asarray(self.single.control_period * self.steps, dtype=np.float64)
         self._give(torque, time, moving)
@@ -168,8 +169,8 @@ class Arms:
     @property
     def rows(self) -> Array:
         """Values (N, 3r + r L) of the references of all N arms now, a row an arm: positions, velocities and
-        accelerations of r joints, then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m if
-        prismatic). Raises `NotFoundError`, naming an arm, before all arms have begun an episode."""
+        accelerations of r joints, then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m, m/s,
+        m/s^2 if prismatic). Raises `NotFoundError`, naming an arm, before all arms have begun an episode."""
         return self._row(self.all)
 
     @property

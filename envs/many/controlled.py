@@ -50,19 +50,20 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """First observations (N, n), n numbers an arm, in the environment's units and in the order of its
-        `observation_slices`, and `info`, that of `VectorTrackingEnv.reset`, of new episodes of all N arms, which this
+        """First observations (N, n), n = 5r + r L for r joints and L look-ahead times, in the units and the order of
+        `VectorTrackingEnv`'s, and `info`, that of `VectorTrackingEnv.reset`, of new episodes of all N arms, which this
         call begins with new initial states of the controller; with `autoreset_mode` "Disabled" only of the arms in the
         option `reset_mask`, bools (N,).
 
         `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, and None lets the random numbers go
-        on. `options`, None for none, are those of `VectorTrackingEnv.reset`, for all arms or one each: `payload` (kg, a
-        `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or
-        "random"), `initial_error` (one number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P),
-        the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad
-        seeds and options (its subclasses `NotFoundError` for unknown options, `NonFiniteError` for numbers that are not
-        finite), `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of
-        the arms before the first reset of all.
+        on. `options`, None for none, are those of `VectorTrackingEnv.reset`, for all arms or one each: `payload` (a
+        mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg m^2, about
+        that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one
+        number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true inertial and friction
+        ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad seeds and options (its
+        subclasses `NotFoundError` for unknown options, `NonFiniteError` for numbers that are not finite),
+        `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of the arms
+        before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
         begun = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))

@@ -47,9 +47,10 @@ class LearnerView:
         """First observations (N, n), n numbers an arm, in the order and the units of the environment's own, of new
         episodes of all N arms, which this call begins. `seeds` and `options` have N entries each: an arm's seed, None
         to go on with its random numbers, and its options, of the same names for all arms. These are those of
-        `TrackingEnv.reset`: `payload` (kg, a `Payload` or a mapping of its fields `mass`, `center` and `inertia`),
-        `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number or (r,), rad, m if prismatic) and
-        `parameters` (P,), the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`.
+        `TrackingEnv.reset`: `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and
+        `inertia` (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or
+        "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial
+        and friction ones, SI units, in the order of `Mechanism.parameter_names`.
 
         Raises `InputError` for a bad seed or option, for another number of seeds or options than N, and for options
         whose names differ from arm to arm (its subclasses `NotFoundError` for an unknown option, `NonFiniteError` for

@@ -24,10 +24,11 @@ class ArmOptions:
     arms: NDArray[np.int64]
 
     def numbers(self, values: ArrayLike, size: int, what: str) -> Array:
-        """Numbers (k, `size`) of an option, a row for each of the k chosen arms, from `values`: one number, `size` of
-        them for all arms, or (N, `size`), a row for each of all N arms; the unit is the option's. `what` is the
-        option's name in messages. Raises `InputError` for another shape and for entries that are no numbers,
-        `NonFiniteError`, naming the arm, on NaN and infinity in the chosen rows."""
+        """Values (k, `size`) of an option of a reset, such as initial errors of `size` joints, a row for each of the k
+        chosen arms. They are taken from `values`: one number, `size` of them for all arms, or (N, `size`), a row for
+        each of all N arms; the unit is the option's. `what` is the option's name in messages. Raises `InputError` for
+        another shape and for entries that are no numbers, `NonFiniteError`, naming the arm, on NaN and infinity in the
+        chosen rows."""
         array = numbers(values, what)
         if array.shape not in ((), (size,), (self.total, size)):
             raise InputError(
@@ -53,11 +54,12 @@ class ArmOptions:
         return [values[arm] for arm in self.arms.tolist()]
 
     def parameters(self, options: Mapping[str, Any], own: Array, link: int) -> Array:
-        """True inertial parameters (k, P), SI units, of the k chosen arms, in the order of `Mechanism.parameter_names`:
-        the option `parameters`, P numbers for all arms or (N, P) for all N, or else the mechanism's `own` (P,), to
-        which the option `payload` is added at the body of index `link`, from 0. A payload, one for all or N of them, is
-        a mass in kg, a mapping with `mass`, kg, `center` (3,), m, in that body's frame, and `inertia` (3, 3), kg m^2,
-        about that centre, or a `Payload`.
+        """True inertial and friction parameters (k, P), SI units, of the k chosen arms among N, in the order of
+        `Mechanism.parameter_names`. They are the option `parameters`, P numbers for all arms or (N, P), or else the
+        mechanism's `own` (P,), with the option `payload` added to the body of index `link`, from 0. A payload, one for
+        all or a list, tuple or array of N, is a mass in kg at the origin of that body's frame, a `Payload`, or a
+        mapping with `mass`, kg, `center` (3,), m, in that frame, and `inertia` (3, 3), kg m^2, about that centre along
+        that frame's axes.
 
         `options` maps names to values; other entries are ignored. Raises `InputError` on a wrong shape, for another
         number of payloads than one or N, and, naming the arm, for what is no payload (its subclass `NotFoundError` for

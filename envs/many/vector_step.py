@@ -73,8 +73,8 @@ class VectorStep:
     @property
     def held(self) -> dict[str, int]:
         """Lengths, by name, of the input columns (vectors) that a step reads and does not change: "torque" (r), "noise"
-        (2r, the positions' first, or 0 without sensors), "parameters" (P, the true inertial ones, in the order of
-        `Mechanism.parameter_names`) and those of the property `reference`, for r joints."""
+        (2r, the positions' first, or 0 without sensors), "parameters" (P, the true inertial and friction ones, in the
+        order of `Mechanism.parameter_names`) and those of the property `reference`, for r joints."""
         given = {"torque": self.plant.dof, "noise": self.plant.noise_size}
         return given | {"parameters": self.plant.mechanism.equations.parameters} | self.reference
 
@@ -90,8 +90,8 @@ class VectorStep:
     def compile_row(self) -> Kernel:
         """Native code, a `Kernel`, that evaluates a reference: called with an array for each column in the property
         `reference`, in that order and of the length there, it returns (3r + r L,), the positions, velocities and
-        accelerations of r joints now, then the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m if
-        prismatic). Nothing is raised."""
+        accelerations of r joints now, then the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m, m/s,
+        m/s^2 if prismatic). Nothing is raised."""
 
         def row(**reference: Column) -> Column:
             return self.row(reference)
@@ -99,10 +99,10 @@ class VectorStep:
         return compile_function(row, self.reference, name="row")
 
     def row(self, columns: Mapping[str, Column]) -> Column:
-        """Values of a reference at one time, a `Column` (vector of scalars of any kind) of length 3r + r L: positions,
-        velocities and accelerations of r joints at that time, then the positions at each of L look-ahead times after
-        it, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). `columns` maps names to Columns and has those whose
-        lengths are in the property `reference`: "row", which is returned as it is, for a sampled reference, else
+        """Reference's positions, velocities and accelerations now and positions ahead, a `Column` (vector of scalars of
+        any kind) of length 3r + r L: those of r joints at one time, then the positions at each of L look-ahead times
+        after it, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). `columns` maps names to Columns and has those
+        whose lengths are in the property `reference`: "row", which is returned as it is, for a sampled reference, else
         "time", s, and the sinusoids' parameters. Raises `KeyError` for one that is missing."""
         if not self.sinusoids.terms:
             return columns["row"]
@@ -114,7 +114,7 @@ class VectorStep:
         four are the plant's new state: positions q (n,) of the n joints of the spanning tree, velocities v (r,) of the
         r primary (independent) joints and the internal states of drives and of sensors. The fifth is the observation
         (5r + r L,), for L look-ahead times: measured positions and velocities, then the reference's row. The sixth (6 +
-        m,) has the six numbers of `Facts` (reward, finite, lost, sure, energy, clipped) and the plant's m flags of
+        h,) has the six numbers of `Facts` (reward, finite, lost, sure, energy, clipped) and the plant's h flags of
         actuator effects. The seventh (3r,) has the true positions, the velocities and the torques applied at the
         joints.
 

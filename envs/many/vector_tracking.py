@@ -52,10 +52,11 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (N, 5r + r L), float64)` for L look-ahead times, in rad, rad/s, rad/s^2 (m if prismatic), for every
-    arm as in `TrackingEnv`: positions `p`, velocities `v`, `reference_p`, `reference_v` and `reference_a`, r each, and
-    the reference's positions at the L times ahead. `observation_slices` has slices of the columns by name, for
-    `observation[:, env.unwrapped.observation_slices["p"]]`. `Controller.step` takes these columns as they are.
+    `Box(-1e6, 1e6, (N, 5r + r L), float64)` for L look-ahead times, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
+    prismatic), for every arm as in `TrackingEnv`: positions `p`, velocities `v`, `reference_p`, `reference_v` and
+    `reference_a`, r each, and the reference's positions at the L times ahead. `observation_slices` has slices of the
+    columns by name, for `observation[:, env.unwrapped.observation_slices["p"]]`. `Controller.step` takes these columns
+    as they are.
 
     ## Rewards and episode end
 
@@ -162,13 +163,14 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         arms that have begun.
 
         `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, and None lets the random numbers go
-        on. `options`, None for those in `reset_options` alone, replace these, for all arms or one each: `payload` (kg,
-        a `Payload` or a mapping of its fields `mass`, `center` and `inertia`), `trajectory` (a `Reference`, a seed or
-        "random"), `initial_error` (one number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P),
-        the P true inertial ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad
-        seeds and options (its subclasses `NotFoundError` for unknown options, `NonFiniteError`, naming the arm, for
-        numbers that are not finite); `SingularityError` where loops cannot be followed to the start; Gymnasium's
-        `ResetNeeded` for a part of the arms before the first reset of all.
+        on. `options`, None for those in `reset_options` alone, replace these, for all arms or one each: `payload` (a
+        mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg m^2, about
+        that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one
+        number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true inertial and friction
+        ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad seeds and options (its
+        subclasses `NotFoundError` for unknown options, `NonFiniteError`, naming the arm, for numbers that are not
+        finite); `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of
+        the arms before the first reset of all.
         """
         given = dict(_known(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -187,8 +189,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
         """Observations (N, n), n = 5r + r L, rewards (N,), unitless, `terminated` and `truncated`, bools (N,), and
-        `info` after one control period, by which this call advances all N arms under `actions`, torques (N, r), N m (N
-        if prismatic), held and clipped to the torque limits. A row of observations has, for r joints and L look-ahead
+        `info` after one control period, by which this call advances all N arms. `actions` are torques (N, r), N m (N if
+        prismatic), held and clipped to the torque limits. A row of observations has, for r joints and L look-ahead
         times, the measured positions and velocities, the reference's positions, velocities and accelerations, (r,)
         each, then its positions at each time ahead in turn; rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). A reward
         is minus the sums over the joints of squared position errors, squared velocity errors and (torque/limit)^2, each
@@ -197,14 +199,14 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity (the
         smallest singular value of their closure Jacobian below 0.05 of that at the reference configuration) or leave
         bounds that the robot's file states, `truncated` where the duration is over. `info` has `time` (N,), s,
-        `parameters` (N, P), the P true inertial ones (SI units, in the order of `Mechanism.parameter_names`),
-        `applied_torque` (N, r), N m (N), `energy` (N,), kinetic plus potential, J, and `clipped` (N,), the number of
-        actions clipped so far; with effects also the true `p` and `v` (N, r) and `marks`, a dict of events; for each
-        key a mask `_key` (N,) of arms; with `autoreset_mode` "SameStep" `final_obs` and `final_info` of episodes that
-        ended. Raises `InputError` on a wrong shape and `NonFiniteError`, naming joint and arm, on NaN and infinity,
-        before anything has moved; `NonFiniteError`, naming the arm, for a motion that diverges to non-finite values;
-        Gymnasium's `ResetNeeded` before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is
-        over.
+        `parameters` (N, P), the P true inertial and friction ones (SI units, in the order of
+        `Mechanism.parameter_names`), `applied_torque` (N, r), N m (N), `energy` (N,), kinetic plus potential, J, and
+        `clipped` (N,), the number of actions clipped so far; with effects also the true `p` and `v` (N, r) and `marks`,
+        a dict of events; for each key a mask `_key` (N,) of arms; with `autoreset_mode` "SameStep" `final_obs` and
+        `final_info` of episodes that ended. Raises `InputError` on a wrong shape and `NonFiniteError`, naming joint and
+        arm, on NaN and infinity, before anything has moved; `NonFiniteError`, naming the arm, for a motion that
+        diverges to non-finite values; Gymnasium's `ResetNeeded` before the first reset, and with `autoreset_mode`
+        "Disabled" where an arm's episode is over.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)

@@ -72,8 +72,8 @@ class Camera:
 
     def window(self, points: Array, margin: float) -> tuple[slice, slice]:
         """Rectangle of the picture, a pair of slices of rows and of columns in pixels, that covers all balls of radius
-        `margin` (m) about `points` (n, 3), world coordinates, m, and the straight lines between them; the whole picture
-        where a point is within 1.5 `margin` of the camera's plane or behind it. Nothing is checked."""
+        `margin` (m) about n `points` (n, 3), world coordinates, m, and the straight lines between them; the whole
+        picture where a point is within 1.5 `margin` of the camera's plane or behind it. Nothing is checked."""
         seen = (points - self.eye) @ self.axes.T
         if seen[:, 2].min() <= 1.5 * margin:
             return slice(0, self.height), slice(0, self.width)

@@ -55,8 +55,8 @@ class SampledArm:
 
     @property
     def parameters(self) -> Array:
-        """Inertial parameters D (P,) of the arm: of each link m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz
-        (kg, kg m, kg m^2), about its frame's origin."""
+        """The P inertial parameters D (P,) of the arm: of each link m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
+        I_zz (kg, kg m, kg m^2), about its frame's origin."""
         return self.mechanism.inertial_parameters
 
     def states(self, generator: np.random.Generator, samples: int, velocity_scale: float) -> tuple[Array, Array]:

@@ -46,11 +46,12 @@ class Counts:
 
 def numbers(items: Sequence[Item]) -> Counts:
     """Counts by verdict, a `Counts`, of all numbers that Sheu and Walker (1991) print in the `items`, which are tables,
-    figures and sections of the paper; crosses and blanks are left out."""
+    figures and sections of the paper; crosses and blanks are left out. Nothing is checked."""
     return Counts.of([check for item in items for check in item.checks if not check.is_mark])
 
 
 def marks(items: Sequence[Item]) -> Counts:
     """Counts by verdict, a `Counts`, of all crosses and blanks (parameter kept, or not) that Sheu and Walker (1991)
-    print in the `items`, which are tables, figures and sections of the paper; only Tables 5 and 12 have some."""
+    print in the `items`, which are tables, figures and sections of the paper; only Tables 5 and 12 have some. Nothing
+    is checked."""
     return Counts.of([check for item in items for check in item.checks if check.is_mark])

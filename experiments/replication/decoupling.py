@@ -54,13 +54,13 @@ class Decoupling:
 
     def lines(self) -> tuple[str, ...]:
         """Texts of the relations that decouple the arm, one each, such as "link5.mc_x* = 0.6667 link4.mc_x*", with
-        coefficients in SI units; the star marks fundamental (base) parameters."""
+        coefficients in SI units; the star marks fundamental (base) parameters. Nothing is checked."""
         return tuple(_line(row, self.basis.names) for row in self.relations)
 
     def of_parameters(self) -> Array:
         """Coefficients (m, P) of the m relations that decouple the arm, among all its P inertial parameters, in SI
         units: the relations (m, k) among the k fundamental (base) ones times the matrix (k, P) that regroups all
-        parameters into these."""
+        parameters into these. Nothing is checked."""
         return self.relations @ self.basis.regrouping
 
 
@@ -77,9 +77,9 @@ def off_diagonal_rows(arm: SampledArm, columns: Sequence[int]) -> dict[str, Arra
 
 
 def reduced_rows(rows: Array) -> Array:
-    """Reduced row echelon form (rank, n) of `rows` (m, n), of the same row space, by Gauss-Jordan elimination with the
-    columns taken from the last to the first: each of its rows has a 1 in a column that is zero in all others. Pivots
-    and entries below 1e-9 in magnitude count as zero."""
+    """Reduced row echelon form (rank, n) of `rows` (m, n), m rows of n numbers, of the same row space, by Gauss-Jordan
+    elimination with the columns taken from the last to the first: each of its rows has a 1 in a column that is zero in
+    all others. Pivots and entries below 1e-9 in magnitude count as zero. Nothing is checked."""
     left, done = rows.copy(), 0
     for column in reversed(range(rows.shape[1])):
         if done == len(left):

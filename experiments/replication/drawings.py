@@ -26,7 +26,7 @@ LEAST = 1e-10
 def singular_values(draws: Draws, numbers: Array) -> Drawing:
     """Drawing of Table 2 of Sheu and Walker (1991) for the report, a `Drawing` (name, caption and function that makes
     the figure): the singular values of energy differences over all random draws of states, J per SI unit, and the
-    printed ones, `numbers` (k,), k the rank. `draws` are the random draws."""
+    printed ones, `numbers` (k,), k the rank. `draws` are the random draws. Nothing is checked."""
     caption = (
         f"Table 2: the {draws.rank} singular values that are not round-off. Line: median of {len(draws.reductions)} "
         "seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
@@ -39,7 +39,7 @@ def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int
     the figure): the energy error, %, over the number of essential components (the parameters' parts along the right
     singular vectors of energy differences) that are kept. It has a panel for each arm's random draws in `panels` (two
     or three), by title, with the printed errors in `points`, %, by title and number of components; a negative one is an
-    upper bound, drawn as an arrow."""
+    upper bound, drawn as an arrow. Nothing is checked."""
     caption = (
         "Figure 3: error of the energy over the number of components kept. Line: median of the seeds; bands: from the "
         "5th to the 95th percentile, and all; crosses: printed in Tables 3 and 10; arrows: the text's upper bounds."
@@ -52,7 +52,7 @@ def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
     makes the figure): mean square torque errors, (N m)^2, over the number of essential components (the parameters'
     parts along the right singular vectors of energy differences) that are kept. `name` is the drawing's ("table-3"),
     `table` the printed one, `errors` (seeds, k + 1, r) those computed for each random draw with 0 to k components at r
-    joints, (N m)^2."""
+    joints, (N m)^2. Nothing is checked."""
     caption = (
         f"{name.replace('-', ' ').title()}: mean square torque errors over the number of components kept, a joint "
         "each. Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
@@ -75,7 +75,8 @@ def torques(name: str, joint: int, motion: StatedMotion, curves: Mapping[str, Ar
 def two_parameters(c: float, real: Array, essential: Array, independent: Array) -> Drawing:
     """Drawing of Figure 1 of Sheu and Walker (1991) for the report, a `Drawing` (name, caption and function that makes
     the figure): the plane of two parameters m1 and m2 of which only m1 + c m2 matters, with the points (2,) of the
-    `real`, the `essential` (projected) and the `independent` (m2 = 0) parameters; `c` and the points have no unit."""
+    `real`, the `essential` (projected) and the `independent` (m2 = 0) parameters; `c` and the points have no unit.
+    Nothing is checked."""
     caption = (
         f"Figure 1: two parameters of which only m1 + c m2 matters, c = {c:g}. The real parameters, projected onto the "
         "essential space; a null vector leads from there to the independent parameters, where m2 is zero."

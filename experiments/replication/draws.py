@@ -14,11 +14,12 @@ from adaptctl.identifiability import Reduction, reduce
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Random draws of an arm's states, one for each seed, with what follows from them. H (samples - 1, P) are one
-    draw's energy differences between successive states, J per SI unit of the P inertial parameters. `singular_values`
-    (seeds, P) are those of H, falling (samples - 1 of them where that is less than P). `reductions`, a `Reduction` for
-    each draw, write the parameters of `arm` as a sum of essential components, their parts along the right singular
-    vectors of H, by falling energy (Sheu and Walker 1991, section 3). Nothing is checked at construction."""
+    """Random samples of an arm's states, one for each seed, with the singular values and model reductions that follow.
+    H (samples - 1, P) are the energy differences between successive states of one seed, J per SI unit of the P inertial
+    parameters. `singular_values` (seeds, P) are those of H in descending order (samples - 1 of them where that is less
+    than P). `reductions`, a `Reduction` for each seed, write the parameters of `arm` as a sum of essential components,
+    their parts along the right singular vectors of H, in descending order of energy (Sheu and Walker 1991, section 3).
+    Nothing is checked at construction."""
 
     arm: SampledArm
     singular_values: Array
@@ -41,28 +42,31 @@ class Draws:
 
     @property
     def rank(self) -> int:
-        """Number k of the arm's essential parameters, the directions of its inertial parameters that change energies.
-        Raises `RankError` where it cannot be certified."""
+        """Rank k of the arm's energy regressor: the dimension of its essential space, the directions of its inertial
+        parameters that change energies. It is the number of base parameters. Raises `RankError` where it cannot be
+        certified."""
         return self.arm.space.rank
 
     @property
     def percent_errors(self) -> Array:
-        """Energy errors (seeds, k + 1), 100 |H (D - D_j)| / |H D| in %, of keeping the first j = 0, 1, ..., k of the k
-        essential components of the parameters D (their parts along the right singular vectors of the energy differences
-        H, those with the most energy first), whose sum is D_j (Sheu and Walker 1991, equation 23)."""
+        """Energy errors (seeds, k + 1) in % when only the first j = 0, 1, ..., k of the k essential components are
+        kept, for each random draw. They are 100 |H (D - D_j)| / |H D|: D are the parameters, D_j the sum of their first
+        j components, those along the right singular vectors of the energy differences H with the most energy (Sheu and
+        Walker 1991, equation 23)."""
         return np.stack([reduction.percent_errors for reduction in self.reductions])
 
     @property
     def weights(self) -> Array:
         """Energy weights |beta_j| (seeds, k) of the k essential components of the parameters (their parts along the
-        right singular vectors of the energy differences), J, by falling size: the root of the summed squares of the
-        energy differences that each makes (Sheu and Walker 1991, equation 19)."""
+        right singular vectors of the energy differences), J, in descending order of size: the root of the summed
+        squares of the energy differences that each makes (Sheu and Walker 1991, equation 19)."""
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
     def torque_errors(self, motion: StatedMotion) -> Array:
         """Mean square torque errors (seeds, k + 1, r), (N m)^2, of the arm's r joints over the times of a `motion`, for
-        each random draw when only the first 0, 1, ..., k of the k essential components (the parameters' parts along the
-        right singular vectors of the energy differences), those with the most energy, are kept."""
+        each random draw. The second axis is for keeping the first 0, 1, ..., k of the k essential components, those
+        with the most energy: the parameters' parts along the right singular vectors of the energy differences. Nothing
+        is checked."""
         Y = motion.Y
         parts = np.stack([reduction.components for reduction in self.reductions])
         missing = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]

@@ -18,10 +18,10 @@ STATES = 500
 
 
 def combination(text: str, links: int = 6) -> Array:
-    """Coefficients (10 N,), no unit, of a linear combination of the inertial parameters of N = `links` links, of each
-    m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, from its `text` in Sheu and Walker's (1991) names, such as
-    "I_y1 - I_x3 - I_z3", whose last digits are the links from 1 on. Raises `ValueError` for a name that the paper does
-    not have and a link below 1, `IndexError` for a link beyond N."""
+    """Coefficients (10 N,), no unit, of a linear combination of inertial parameters that a `text` states in Sheu and
+    Walker's (1991) names, such as "I_y1 - I_x3 - I_z3", whose last digits are the links from 1 on. They are of m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz of each of N = `links` links. Raises `ValueError` for a name that the
+    paper does not have and a link below 1, `IndexError` for a link beyond N."""
     out = np.zeros(10 * links)
     for factor, term in _terms(text):
         out[index(term[:-1], term[-1])] = factor * sign(term[:-1])

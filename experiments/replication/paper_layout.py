@@ -42,8 +42,8 @@ def parameters(table: Table) -> Array:
 
 
 def kept(table: Table) -> tuple[int, ...]:
-    """Indices, from 0 and rising, of the inertial parameters that Sheu and Walker (1991) keep as independent, among all
-    (ten a link): those for which `table`, one of their tables, has a cross or a number."""
+    """Indices, from 0 and in ascending order, of the inertial parameters that Sheu and Walker (1991) keep as
+    independent, among all (ten a link): those for which `table`, one of their tables, has a cross or a number."""
     entries = table.entries()
     return tuple(sorted(index(row, link) for row, link, text in entries if text == MARK or text != BLANK))
 

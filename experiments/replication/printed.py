@@ -35,7 +35,7 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
     def entries(self) -> Iterator[tuple[str, str, str]]:
         """Iterator over the entries of the printed table, row by row: for each a tuple of its row's label, its column's
-        label and its text, "." for a blank."""
+        label and its text, "." for a blank. Nothing is checked."""
         for label, row in self.rows.items():
             for column, text in zip(self.columns, row.split(), strict=True):
                 yield label, column, text
@@ -113,8 +113,9 @@ class Number:
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
-        """Text of a `computed` value in the style of this printed number: with as many decimals, and with an exponent
-        where the printed number has one; a value without exponent that rounds to zero has no minus sign."""
+        """Number `computed`, formatted as text in the style of this printed number: with as many decimals, and with an
+        exponent where the printed number has one; a value without exponent that rounds to zero has no minus sign.
+        Nothing is checked."""
         decimals = len(self.text.upper().partition("E")[0].partition(".")[2])
         if "E" in self.text.upper():
             return f"{computed:.{decimals}E}"

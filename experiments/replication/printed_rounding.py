@@ -22,7 +22,7 @@ def half_units(table: Table) -> Array:
 
 
 def excess(space: EssentialSpace, real: Table, essential: Table, free: Array) -> float:
-    """Least possible value (no unit) of max_i |(V1 V1' D)_i - E_i| / h_i, over all vectors D (P,) of inertial
+    """Least possible value (no unit) of max_i |(V1 V1' D)_i - E_i| / h_i, over all vectors D (P,) of P inertial
     parameters that round to the numbers of the printed table `real`. E (P,) are the essential parameters that the
     printed table `essential` has, and h_i is half a unit of the last printed digit of E_i.
 

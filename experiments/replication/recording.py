@@ -41,16 +41,16 @@ def write_recording(path: str | Path, replication: Replication, figures: Mapping
 
 
 def verdicts_markdown(replication: Replication) -> str:
-    """Text in Markdown of the outcome of a `replication` of Sheu and Walker (1991), its facts as a table, and the
-    verdict on every item (table, figure or section of the paper)."""
+    """Markdown text of the outcome of a `replication` of Sheu and Walker (1991), its facts as a table, and the verdict
+    on every item (table, figure or section of the paper). Nothing is checked."""
     answers = "\n".join(f"| {question} | **{answer}** |" for question, answer, _ in facts(replication))
     verdicts = "\n".join(f"- **{item.label}**, {item.verdict.value}: {item.summary}" for item in replication.items)
     return f"{headline(replication)}\n\n| | |\n|---|---|\n{answers}\n\n{verdicts}\n"
 
 
 def evidence_markdown(items: Sequence[Item]) -> str:
-    """Text in Markdown of the judged claims and the evidence of every one of the `items` (tables, figures and sections
-    of the paper) that has some; where no item has any, a sentence that says so."""
+    """Markdown text of the judged claims and the evidence of every one of the `items` (tables, figures and sections of
+    the paper) that has some; where no item has any, a sentence that says so. Nothing is checked."""
     parts = []
     for item in items:
         claims = [f"- “{claim.saying.quote}”: **{claim.verdict.value}**. {claim.found}." for claim in item.claims]

@@ -39,8 +39,8 @@ def write_report(path: str | Path, replication: Replication, figures: Mapping[st
 
 
 def report(replication: Replication, figures: Mapping[str, Path]) -> str:
-    """Text, in HTML, of the report of a `replication` of Sheu and Walker (1991): one page with the `figures`, PNG files
-    by name, inside. Raises `OSError` where a figure cannot be read."""
+    """HTML text of the report of a `replication` of Sheu and Walker (1991): one page with the `figures`, PNG files by
+    name, inside. Raises `OSError` where a figure cannot be read."""
     drawings = [drawing for item in replication.items for drawing in item.drawings]
     return rendered(
         "replication.html",

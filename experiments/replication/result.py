@@ -12,10 +12,10 @@ from adaptctl.recording import Setting
 
 @dataclass(frozen=True, eq=False)
 class Replication:
-    """Data of a replication of Sheu and Walker (1991), finished or interrupted: `items`, an `Item` for each table,
-    figure and section that was computed again, in the paper's order; `study`, the `Study` with the arms and random
-    draws of states behind them; `experiment`, the experiment's name, its `title` and its `settings`, a `Setting` each;
-    `seconds`, the time that it took; and `complete`, False where it was interrupted. Nothing is checked at
+    """Replication of the tables and figures of Sheu and Walker (1991), finished or interrupted: `items`, an `Item` for
+    each table, figure and section that was computed again, in the paper's order; `study`, the `Study` with the arms and
+    random draws of states behind them; `experiment`, the experiment's name, its `title` and its `settings`, a `Setting`
+    each; `seconds`, the time that it took; and `complete`, False where it was interrupted. Nothing is checked at
     construction."""
 
     experiment: str

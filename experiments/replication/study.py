@@ -28,8 +28,8 @@ from adaptctl.identifiability import (
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a replication of Sheu and Walker (1991), with the arms, random draws of states and torques that
-    follow from them, computed when first asked for.
+    """Study that a replication of Sheu and Walker (1991) is made of: its settings, with the arms, random draws of
+    states and torques that follow from them, computed when first asked for.
 
     There are `seeds` random draws of `samples` states each, with the seeds `seed`, `seed` + 1, ...; `velocity_scale`
     (no unit) times the paper's bound is the largest velocity; `frequency` (Hz) and `motion_samples` are those of the

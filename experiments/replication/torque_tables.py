@@ -21,12 +21,12 @@ CLOSE = (0.05, 0.01, 0.001)
 
 def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[Check, ...]:
     """Checks, a `Check` each, of every printed entry of Table 3 or 10 of Sheu and Walker (1991), `table`, in its order,
-    against the errors computed with the first j = 0, 1, ..., k of the k essential components (the parameters' parts
-    along the right singular vectors of energy differences): energy errors `percent` (seeds, k + 1), %, and mean square
-    torque errors `errors` (seeds, k + 1, r), (N m)^2, of r joints, for each of several random draws (seeds). The
-    verdict is IN_SHAPE for an entry from the draws' least to their greatest value. With all k components only round-off
-    is left: there it is IN_SHAPE for an entry that is below 1e-15 where the draws' median is too. Else it is
-    NOT_REPRODUCED."""
+    against the computed errors of models with the first j = 0, 1, ..., k of the k essential components. (These are the
+    parameters' parts along the right singular vectors of energy differences.) The errors are energy errors `percent`
+    (seeds, k + 1), %, and mean square torque errors `errors` (seeds, k + 1, r), (N m)^2, of r joints, for each of
+    several random draws (seeds). The verdict is IN_SHAPE for an entry from the draws' least to their greatest value.
+    With all k components only round-off is left: there it is IN_SHAPE for an entry that is below 1e-15 where the draws'
+    median is too. Else it is NOT_REPRODUCED. Nothing is checked."""
     last = percent.shape[1] - 1
     checks = []
     for row, column, text in table.entries():
@@ -38,10 +38,10 @@ def checked_torque_errors(table: Table, percent: Array, errors: Array) -> tuple[
 
 
 def medians(percent: Array, errors: Array) -> Relations:
-    """Table, as `Relations` (a heading and lines of text), of medians over random draws (seeds), a line for each number
-    kept of essential components (the parameters' parts along the right singular vectors of energy differences) that
-    Table 3 or 10 of Sheu and Walker (1991) has: energy errors `percent` (seeds, k + 1), %, and mean square torque
-    errors `errors` (seeds, k + 1, r), (N m)^2, of r joints."""
+    """Table, as `Relations` (a heading and lines of text), of the medians of errors over random draws (seeds), a line
+    for each number of essential components that Table 3 or 10 of Sheu and Walker (1991) has. (These are the parameters'
+    parts along the right singular vectors of energy differences.) The errors are energy errors `percent` (seeds, k +
+    1), %, and mean square torque errors `errors` (seeds, k + 1, r), (N m)^2, of r joints. Nothing is checked."""
     lines = [f"{'components':>10}  {'energy [%]':>10}" + "".join(f"  joint{j + 1:<2}" for j in range(errors.shape[-1]))]
     for s in (count for count in COUNTS if count < percent.shape[1]):
         torque = "".join(f"  {value:.1E}" for value in np.median(errors[:, s], axis=0))

@@ -110,7 +110,8 @@ def evidence(sentence: str, *values: float, digits: int = 3) -> Evidence:
 
 
 def percent(share: float) -> str:
-    """Text of a fraction `share`, such as 0.005, in percent with three significant digits, "0.5 %"."""
+    """Fraction `share`, such as 0.005, formatted as text in percent with three significant digits, "0.5 %". Nothing is
+    checked."""
     return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"
 
 
@@ -169,7 +170,8 @@ class Item:
         return self.name.capitalize()
 
     def count(self, *verdicts: Outturn) -> int:
-        """Number of printed entries of the table, figure or section whose check has one of these `verdicts`."""
+        """Number of printed entries of the table, figure or section whose check has one of these `verdicts`. Nothing is
+        checked."""
         return sum(check.verdict in verdicts for check in self.checks)
 
 
@@ -219,7 +221,7 @@ def marked(row: str, column: str, text: str, kept: bool, unlike: Outturn = Outtu
     """Comparison of a printed cross ("x") or blank, in a table of parameters that are kept, with the set that this
     package keeps, a `Check`: its verdict is REPRODUCED where the entry agrees with `kept`, True if the parameter is in
     that set, else `unlike`, ERRATUM by default. `row` and `column` are the entry's labels in its table, `text` is as
-    printed; any text but "x" counts as a blank."""
+    printed; any text but "x" counts as a blank. Nothing is checked."""
     printed, computed = (MARK if text == MARK else ""), (MARK if kept else "")
     return Check(row, column, printed, computed, Outturn.REPRODUCED if printed == computed else unlike)
 
@@ -242,6 +244,6 @@ def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
 
 def held(claims: Sequence[Claim]) -> str:
     """Sentence on how many of the `claims` hold, judged claims of Sheu and Walker's (1991) text, such as "2 of the
-    text's 3 claims hold."."""
+    text's 3 claims hold.". Nothing is checked."""
     count = sum(claim.verdict is not Outturn.NOT_REPRODUCED for claim in claims)
     return f"{count or 'None'} of the text's {len(claims)} claims {'holds' if count == 1 else 'hold'}."

@@ -11,8 +11,9 @@ INCOMPLETE = "This run was interrupted. What was computed until then is shown; i
 
 
 def headline(replication: Replication) -> str:
-    """Outcome of a `replication` of Sheu and Walker (1991) in a few sentences: how many printed numbers were computed
-    again with the same result, and which tables, figures and sections of the paper are wrong or not reproduced."""
+    """Summary of a `replication` of Sheu and Walker (1991) in a few sentences: how many printed numbers were computed
+    again with the same result, and which tables, figures and sections of the paper are wrong or not reproduced. Nothing
+    is checked."""
     n, depending = replication.numbers, replication.numbers.in_shape + replication.numbers.not_reproduced
     computable = n.reproduced + n.errata
     said = [] if replication.complete else [INCOMPLETE]
@@ -36,7 +37,7 @@ def headline(replication: Replication) -> str:
 def facts(replication: Replication) -> Iterator[Fact]:
     """Iterator over the facts of a `replication` of Sheu and Walker (1991), a `Fact` each, questions that a person asks
     first with their answers: counts of printed numbers by verdict, of crosses and blanks, of random draws of states,
-    and the time taken, s."""
+    and the time taken, s. Nothing is checked."""
     n, m = replication.numbers, replication.marks
     yield Fact("Printed numbers", f"{n.printed}, {n.given} of them inputs")
     yield Fact("Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit")

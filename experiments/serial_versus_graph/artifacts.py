@@ -14,8 +14,8 @@ from adaptctl.recording.wording import headline
 
 def shown(result: SideBySide) -> Result:
     """Result of the experiment that compares two arms on one path, a `Result`, as the command line shows it, from the
-    arms' data in `result`, a `SideBySide`: outcome in words, facts (questions with answers), verdict on both
-    controllers, and a function that writes the result files into a folder."""
+    arms' runs in `result`, a `SideBySide`: outcome in words, facts (questions with answers), verdict on both
+    controllers, and a function that writes the result files into a folder. Nothing is checked."""
     return Result(
         complete=result.complete,
         headline=headline(outcome_words(result), result.complete),

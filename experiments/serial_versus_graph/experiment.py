@@ -94,11 +94,11 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> SideBySide:
-        """Data of both arms side by side, a `SideBySide`, run one after the other. `progress(what, share)` is called
-        with the step's name and the fraction done, 0 to 1; Ctrl-C keeps the runs begun; where there are none,
-        `KeyboardInterrupt` is raised. Raises `InputError` for a path that is out of reach, `GainError` for gains too
-        large for the control period, `RankError` where an arm's number of fundamental (base) parameters cannot be
-        certified."""
+        """Outcome of the comparison, a `SideBySide`: the simulated runs of both arms, one after the other.
+        `progress(what, share)` is called with the step's name and the fraction done, 0 to 1; Ctrl-C keeps the runs
+        begun; where there are none, `KeyboardInterrupt` is raised. Raises `InputError` for a path that is out of reach,
+        `GainError` for gains too large for the control period, `RankError` where an arm's number of fundamental (base)
+        parameters cannot be certified."""
         sides: list[Side] = []
         complete = True
         for arm in ARMS:
@@ -122,10 +122,10 @@ class SerialVersusGraph(TipPath, ClosedLoopExperiment):
         )
 
     def side(self, arm: ArmWithTip, progress: Progress) -> Side:
-        """Data of one `arm` with its tip, a `Side`: the arm's fundamental (base) parameters, the controllers' runs on
-        it, and the motions of its tip. `progress(what, share)` is called with the step's name and the fraction done, 0
-        to 1. Raises `InputError` for a path that is out of reach, `GainError` for gains too large for the control
-        period, `RankError` where the number of fundamental parameters cannot be certified."""
+        """Simulated runs of one `arm` with its tip, a `Side`: the controllers' runs on it, the motions of its tip, and
+        the numbers of operations and parameters of its model. `progress(what, share)` is called with the step's name
+        and the fraction done, 0 to 1. Raises `InputError` for a path that is out of reach, `GainError` for gains too
+        large for the control period, `RankError` where the number of fundamental parameters cannot be certified."""
         progress("independent parameters from energies", 0.0)
         mechanism = load(arm.robot)
         tip = arm.on(mechanism)
@@ -220,5 +220,5 @@ def _report_progress(progress: Progress, arm: str, what: str, share: float) -> N
 def regressor_counts(mechanism: Mechanism, basis: FundamentalBasis) -> OperationCounts:
     """Counts of floating-point operations, an `OperationCounts`, of a mechanism's Slotine-Li regressor (the matrix that
     takes parameters to torques), on the fundamental (base) parameters of `basis` and on all; closing its kinematic
-    loops is not counted."""
+    loops is not counted. Nothing is checked."""
     return OperationCounts(equation_costs(mechanism, basis.columns).regressor, equation_costs(mechanism).regressor)

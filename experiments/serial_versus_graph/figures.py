@@ -23,14 +23,14 @@ AXES = "xyz"
 
 def side_color(index: int) -> Color:
     """Colour, in all figures and recordings, of the arm of an `index`, from 0, among those compared; three colours in
-    turn."""
+    turn. Nothing is checked."""
     return (RUNS[0], RUNS[3], RUNS[2])[index % 3]
 
 
 def drawings(result: SideBySide) -> Iterator[Drawing]:
     """Iterator over drawings for the report on a comparison of arms, `result`, each a `Drawing` (name, caption and
     function that makes the figure), in order: numbers of operations (where they were counted), paths of the tips, tip
-    errors, and Lyapunov functions."""
+    errors, and Lyapunov functions. Nothing is checked."""
     if all(side.comparison.subject.cost for side in result.sides):
         yield Drawing(
             "operations",
@@ -56,7 +56,7 @@ def drawings(result: SideBySide) -> Iterator[Drawing]:
 
 def operations(result: SideBySide) -> Figure:
     """Matplotlib figure of numbers of floating-point operations, as bars: of each arm's regressor and adaptive control
-    tick (the computation of one torque), on the fundamental (base) parameters and on all."""
+    tick (the computation of one torque), on the fundamental (base) parameters and on all. Nothing is checked."""
     figure = sheet(2.7)
     panels = figure.subplots(1, 2)
     for axes, title, counts in zip(
@@ -77,7 +77,7 @@ def operations(result: SideBySide) -> Figure:
 
 def tip_path(result: SideBySide) -> Figure:
     """Matplotlib figure of the paths of both arms' tips in their adaptive runs, m, and of the desired path, seen from
-    the front (y, z), the side (x, z) and above (x, y)."""
+    the front (y, z), the side (x, z) and above (x, y). Nothing is checked."""
     figure = sheet(3.4)
     for axes, (across, up, view) in zip(figure.subplots(1, 3), VIEWS, strict=True):
         for i, side in enumerate(result.sides):
@@ -102,7 +102,7 @@ def tip_path(result: SideBySide) -> Figure:
 
 def tip_error(result: SideBySide) -> Figure:
     """Matplotlib figure of the distances of both arms' tips from the desired path (mm, logarithmic) over time, s,
-    learning and with adaptation off."""
+    learning and with adaptation off. Nothing is checked."""
     figure = sheet(3.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):
@@ -121,7 +121,7 @@ def tip_error(result: SideBySide) -> Figure:
 def lyapunov(result: SideBySide) -> Figure:
     """Matplotlib figure of V / V(0) (no unit) over time, s, in both arms' adaptive runs: V is the Lyapunov function
     s'Ms/2 + e'Gamma^-1 e/2, with the mass matrix M, the sliding variable s, the parameters' error e (estimate less
-    true) and the adaptation gain Gamma, V(0) its initial value; s' and e' are transposes."""
+    true) and the adaptation gain Gamma, V(0) its initial value; s' and e' are transposes. Nothing is checked."""
     figure = sheet(2.6)
     axes = figure.subplots()
     for i, side in enumerate(result.sides):

@@ -22,12 +22,12 @@ def write_report(path: str | Path, result: SideBySide, figures: Mapping[str, Pat
 
 def trace_name(side: str) -> str:
     """Name of the Parquet file with the adaptive run of the arm called `side`, such as "trace-serial.parquet" for
-    "serial"."""
+    "serial". Nothing is checked."""
     return f"trace-{side}.parquet"
 
 
 def report(result: SideBySide, figures: Mapping[str, Path]) -> str:
-    """Text, in HTML, of the report on a comparison of arms, `result`: one page with the `figures`, PNG files by name,
+    """HTML text of the report on a comparison of arms, `result`: one page with the `figures`, PNG files by name,
     inside. Raises `OSError` where a figure cannot be read."""
     return rendered(
         "report.html",

@@ -26,12 +26,13 @@ class OperationCounts:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Data of one of the arms that are compared: `name`, fit for a file ("serial"), and `label`, for legends;
-    `comparison`, a `Comparison` of its runs; `tip` (3,), m, the point in the frame of the link of index `tip_link`,
-    from 0, that is to follow the path; for each run, by its name, the tip's `desired` and actual positions (`tips`) in
-    the world, (T, 3) in m at T samples; `regressor`, the numbers of operations of the arm's regressor; `closures`, the
-    number of joints that were cut to make a tree of its loops; and `printed_rank`, the number of independent parameters
-    in Table 13 of Sheu and Walker (1991). Nothing is checked at construction."""
+    """Simulated runs of one of two arms that are compared, a serial one and one with a kinematic loop, and what is
+    known of the arm. `name` is fit for a file ("serial") and `label` for legends; `comparison`, a `Comparison`, has the
+    runs. `tip` (3,), m, is the point in the frame of the link of index `tip_link`, from 0, that is to follow the path;
+    `desired` and `tips` map each run's name to the tip's desired and actual positions in the world, (T, 3) in m at T
+    samples. `regressor` are the operation counts of the arm's regressor; `closures` is the number of joints that were
+    cut to make a tree of its loops; and `printed_rank` the number of independent parameters in Table 13 of Sheu and
+    Walker (1991). Nothing is checked at construction."""
 
     name: str
     """short and fit for a file: ``serial``"""
@@ -88,7 +89,7 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class SideBySide:
-    """Data of several arms on one task, side by side: `sides`, a `Side` for each arm, in order; `experiment`, the
+    """Outcome of a comparison of several arms on one task: `sides`, a `Side` for each arm, in order; `experiment`, the
     experiment's name, its `title`, its `purpose` (a paragraph), its `settings`, a `Setting` each, and its `seed`;
     `duration`, s, the length asked for; and `complete`, False where the experiment was interrupted: `sides` are then
     those that had begun. Raises `InputError` at construction for no sides."""

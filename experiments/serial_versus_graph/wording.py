@@ -21,7 +21,7 @@ WHY_NOT_16 = (
 
 class Row(NamedTuple):
     """Row of the table that compares arms: its label `what`, the values' texts in `values`, one for each arm in order,
-    and `section`, True for a heading, whose values are empty."""
+    and `section`, True for a heading, whose values are empty. Nothing is checked."""
 
     what: str
     values: tuple[str, ...]
@@ -29,14 +29,14 @@ class Row(NamedTuple):
 
 
 def outcome_words(result: SideBySide) -> str:
-    """Outcome of a comparison of arms, `result`, in a few sentences, failures first: both tips' RMS errors in the last
-    two seconds (mm), operations and numbers of parameters."""
+    """Summary of a comparison of arms, `result`, in a few sentences, failures first: both tips' RMS errors in the last
+    two seconds (mm), operations and numbers of parameters. Nothing is checked."""
     return verdict(result).before(_answer(result))
 
 
 def verdict(result: SideBySide) -> Verdict:
     """Verdict, a `Verdict`, on the adaptive controllers of all arms in `result` together: their failures, such as a
-    divergence or a stop, and whether these are expected."""
+    divergence or a stop, and whether these are expected. Nothing is checked."""
     return Verdict.together(judged(side.comparison) for side in result.sides)
 
 
@@ -57,14 +57,14 @@ def _answer(result: SideBySide) -> str:
 
 def facts(result: SideBySide) -> Iterator[Fact]:
     """Iterator over the facts of a comparison of arms, `result`, a `Fact` each: questions that a person asks first,
-    each with one answer, made of the values for all arms."""
+    each with one answer, made of the values for all arms. Nothing is checked."""
     for what in FACTS:
         yield Fact(what, " · ".join(next(row for row in rows(result) if row.what == what).values))
 
 
 def rows(result: SideBySide) -> list[Row]:
     """Rows, a `Row` each, of the table that compares the arms in `result`: those of Table 13 of Sheu and Walker (1991),
-    then floating-point operations, times of a control tick, and tracking errors (mm, mrad)."""
+    then floating-point operations, times of a control tick, and tracking errors (mm, mrad). Nothing is checked."""
     found = []
     for what, value in QUESTIONS:
         found.append(Row(what, ()) if value is None else Row(what, tuple(value(side) for side in result.sides)))

@@ -39,7 +39,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     """Composite adaptation of the estimate (k,) of k parameters by least squares with bounded-gain forgetting (Slotine
     and Li 1989).
 
-        estimate' = -P (Y's + W'R (W estimate - F[tau])),  P' = lambda(t) P - P W'R W P
+        estimate' = -P (Y' s + W'R (W estimate - F[tau])),  P' = lambda(t) P - P W'R W P
 
     lambda(t) = forgetting (1 - tr(Gamma^-1 P)/(k bound)). The covariance P (k, k) starts at Gamma = diag(`gain`),
     `gain` (k,) positive, in units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s
@@ -53,10 +53,10 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     values other than zero, a cutoff above 1/T_c and a forgetting above 0.1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 -
-    lambda(t) error' P^-1 error/2, eps = W error: s and eps go to zero. Under persistent excitation lambda(t) stays
-    positive, and s and the error go to zero exponentially. Every period is solved implicitly, one joint's equation
-    after the other, which keeps P positive definite.
+    the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 has the time derivative -s'Ks -
+    eps'R eps/2 - lambda(t) error' P^-1 error/2, eps = W error: s and eps go to zero. Under persistent excitation
+    lambda(t) stays positive, and s and the error go to zero exponentially. Every period is solved implicitly, one
+    joint's equation after the other, which keeps P positive definite.
 
     Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. Without excitation P grows
     to its bound along what W does not see, where noise then moves the estimate fastest. And there is one lambda(t) for

@@ -26,7 +26,7 @@ class Composite(Descent[Filtered]):
     """Composite adaptation of the estimate (k,) of k parameters, by the tracking and the prediction error (Slotine and
     Li 1989).
 
-        estimate' = -Gamma (Y's + W'R (W estimate - F[tau]))
+        estimate' = -Gamma (Y' s + W'R (W estimate - F[tau]))
 
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
     (r, k) the torque regressor, W (r, k) that behind the filter F = lambda/(d/dt + lambda), from positions and
@@ -38,9 +38,9 @@ class Composite(Descent[Filtered]):
     that fix some at values other than zero, and a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: with the prediction error eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - eps'R eps:
-    s and eps go to zero, and under persistent excitation s and the error go to zero exponentially. Sampled, the step
-    for the prediction error is solved implicitly, so that no weight is too large for the period.
+    the truth: with the prediction error eps = W error, V = s'Ms/2 + error' Gamma^-1 error/2 has the time derivative
+    -s'Ks - eps'R eps: s and eps go to zero, and under persistent excitation s and the error go to zero exponentially.
+    Sampled, the step for the prediction error is solved implicitly, so that no weight is too large for the period.
 
     Gives up: the torque that is commanded must be the torque that acts: friction that is no parameter, actuator lag and
     delay are learned as inertia. Noise of velocities enters W with the gain lambda, and pulls the estimate to zero

@@ -37,9 +37,9 @@ class LearningMemory(NamedTuple):
     """
 
     information: Any
-    """(k (k + 1)/2,) the upper triangle of Q, row by row: zero at the start"""
+    """(k (k + 1)/2,) the upper triangle of S Q S, row by row: zero at the start"""
     known: Any
-    """(k,) z, which is Q times the true parameters as far as nothing disturbs"""
+    """(k,) S z, z being Q times the true parameters as far as nothing disturbs"""
     learned: Any
     """(1,) how many joints' equations passed the threshold in the last period"""
     filtered: Filtered
@@ -47,35 +47,39 @@ class LearningMemory(NamedTuple):
     @property
     def recorded(self) -> Any:
         """Number (1,), 0 to r, of the r joints whose equation for the filtered torque was learned from in the last
-        control period: the field `learned`, the part of this internal state that recorded runs keep."""
+        control period: the field `learned`, the part of this internal state that is stored with each sample of a
+        recorded run."""
         return self.learned
 
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
-    """Composite learning of the estimate (k,) of k parameters (Pan and Yu 2018): least squares whose information matrix
-    Q (k, k) and vector z (k,) accumulate past data and forget by direction (Kulhavy 1987, Cao and Schwartz 2000).
+    """Composite learning, an adaptation law for the estimate (k,) of k parameters (Pan and Yu 2018): least squares
+    whose information matrix Q (k, k) and vector z (k,) accumulate past data and forget by direction (Kulhavy 1987, Cao
+    and Schwartz 2000).
 
-        estimate' = -P (Y's + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
+        estimate' = -P (Y' s + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
         Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' = W'R F[tau] - forgetting Q W'(W Q W')^+ W z
 
-    so that z = Q true, true being the true parameters. Along what W sees now the past is forgotten, at `forgetting`
-    (1/s, 1 by default); what W does not see is kept until it is seen again. `recall` (1/s, 2 by default) is the rate at
-    which the estimate goes to a solution of Q estimate = z, the same in all directions in which Q is large against
-    Gamma^-1. `threshold` (1/s) is the excitation w'Gamma w R, w a joint's row of W, at or below which that joint's
-    equation counts as noise: nothing is learned from it, nor forgotten; 0, the default, lets all count. `alarm` (W) is
-    the power eps'R eps, eps = W estimate - F[tau], beyond which all of Q and z is forgotten as well, at the rate
-    forgetting (eps'R eps/alarm - 1); infinity, the default, leaves that out.
+    Y (r, k) is the torque regressor of r joints, s (r,) the sliding variable in rad/s (m/s for a prismatic joint), tau
+    (r,) the torque applied in the last control period, N m (N); F = cutoff/(d/dt + cutoff) is a low-pass filter, F[tau]
+    the filtered torque and W = F[Y] (r, k) the filtered regressor. A prime is the transpose, but on estimate, Q, z and
+    V a derivative in time; ^+ is the pseudo-inverse. z = Q true, true being the true parameters.
+
+    Along what W sees now the past is forgotten, at `forgetting` (1/s, 1 by default); what W does not see is kept until
+    it is seen again. `recall` (1/s, 2 by default) is the rate at which the estimate goes to a solution of Q estimate =
+    z, the same in all directions in which Q is large against Gamma^-1. `threshold` (1/s) is the excitation w'Gamma w R,
+    w a joint's row of W, at or below which that joint's equation counts as noise: nothing is learned from it, nor
+    forgotten; 0, the default, lets all count. `alarm` (W) is the power eps'R eps, eps = W estimate - F[tau], beyond
+    which all of Q and z is forgotten as well, at the rate forgetting (eps'R eps/alarm - 1); infinity, the default,
+    leaves that out.
 
     `gain` is Gamma's diagonal (k,), in units of the parameters squared per J, `weight` R, one number or (r,), 1 by
-    default, in 1/(N m s) (m/(N s) for a prismatic joint), `cutoff`, 20 rad/s by default, that of the filter F =
-    cutoff/(d/dt + cutoff); the class attribute `called` is the law's name in messages. s (r,) is the sliding variable
-    of r joints in rad/s (m/s), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind F. A
-    prime is the transpose, but on estimate, Q, z and V a derivative in time; ^+ is the pseudo-inverse. Raises
-    `InputError` for a gain, a weight, a cutoff or an alarm that is not positive, a forgetting, recall or threshold
-    below 0, all finite but the alarm (`NonFiniteError` for a weight of NaN), and, with a controller, for sizes that do
-    not fit the model, linear constraints on parameters that fix some at values other than zero, a cutoff above 1/T_c
-    and a recall above 0.5/T_c, T_c the control period.
+    default, in 1/(N m s) (m/(N s) for a prismatic joint), `cutoff` that of F, 20 rad/s by default; the class attribute
+    `called` is the law's name in messages. Raises `InputError` for a gain, a weight, a cutoff or an alarm that is not
+    positive, a forgetting, recall or threshold below 0, all finite but the alarm (`NonFiniteError` for a weight of
+    NaN), and, with a controller, for sizes that do not fit the model, linear constraints on parameters that fix some at
+    values other than zero, a cutoff above 1/T_c and a recall above 0.5/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
     the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q

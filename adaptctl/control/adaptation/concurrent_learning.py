@@ -50,7 +50,7 @@ class Stack(NamedTuple):
     @property
     def recorded(self) -> Any:
         """Flag (1,): 1 where the last control period's sample was put on the stack of samples, else 0. It is the field
-        `learned`, the part of this internal state that recorded runs keep."""
+        `learned`, the part of this internal state that is stored with each sample of a recorded run."""
         return self.learned
 
 
@@ -59,7 +59,7 @@ class ConcurrentLearning(Descent[Stack]):
     """Concurrent learning of the estimate (k,) of k parameters from a bounded stack of samples j (Chowdhary and Johnson
     2010).
 
-        estimate' = -Gamma (Y's + sum_j W_j'R (W_j estimate - F[tau]_j))
+        estimate' = -Gamma (Y' s + sum_j W_j'R (W_j estimate - F[tau]_j))
 
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y
     (r, k) the torque regressor, W_j (r, k) that of a sample, behind the filter F = cutoff/(d/dt + cutoff). `gain` is
@@ -76,9 +76,10 @@ class ConcurrentLearning(Descent[Stack]):
     replaces the oldest one, so that what has changed, as with a payload, is forgotten with the samples of before.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: V = s'Ms/2 + error' Gamma^-1 error/2 falls as -s'Ks - sum_j eps_j'R eps_j with eps_j = W_j error; where
-    the stack's W_j are of full rank together, under interval excitation, s and the error go to zero exponentially, also
-    at rest. Every equation is solved implicitly, one after the other, so that no weight is too large for the period.
+    the truth: V = s'Ms/2 + error' Gamma^-1 error/2 has the time derivative -s'Ks - sum_j eps_j'R eps_j with eps_j = W_j
+    error; where the stack's W_j are of full rank together, under interval excitation, s and the error go to zero
+    exponentially, also at rest. Every equation is solved implicitly, one after the other, so that no weight is too
+    large for the period.
 
     Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. The stack is of the recent
     past, not of the best samples, and rates differ as much as the stack is badly conditioned: `CompositeLearning`

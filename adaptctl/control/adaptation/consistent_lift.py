@@ -39,8 +39,9 @@ NEAR = 1e-9
 
 class LiftMemory(NamedTuple):
     """Internal state, between control periods, of an adaptation law that moves a lift: `lift` (P,) are all P parameters
-    of rigid bodies and drives, in SI units, whose fundamental (base) parameters are the estimate; `filtered` is the
-    torque filters' internal state, empty where no torques are predicted. Nothing is checked."""
+    of rigid bodies and drives, in SI units and the order of `Mechanism.parameter_names`, whose fundamental (base)
+    parameters are the estimate; `filtered` is the torque filters' internal state, empty where no torques are predicted.
+    Nothing is checked."""
 
     lift: Any
     """(P,) parameters of rigid bodies whose fundamental ones are the estimate"""
@@ -49,8 +50,9 @@ class LiftMemory(NamedTuple):
 
     @property
     def recorded(self) -> Any:
-        """The lift (P,): all P parameters of rigid bodies and drives, in SI units, whose fundamental (base) parameters
-        are the estimate. It is the field `lift`, the part of this internal state that recorded runs keep."""
+        """The lift (P,): all P parameters of rigid bodies and drives, in SI units and the order of
+        `Mechanism.parameter_names`, whose fundamental (base) parameters are the estimate. It is the field `lift`, the
+        part of this internal state that is stored with each sample of a recorded run."""
         return self.lift
 
 
@@ -60,7 +62,7 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     all P parameters of rigid bodies and drives, and the estimate their k fundamental (base) parameters.
 
     estimate = K D, where D moves by natural adaptation, the gradient in the affine-invariant metric of pseudo-inertias,
-    along the slope K'(Y's + W'R (W estimate - F[tau])). K (k, P) is the model's attribute `regrouping`, Y (r, k) the
+    along the slope K'(Y' s + W'R (W estimate - F[tau])). K (k, P) is the model's attribute `regrouping`, Y (r, k) the
     torque regressor on the k fundamental parameters alone, W (r, k) that behind the filter F = cutoff/(d/dt + cutoff),
     s (r,) the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N). A
     prime is the transpose.
@@ -75,13 +77,13 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     not free, a lift that is not consistent or not the initial estimate's, and, with a weight, constraints that fix
     drives' parameters at values other than zero and a cutoff above 1/T_c, T_c the control period.
 
-    Guarantees, without disturbance: V = s'Ms/2 + sum_i d(P_i true, P_i)/rate_i falls as -s'K_d s - eps'R eps, M the
-    mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's parameter, d(A, B)
-    = log(det B/det A) + tr(B^-1 A) - 4 (- 1 for a drive's parameter), eps = W error, error the estimate less the truth.
-    Without a weight it is, in every control period, the controller of `Natural` on all P parameters, with only k
-    columns of the regressor computed. And whatever disturbs: the estimate is K D of bodies with positive definite
-    pseudo-inertias, so that the estimate's mass matrix is positive definite everywhere. Sampled, the step for the
-    prediction error is solved implicitly in the metric at the D before it.
+    Guarantees, without disturbance: V = s'Ms/2 + sum_i d(P_i true, P_i)/rate_i has the time derivative -s'K_d s - eps'R
+    eps, M the mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's
+    parameter, d(A, B) = log(det B/det A) + tr(B^-1 A) - 4 (- 1 for a drive's parameter), eps = W error, error the
+    estimate less the truth. Without a weight it is, in every control period, the controller of `Natural` on all P
+    parameters, with only k columns of the regressor computed. And whatever disturbs: the estimate is K D of bodies with
+    positive definite pseudo-inertias, so that the estimate's mass matrix is positive definite everywhere. Sampled, the
+    step for the prediction error is solved implicitly in the metric at the D before it.
 
     Gives up: convergence of D itself, of which only K D is seen: of all D with K D equal to the estimate it finds the
     one nearest to the initial D, by the divergence d. It starts from consistent parameters, and a link that starts

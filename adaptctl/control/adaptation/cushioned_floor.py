@@ -39,7 +39,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     """Composite adaptation of the estimate (k,) of k parameters by least squares with the cushioned floor, a lower
     bound on P^-1 (Slotine and Li 1989).
 
-        estimate' = -P (Y's + W'R (W estimate - F[tau])),  (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
+        estimate' = -P (Y' s + W'R (W estimate - F[tau])),  (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
 
     The information matrix P^-1 (k, k) starts at its floor Gamma^-1, Gamma = diag(`gain`), `gain` (k,) positive, in
     units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic
@@ -52,11 +52,11 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     that fix some at values other than zero, and a cutoff above 1/T_c, T_c the control period.
 
     Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 falls as -s'Ks - eps'R eps/2 - lambda error' (P^-1 -
-    Gamma^-1) error/2, eps = W error: s and eps go to zero, and under persistent excitation s and the error
-    exponentially. Every direction forgets for itself: what W sees is forgotten and learned anew at lambda, what it does
-    not see keeps the gain Gamma. `BoundedGainForgetting` has one lambda(t) for all, and where some directions are not
-    excited they bring it, and with it all learning, to a stop.
+    the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 has the time derivative -s'Ks - eps'R eps/2 - lambda
+    error' (P^-1 - Gamma^-1) error/2, eps = W error: s and eps go to zero, and under persistent excitation s and the
+    error exponentially. Every direction forgets for itself: what W sees is forgotten and learned anew at lambda, what
+    it does not see keeps the gain Gamma. `BoundedGainForgetting` has one lambda(t) for all, and where some directions
+    are not excited they bring it, and with it all learning, to a stop.
 
     Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. Costs a Cholesky
     factorisation a period, k^3/3 operations, and storage for k (k + 1)/2 numbers.

@@ -21,7 +21,7 @@ class DeadZone(Descent[NoMemory]):
     """Gradient adaptation of the estimate (k,) of k parameters with a dead zone for the sliding variable s (Peterson
     and Narendra 1982).
 
-        estimate' = -Gamma Y's outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within
+        estimate' = -Gamma Y' s outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within
 
     s (r,), of r joints, is in rad/s (m/s for a prismatic joint), Y (r, k) is the torque regressor; `gain` is Gamma,
     (k,) its diagonal or (k, k), in units of the parameters squared per J. `width` is the zone's half-width in rad/s

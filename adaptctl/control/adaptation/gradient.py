@@ -20,7 +20,7 @@ TINY = 1e-300
 
 @dataclass(frozen=True, eq=False)
 class Gradient(Descent[NoMemory]):
-    """Gradient adaptation of the estimate (k,) of k parameters, estimate' = -Gamma Y's (Slotine and Li 1987), once a
+    """Gradient adaptation of the estimate (k,) of k parameters, estimate' = -Gamma Y' s (Slotine and Li 1987), once a
     control period.
 
         estimate -= T_c n Gamma x,  x = Y_j' s,  s = s_j + theta (s_(j+1) - s_j) from tick j to j + 1
@@ -36,12 +36,12 @@ class Gradient(Descent[NoMemory]):
     finite.
 
     Guarantees, in continuous time and without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2, M the mass matrix and
-    error the estimate less the truth, falls as -s'Ks, so the tracking error goes to zero and the estimate stays
-    bounded. Sampled, with M constant and without the factor n, let h = T_c lambda_max(M^-1 K), the hold number, and a =
-    T_c lambda_max(K^-1 Y Gamma Y'), both without a unit, lambda_max being the largest eigenvalue. By the backward rule
-    V falls where a + h < 2; by the trapezium s'(M - T_c K/2)s/2 + error' Gamma^-1 error/2 falls where a < 2 and h < 2;
-    Euler's rule has no such function and serves for comparison. With n there is no theorem, only experience: it is
-    there for a beyond these bounds. `ReleasedGradient` has one for every a. The derivations:
+    error the estimate less the truth, has the time derivative -s'Ks, so the tracking error goes to zero and the
+    estimate stays bounded. Sampled, with M constant and without the factor n, let h = T_c lambda_max(M^-1 K), the hold
+    number, and a = T_c lambda_max(K^-1 Y Gamma Y'), both without a unit, lambda_max being the largest eigenvalue. By
+    the backward rule V falls where a + h < 2; by the trapezium s'(M - T_c K/2)s/2 + error' Gamma^-1 error/2 falls where
+    a < 2 and h < 2; Euler's rule has no such function and serves for comparison. With n there is no theorem, only
+    experience: it is there for a beyond these bounds. `ReleasedGradient` has one for every a. The derivations:
     docs/discrete_adaptation.md.
 
     Gives up: with any disturbance (friction, noise, saturation) and no persistent excitation the estimate drifts
@@ -68,14 +68,14 @@ class Gradient(Descent[NoMemory]):
         return NoMemory()
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after the step -T_c n Gamma Y's, T_c being the control period
-        in s, and the empty internal state. Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r,
-        k) at the period's start.
+        """The estimate (k,) of the `model`'s k parameters after the step -T_c n Gamma Y' s, T_c being the control
+        period in s, and the empty internal state. Gamma is the adaptation gain, Y' the transpose of the torque
+        regressor Y (r, k) at the period's start.
 
         s (r,) is the sliding variable of r joints, rad/s (m/s if prismatic): s_0 + theta (s_1 - s_0), s_0 and s_1 those
         at the period's start and end, so that it is s_1 for the default, 1, of the law's attribute `theta`. n is 1
         where the law's attribute `cap` is 0; else it is a factor of at most 1, s'Ks/(s'Ks + cap T_c x'Gamma x) with x =
-        Y's and the control law's damping K, which limits the power of the step.
+        Y' s and the control law's damping K, which limits the power of the step.
 
         `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
         period that `period` describes. Nothing is checked here.

@@ -22,15 +22,16 @@ class NoMemory(NamedTuple):
 
 
 class Period(NamedTuple):
-    """Data of one control period, which a control law hands to its adaptation law, for k parameters and r joints.
+    """Measurements, torque and regressor of one control period, which a control law hands to its adaptation law, for k
+    parameters and r joints.
 
-    `gradient` gives Y's (k,), in W per unit of each parameter, for any sliding variable s (r,), Y (r, k) the torque
+    `gradient` gives Y' s (k,), in W per unit of each parameter, for any sliding variable s (r,), Y (r, k) the torque
     regressor at the start of the period and a prime the transpose; `before` and `after` are s (r,) at its start and its
     end, in rad/s (m/s for a prismatic joint); `torque` (r,) was held over it, in N m (N); `q` (n,) are the positions of
     the spanning tree's n joints at its end, in rad (m), `v` (r,) the velocities then, in rad/s (m/s). `length` is T_c,
     the period's length in s, `elapsed` the same, or 0 where nothing is to be learned: before the first control period,
-    and while adaptation is frozen. `damping` is K (r,) in N m s/rad (N s/m), by which the control law's Lyapunov
-    function falls as -s'Ks. Nothing is checked.
+    and while adaptation is frozen. `damping` is K (r,) in N m s/rad (N s/m), with which the control law's Lyapunov
+    function V has the derivative -s'Ks. Nothing is checked.
     """
 
     gradient: Callable[[Column], Column]
@@ -50,7 +51,7 @@ class Period(NamedTuple):
     elapsed: Any
     """T_c, or 0 where nothing is to be learned: before the first control period, and while adaptation is frozen"""
     damping: Column
-    """(r,) K, where the control law's V falls as -s'Ks"""
+    """(r,) K, where the control law's Lyapunov function V has the derivative -s'Ks"""
 
     @property
     def share(self) -> Any:
@@ -110,8 +111,8 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in rad/s (m/s), leading
         axes for arms, `period` is the control period in s.
 
-        An implementation returns a named tuple of arrays, or of such tuples: each array (..., m), m its own length, or
-        (m,) where all arms begin alike. It raises `InputError` for a model that it cannot start on, and checks nothing
+        An implementation returns a named tuple of arrays, or of such tuples: each array (..., h), h its own length, or
+        (h,) where all arms begin alike. It raises `InputError` for a model that it cannot start on, and checks nothing
         else here.
         """
 
@@ -122,8 +123,8 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
         `estimate` (k,) and the internal state `memory` are those before the period; `period`, a `Period`, has the
         torque held over it and the positions, velocities and sliding variables measured. The internal state, before and
-        after, is the named tuple that the method `start` makes, each array in it now a `Column` (m scalars) of the same
-        length m. An implementation checks nothing here.
+        after, is the named tuple that the method `start` makes, each array in it now a `Column` of as many scalars. An
+        implementation checks nothing here.
         """
 
     @property

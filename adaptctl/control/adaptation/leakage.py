@@ -46,7 +46,7 @@ class SigmaModification(_Leaking):
     """Gradient adaptation of the estimate (k,) of k parameters with sigma-modification, a constant leak back to the
     prior (Ioannou and Kokotovic 1984).
 
-        estimate' = -Gamma Y's - sigma (estimate - prior),  `rate` is sigma, in 1/s, 0.1 by default
+        estimate' = -Gamma Y' s - sigma (estimate - prior),  `rate` is sigma, in 1/s, 0.1 by default
 
     s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor;
     `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `prior` (k,) is in the
@@ -69,13 +69,14 @@ class SigmaModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. The
-        estimate has taken the step -Gamma Y' times the integral of s over the period (trapezium rule), and a leak to
-        the prior estimate at the rate sigma (1/s), the law's attribute `rate`, by the implicit rule.
+        estimate first takes the step -Gamma Y' times the integral of s over the period (trapezium rule), then leaks to
+        the prior estimate by the implicit Euler rule: with x = T_c sigma, it becomes (moved + x prior)/(1 + x), T_c (s)
+        being the control period, sigma (1/s) the law's attribute `rate` and moved (k,) the estimate after that step.
 
-        Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,)
-        the sliding variable of r joints, rad/s (m/s if prismatic). `estimate` (k,), in the parameters' SI units, and
-        the internal state `memory` are those before the control period that `period` describes. Nothing is checked
-        here.
+        Gamma, (k,) its diagonal or (k, k), is the adaptation gain in the parameters' units squared per J, Y' the
+        transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding variable of r joints, rad/s
+        (m/s if prismatic). `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those
+        before the control period that `period` describes. Nothing is checked here.
         """
         return self.leaked(estimate, period, self.rate), memory
 
@@ -85,7 +86,7 @@ class EModification(_Leaking):
     """Gradient adaptation of the estimate (k,) of k parameters with e-modification, a leak to the prior that stops with
     the sliding variable s (Narendra and Annaswamy 1987).
 
-        estimate' = -Gamma Y's - nu |s| (estimate - prior),  `rate` is nu, in 1/rad (1/m), 0.1 by default
+        estimate' = -Gamma Y' s - nu |s| (estimate - prior),  `rate` is nu, in 1/rad (1/m), 0.1 by default
 
     s (r,), of r joints, is in rad/s (m/s for a prismatic joint), |s| its Euclidean norm, Y (r, k) the torque regressor;
     `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `prior` (k,) is in the

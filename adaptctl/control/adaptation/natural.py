@@ -28,12 +28,12 @@ LONGEST_STEP = 2.0
 class Natural(AdaptationLaw[NoMemory]):
     """Natural adaptation of the estimate (P,) of all P parameters of rigid bodies and drives (Lee, Kwon and Park 2018).
 
-        P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i X) = (Y's)_i' (the ten of X) for every X
+        P_i' = -rate_i P_i L_i P_i for every link's pseudo-inertia P_i, tr(L_i X) = (Y' s)_i' (the ten of X) for every X
 
     and the same for every drive's parameter, P_i then a number. P_i and the symmetric L_i and X are (4, 4); the ten of
     a link are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), moments and entries of the
-    inertia tensor about the origin of the link's frame and along its axes; (Y's)_i (10,) are those ten entries of Y's.
-    s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor on
+    inertia tensor about the origin of the link's frame and along its axes; (Y' s)_i (10,) are those ten entries of Y'
+    s. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, P) the torque regressor on
     all parameters. `rate` is in 1/J: one number, or an array of one for each link with a body and then one for each
     drive's parameter. A prime is the transpose, but on P_i a derivative in time. Raises `InputError` unless `rate` is
     positive and finite, and, with a controller, for another number of rates, a model of fewer than all parameters and
@@ -43,17 +43,17 @@ class Natural(AdaptationLaw[NoMemory]):
     frames. Near an estimate of mass m a rate is the gain rate m^2 on that mass, so heavy links learn faster than light
     ones.
 
-    Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate_i falls as -s'Ks, M the mass matrix and K
-    the control law's damping, with the Bregman divergence D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 (- 1 for a
-    drive's parameter). And whatever disturbs: every link's pseudo-inertia stays positive definite, so the estimate is
-    some rigid bodies', and its mass matrix is positive definite. Sampled with the period T_c (s), P_i = G G' becomes G
-    Q Q G' with G lower triangular, X = T_c rate_i G'L_i G and Q = exp(-X/2) by its Pade approximant of order (2, 2):
-    the geodesic to fourth order, Q positive definite for every X. A step longer than 2 in that metric, in which a mass
-    would change more than 7.4-fold within one period, ends there.
+    Guarantees, without disturbance: V = s'Ms/2 + sum_i D(P_i true, P_i)/rate_i has the time derivative -s'Ks, M the
+    mass matrix and K the control law's damping, with the Bregman divergence D(A, B) = log(det B/det A) + tr(B^-1 A) - 4
+    (- 1 for a drive's parameter). And whatever disturbs: every link's pseudo-inertia stays positive definite, so the
+    estimate is some rigid bodies', and its mass matrix is positive definite. Sampled with the period T_c (s), P_i = G
+    G' becomes G Q Q G' with G lower triangular, X = T_c rate_i G'L_i G and Q = exp(-X/2) by its Pade approximant of
+    order (2, 2): the geodesic to fourth order, Q positive definite for every X. A step longer than 2 in that metric, in
+    which a mass would change more than 7.4-fold within one period, ends there.
 
     Gives up: the reduced model; it adapts all parameters, and starts from consistent ones. Under disturbance it drifts
-    as `Gradient` does, and faster the farther it has come, its gain being the estimate. A body that starts with some
-    moment near zero learns it slowly: 1/m moves at the rate times the mass's entry of Y's, so a wrist of 0.05 kg that
+    like `Gradient`, and faster the farther it has come, its gain being the estimate. A body that starts with some
+    moment near zero learns it slowly: 1/m moves at the rate times the mass's entry of Y' s, so a wrist of 0.05 kg that
     picks up 2 kg has 19.5 /kg to go, and one thought to hold 0.5 kg has 1.5 /kg. Start a link that may be loaded from a
     plausible load.
     """
@@ -92,13 +92,15 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a control period, and the
-        empty internal state. The estimate has moved along the geodesic of every link's pseudo-inertia (4, 4) and every
-        drive's parameter, against the gradient Y's: by the law's attribute `rate` (1/J) times the integral of Y's over
-        the period (trapezium rule).
+        empty internal state. Every link's pseudo-inertia (4, 4) and every drive's parameter moves along a geodesic of
+        the affine-invariant metric of positive definite matrices, the norm of a change dP at P being tr((P^-1
+        dP)^2)^(1/2), against the gradient Y' s: by the law's attribute `rate` (1/J) times the integral of Y' s over the
+        period (trapezium rule).
 
         Y' is the transpose of the torque regressor Y (r, P) at the period's start, s (r,) the sliding variable of r
-        joints, rad/s (m/s if prismatic). `estimate` (P,), in the parameters' SI units, and the internal state `memory`
-        are those before the control period that `period` describes. Nothing is checked here.
+        joints, rad/s (m/s if prismatic). `estimate` (P,), in the parameters' SI units and the order of
+        `Mechanism.parameter_names`, and the internal state `memory` are those before the control period that `period`
+        describes. Nothing is checked here.
         """
         slope = each_rate(self.rate, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
@@ -106,7 +108,7 @@ class Natural(AdaptationLaw[NoMemory]):
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """Sum, in J, of the Bregman divergences D(true, estimate) of all links' pseudo-inertias and drives' parameters,
         each over its adaptation rate (1/J). `estimate` (P,) has all P parameters of the `model`, `true` (P,) their true
-        values, in SI units.
+        values, in SI units and the order of `Mechanism.parameter_names`.
 
         D(A, B) = log(det B/det A) + tr(B^-1 A) - 4 of pseudo-inertias A and B (4, 4), and log(B/A) + A/B - 1 of drives'
         parameters A and B. Where the estimate or the truth is not physically consistent, arrays give NaN, and floats
@@ -124,9 +126,9 @@ class Natural(AdaptationLaw[NoMemory]):
     def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """The parameters' term (...), in J, of the adaptation law's Lyapunov function: the sum of Bregman divergences
         of pseudo-inertias and drives' parameters, each over its adaptation rate. `estimate` (..., P) has all P
-        parameters of the `model`, `true`, (P,) or (..., P), their true values, in SI units. Where that sum is NaN
-        though the estimate is finite, as where the true parameters are no rigid bodies', it is infinity. Raises
-        `InputError` for arrays of another shape or of no numbers."""
+        parameters of the `model`, `true`, (P,) or (..., P), their true values, in SI units and the order of
+        `Mechanism.parameter_names`. Where that sum is NaN though the estimate is finite, as where the true parameters
+        are no rigid bodies', it is infinity. Raises `InputError` for arrays of another shape or of no numbers."""
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)
@@ -167,9 +169,10 @@ def require_whole_links(model: ReducedModel, law: str) -> None:
 
 
 def require_consistent(model: ReducedModel, parameters: Array, law: str, what: str) -> None:
-    """Raise `InputError` unless `parameters` (P,), all P of the `model`'s mechanism in SI units, are physically
-    consistent: the pseudo-inertia (4, 4) of each link with a body is positive definite, and the parameters of drives
-    are positive. `law` and `what` name the adaptation law and the parameters in the message. Shapes are not checked."""
+    """Raise `InputError` unless `parameters` (P,), all P of the `model`'s mechanism in SI units and the order of its
+    `parameter_names`, are physically consistent: the pseudo-inertia (4, 4) of each link with a body is positive
+    definite, and the parameters of drives are positive. `law` and `what` name the adaptation law and the parameters in
+    the message. Shapes are not checked."""
     mechanism = model.mechanism
     links = [mechanism.links[i] for i in mechanism.description.bodies]
     for i, link in enumerate(links):
@@ -206,9 +209,9 @@ def moved_bodies(parameters: Column, slope: Column, bodies: int) -> Column:
     number.
 
     `slope` (P,), in the parameters' inverse units, is each one's rate in 1/J times the integral over the period of the
-    gradient Y's, in J per unit, Y' being the transpose of the torque regressor Y and s the sliding variable. Nothing is
-    checked: parameters that no rigid bodies have raise `ValueError` or `ZeroDivisionError` in floats, and give NaN in
-    arrays.
+    gradient Y' s, in J per unit, Y' being the transpose of the torque regressor Y and s the sliding variable. Nothing
+    is checked: parameters that no rigid bodies have raise `ValueError` or `ZeroDivisionError` in floats, and give NaN
+    in arrays.
     """
     links = 10 * bodies
     entries: list[Any] = []

@@ -99,7 +99,7 @@ class ReleasedGradient(Descent[Normaliser]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate (k,) of the `model`'s k parameters after the step -(T_c/n) Gamma Y's, T_c being the control
+        """The estimate (k,) of the `model`'s k parameters after the step -(T_c/n) Gamma Y' s, T_c being the control
         period in s, and the internal state, the normaliser n (1,) of at least 1, without a unit. Gamma is the
         adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding
         variable of r joints, rad/s (m/s if prismatic), at its end.

@@ -20,7 +20,7 @@ INDEPENDENT = 1e-10
 @dataclass(frozen=True, eq=False)
 class Subspace(AdaptationLaw[NoMemory]):
     """Gradient adaptation of the estimate (k,) of k parameters along the d columns of W only: estimate' = -W diag(gain)
-    W'Y's.
+    W'Y' s.
 
     `directions` is W (k, d), independent columns, d of at most k; `gain` (d,) is positive, in 1/J where W is in the
     parameters' SI units. Y (r, k) is the torque regressor and s (r,) the sliding variable of r joints in rad/s (m/s for
@@ -69,7 +69,7 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of the `model`'s k parameters after a step along each of the d adapted directions w (k,),
-        minus w times its gain times w'g; and the empty internal state. g (k,) is the integral of the gradient Y's over
+        minus w times its gain times w'g; and the empty internal state. g (k,) is the integral of the gradient Y' s over
         the control period by the trapezium rule, Y' the transpose of the torque regressor Y (r, k) at the period's
         start, s (r,) the sliding variable of r joints, rad/s (m/s if prismatic).
 

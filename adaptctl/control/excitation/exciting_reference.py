@@ -34,8 +34,8 @@ PENALTY = 30.0
 
 @dataclass(frozen=True, eq=False)
 class ExcitingReference:
-    """Optimised exciting reference, with the condition number of the torque regressor along it and those of random
-    references to compare with.
+    """Optimised exciting reference (excitation trajectory), with the condition number of the torque regressor along it
+    and those of random references to compare with.
 
     `reference` is the optimised one, in rad (m for a prismatic joint). `condition` is the condition number of the
     torque regressor stacked over a period of it, its columns scaled by the parameters' prior ranges (greatest plausible
@@ -97,8 +97,9 @@ class MotionLimits:
 
 @dataclass(frozen=True, eq=False)
 class FourierSearch:
-    """Search for an exciting reference: a periodic motion of the `model`'s r joints within `limits`, along which the
-    model's k parameters can be identified best. It is a Fourier series of `harmonics` harmonics of `frequency` (Hz).
+    """Search for an exciting reference (excitation trajectory): a periodic motion of the `model`'s r joints within
+    `limits`, along which the model's k parameters can be identified best. It is a Fourier series of `harmonics`
+    harmonics of `frequency` (Hz).
 
     The search is over vectors x (`size`,) without bounds or units, r (2 h + 2) numbers for h harmonics, in this order:
     coefficients of the sines (h, r), row by row, then of the cosines (h, r), both divided by the harmonic's number when
@@ -136,15 +137,15 @@ class FourierSearch:
         """Positions in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2), (n, r)
         each, of r joints over one period of the reference that a vector `x` of the search stands for. `x` has r (2 h +
         2) numbers for h harmonics; n = 40 h samples are evenly spaced from the period's start on. The swing about the
-        centre is multiplied by `factor`, 1 unless given. Nothing is checked."""
+        centre is multiplied by `factor`, 1 by default. Nothing is checked."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
         return center + used * y, used * rate, used * bend
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
         """The periodic reference of r joints that a vector `x` of the search stands for, as `Sinusoids` without
-        fade-in. `x` has r (2 h + 2) numbers for h harmonics; the swing about the centre is multiplied by `factor`, 1
-        unless given. For factors up to 1 positions and speeds are within their limits by construction, at 40 samples a
+        fade-in. `x` has r (2 h + 2) numbers for h harmonics; the swing about the centre is multiplied by `factor`, 1 by
+        default. For factors up to 1 positions and speeds are within their limits by construction, at 40 samples a
         period of the highest harmonic; torques may be beyond theirs. Nothing is checked."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
@@ -158,7 +159,7 @@ class FourierSearch:
         joints and h harmonics. The first is the condition number of the torque regressor stacked over a period, its
         columns scaled by the parameters' prior ranges (greatest plausible errors); the second the largest ratio, over
         time and joints, of a torque's magnitude to its limit, with the model's own parameters. The swing about the
-        centre is multiplied by `factor`, 1 unless given. Nothing is checked."""
+        centre is multiplied by `factor`, 1 by default. Nothing is checked."""
         Y = self._along(x, factor)
         eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
         smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))

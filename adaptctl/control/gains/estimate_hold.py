@@ -41,10 +41,10 @@ def parameter_holds(
 
 
 def inertia_shares(model: ReducedModel, p: Array) -> Array:
-    """Derivatives (samples, k, r, r) of the mass matrix (r, r) of the `model`'s r joints by each of its k parameters,
-    at positions `p` (samples, r), rad (m if prismatic). They are in kg m^2 (kg between prismatic joints) per SI unit of
-    the parameter. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near a
-    singularity of the kinematic loops."""
+    """Derivatives (samples, k, r, r) of the mass matrix (r, r) of the `model`'s r joints with respect to each of its k
+    parameters, at positions `p` (samples, r), rad (m if prismatic). They are in kg m^2 (kg between prismatic joints)
+    per SI unit of the parameter. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+    `SingularityError` near a singularity of the kinematic loops."""
     rest, r = np.zeros_like(p), p.shape[-1]
     still = model.torque_regressor(p, rest, rest)
     columns = [model.torque_regressor(p, rest, np.broadcast_to(unit, p.shape)) - still for unit in np.eye(r)]

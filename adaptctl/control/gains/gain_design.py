@@ -137,8 +137,8 @@ class GainDesign:
 
     @property
     def bandwidth(self) -> Array:
-        """Undamped natural frequencies (r,), rad/s, of this design's continuous-time error loops of r joints, as
-        `ComputedTorque` takes them."""
+        """Undamped natural frequencies (r,), rad/s, of this design's continuous-time error loops of r joints: the
+        argument `bandwidth` of `ComputedTorque`."""
         return np.array([feedback.bandwidth for feedback in self.feedback])
 
     @property

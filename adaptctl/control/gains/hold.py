@@ -64,11 +64,11 @@ def hold_number(
     of the `mechanism`, `damping` K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default, each
     one number or one for each of r joints (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v, v the
     joints' velocities, and within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the
-    `estimate` (P,) of all P inertial and friction parameters, SI units, None for the mechanism's own. From one period
-    to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with alternating signs, where the number is
-    above 2. The number is infinite where M is not positive definite, and where an eigenvalue has a real part of 0 or
-    less. The search starts at the worst samples of `workspace`, a set of joint positions, None for 200 random ones
-    within the joints' limits.
+    `estimate` (P,) of all P inertial and friction parameters, SI units, in the order of `parameter_names`, None for the
+    mechanism's own. From one period to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with
+    alternating signs, where the number is above 2. The number is infinite where M is not positive definite, and where
+    an eigenvalue has a real part of 0 or less. The search starts at the worst samples of `workspace`, a set of joint
+    positions, None for 200 random ones within the joints' limits.
 
     Viscous friction with coefficients B acts within the period: M is then replaced by M (X/2) coth(X/2), X = T_c M^-1
     B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
@@ -166,11 +166,11 @@ def hold_numbers(
     M is the mass matrix, lambda_max the largest eigenvalue (where eigenvalues l are complex, the greatest |l|^2/Re l),
     `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in 1/s, 0 by default, each one number or (r,); `period` is
     T_c in s. M^ is the mass matrix of the `estimate`, (P,) or (..., P), of all P inertial and friction parameters, SI
-    units, None for the mechanism's own. The number is infinite where M is not positive definite, and where an
-    eigenvalue has a real part of 0 or less. Where there is viscous friction B, M (X/2) coth(X/2) stands in place of the
-    inverted M, X = T_c M^-1 B. Raises `InputError` on a wrong shape of `p`, damping or bandwidth, `NonFiniteError` on
-    NaN in these and infinity in `p`, `SingularityError` near a singularity of the kinematic loops; signs, `period` and
-    `estimate` are not checked.
+    units, in the order of `parameter_names`, None for the mechanism's own. The number is infinite where M is not
+    positive definite, and where an eigenvalue has a real part of 0 or less. Where there is viscous friction B, M (X/2)
+    coth(X/2) stands in place of the inverted M, X = T_c M^-1 B. Raises `InputError` on a wrong shape of `p`, damping or
+    bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a singularity of the
+    kinematic loops; signs, `period` and `estimate` are not checked.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
@@ -234,10 +234,10 @@ def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
 
 
 def scaled_eigenvalues(M: Array) -> Array:
-    """Eigenvalues (..., r), rising, without a unit, of symmetric matrices `M` (..., r, r), such as mass matrices of r
-    joints, scaled to a diagonal of magnitude 1. Row and column i are divided by sqrt|M_ii|, but not where that is 0.
-    All eigenvalues are above 0 where M is positive definite. NaN and infinity are not looked for; matrices that are not
-    square raise `ValueError`."""
+    """Eigenvalues (..., r), in ascending order, without a unit, of symmetric matrices `M` (..., r, r), such as mass
+    matrices of r joints, scaled to a diagonal of magnitude 1. Row and column i are divided by sqrt|M_ii|, but not where
+    that is 0. All eigenvalues are above 0 where M is positive definite. NaN and infinity are not looked for; matrices
+    that are not square raise `ValueError`."""
     diagonal = np.sqrt(np.abs(np.diagonal(M, axis1=-2, axis2=-1)))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
     return np.asarray(np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :])))
@@ -248,10 +248,10 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
     `Worst` with this `value`, without a unit, and the positions `p` (r,) of the r joints, rad (m if prismatic), where
     it is.
 
-    The mass matrix is that of `parameters` (P,), all P inertial and friction parameters of the `mechanism` in SI units;
-    a value above 0 means that it is positive definite wherever the search looked. The search starts from the worst
-    samples of `workspace`, a set of joint positions, None for 200 random ones within the joints' limits. Raises
-    `InputError` for parameters of another shape or not finite.
+    The mass matrix is that of `parameters` (P,), all P inertial and friction parameters of the `mechanism` in SI units
+    and the order of its `parameter_names`; a value above 0 means that it is positive definite wherever the search
+    looked. The search starts from the worst samples of `workspace`, a set of joint positions, None for 200 random ones
+    within the joints' limits. Raises `InputError` for parameters of another shape or not finite.
     """
     D = _all_parameters(mechanism, parameters)
     found = workspace_of(mechanism, workspace).highest(

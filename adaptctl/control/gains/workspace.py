@@ -147,7 +147,7 @@ class Workspace:
     def highest(self, value: Callable[[Array], Array]) -> Worst:
         """The greatest value of the function `value` that a pattern search over this set of joint positions finds, a
         `Worst`: this value and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. The function
-        maps m positions (m, r), rad (m), to m numbers (m,), finite or infinite. What it raises goes through; nothing
+        maps N positions (N, r), rad (m), to N numbers (N,), finite or infinite. What it raises goes through; nothing
         else is checked.
 
         The search starts at 6 samples (2 with kinematic loops) of greatest value, where possible apart by more than a

@@ -64,12 +64,15 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: the rotor inertia and friction of a joint's drive.
+    """The data of a joint's drive in a TOML file, its rotor inertia and friction: the table `drive` in the entry of a
+    link.
 
-    `rotor_inertia` is that seen at the joint, through the gears (kg m^2). The friction terms are `viscous` (N m s/rad),
-    `square_root` (N m (s/rad)^(1/2)), `coulomb`, `stribeck` and `offset` (N m); for a prismatic joint read kg for kg
-    m^2, N for N m and m for rad. `turns_with` gives, by the names of other joints that turn the same motor shaft, their
-    ratios: the shaft's velocity is the joint's own plus ratio times each of theirs.
+    `rotor_inertia` is the reflected one, as seen at the joint, through the gears (kg m^2). The friction torque at the
+    shaft's speed s (rad/s) is viscous s + sign(s) (coulomb + square_root sqrt|s| + stribeck/(1 + (s/0.1)^2)) + offset,
+    with `viscous` in N m s/rad, `square_root` in N m (s/rad)^(1/2), `coulomb`, `stribeck` and `offset` in N m;
+    Stribeck's velocity is 0.1 rad/s. For a prismatic joint read kg for kg m^2, N for N m and m for rad. `turns_with`
+    gives, by the names of other joints that turn the same motor shaft, their ratios: the shaft's velocity is the
+    joint's own plus ratio times each of theirs.
 
     A term that is left out, None, is not modelled; one that is given, even as zero, is a parameter. Nothing is checked
     at construction.

@@ -26,16 +26,18 @@ _LEFT_OUT = "friction other than viscous and Coulomb is left out"
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
-    """Pinocchio's rigid-body model (`pinocchio.Model`) of the mechanism that a `description` gives: the same
-    coordinates in the same order, limits, gravity and drives; for a mechanism with loops, the tree without its closures
-    and couplings.
+    """Pinocchio's rigid-body model (`pinocchio.Model`) of the mechanism that a `description` gives: the same joint
+    positions in the same order, limits, gravity and drives; for a mechanism with loops, its spanning tree without
+    closures and couplings.
 
     Rotor inertias become the model's armature, viscous friction its damping and Coulomb friction its dry friction;
-    Pinocchio's inverse dynamics uses the armature alone. Each joint is at the joint's frame and has a body frame, named
-    after the link, at the link's frame; named frames are added. Continuous joints become revolute ones without limits,
-    so that Pinocchio's q has one coordinate for each joint. Raises `InputError` for a link without mass that has a
-    first moment (mass times centre of mass), which Pinocchio cannot hold, and for a drive that turns with several
-    joints. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, which is left out.
+    Pinocchio's inverse dynamics uses the armature alone. A Pinocchio joint's frame is the description's joint frame;
+    the link's frame is a body frame on that joint, named after the link; named frames are added. Continuous joints
+    become revolute ones without limits, so that Pinocchio's q has one coordinate for each joint. Raises `InputError`
+    for a link without mass that has a first moment (mass times centre of mass), which Pinocchio does not support, and
+    for a drive that turns with several joints. Warns (`SimplificationWarning`) of friction other than viscous and
+    Coulomb's, which is left out. The package Pinocchio is needed: without it this module raises `ImportError`,
+    `Mechanism.to_pinocchio` `MissingExtraError`.
     """
     _require_own_shafts(description)
     model = pinocchio.Model()

@@ -134,11 +134,12 @@ def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, A
 
 
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
-    """The mass (kg), centre of mass (3,), m, attitude of the principal axes as a quaternion w, x, y, z (4,), and
-    principal moments of inertia about the centre (3,), kg m^2, rising, negative ones made 0, of a rigid body. `ten`
-    (10,) has its inertial parameters in the order m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
-    m^2). For ten zeros all are zero, and the quaternion is (1, 0, 0, 0). Raises `InputError` for other inertias without
-    a positive mass; `name` is the link's, in the message."""
+    """The mass, centre of mass, principal axes and principal moments of inertia of a rigid body, a tuple: the mass
+    (kg), the centre (3,), m, the axes' attitude as a quaternion w, x, y, z (4,), and the moments about the centre (3,),
+    kg m^2, in ascending order, negative ones made 0. `ten` (10,) has its inertial parameters in the order m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2). For ten zeros all are zero, and the quaternion is
+    (1, 0, 0, 0). Raises `InputError` for other inertias without a positive mass; `name` is the link's, in the message.
+    """
     mass = float(ten[0])
     if mass == 0.0 and not np.any(ten):
         return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)

@@ -112,18 +112,18 @@ class Constraint:
         return [*gap, *attitude]
 
     def rates(self) -> dict[int, list[Scalar]]:
-        """Derivatives of the closure residual by the loop's joint positions, at a closed configuration: columns of the
-        closure Jacobian by joint index. Each is a list of 3 (frames with the same origin, POINT), 5 (with the same z
-        axis, too, AXIS) or 6 (with the same pose, WELD) scalars, m or rad per rad (or per m of a prismatic joint), in
-        the order and the axes of the method `residual`."""
+        """Derivatives of the closure residual with respect to the loop's joint positions, at a closed configuration:
+        columns of the closure Jacobian by joint index. Each is a list of 3 (frames with the same origin, POINT), 5
+        (with the same z axis, too, AXIS) or 6 (with the same pose, WELD) scalars, m or rad per rad (or per m of a
+        prismatic joint), in the order and the axes of the method `residual`."""
         outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
         inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
         return outward | inward
 
     def bias(self, u: Column, w: Column) -> list[Scalar]:
-        """The second derivative of the closure residual along two joint velocities `u` and `w` (n,) of the tree's n
-        joints, rad/s (m/s if prismatic), a list of scalars, m/s^2, then rad/s^2, in the order and the axes of the
-        method `residual`.
+        """The second derivative of the closure residual along two joint velocities `u` and `w` (n,) of the spanning
+        tree's n joints, rad/s (m/s if prismatic), a list of scalars, m/s^2, then rad/s^2, in the order and the axes of
+        the method `residual`.
 
         There are 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS) or 6 (with the same pose,
         WELD). For u = w it is the residual's acceleration while no joint accelerates; it is bilinear and symmetric in
@@ -200,8 +200,8 @@ class Follower:
 
     def followed(self, _places: object, _links: object, q: Sequence[Scalar]) -> tuple[Scalar, ...]:
         """Position of the following joint, rad (m if prismatic), as a tuple of one, for that of the leading joint in
-        the configuration q (n,) of the tree's n joints. The first two arguments, links' placements and geometry, are
-        not used. Too short a q raises `IndexError`."""
+        the configuration q (n,) of the spanning tree's n joints. The first two arguments, links' placements and
+        geometry, are not used. Too short a q raises `IndexError`."""
         return (self.ratio * q[self.leader] + self.offset,)
 
 
@@ -211,9 +211,9 @@ class Closing:
 
     `loops` and `followers` (couplings) give scalar conditions, in this order: 3 for a loop whose two closing frames
     have one origin (POINT), 5 where they have one z axis, too (AXIS), 6 where they have one pose (WELD), and 1 for a
-    coupling. `rows` are the zero-based indices, rising, of those that are used, the independent ones. `primary` (r,)
-    are the indices of the joints whose positions are given, `dependent` (n - r,) those of the others, which the
-    conditions determine. Nothing is checked.
+    coupling. `rows` are the zero-based indices, in ascending order, of those that are used, the independent ones.
+    `primary` (r,) are the indices of the joints whose positions are given, `dependent` (n - r,) those of the others,
+    which the conditions determine. Nothing is checked.
     """
 
     loops: tuple[Loop, ...]
@@ -233,17 +233,17 @@ class Closing:
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
         """Closure residual (c,), the amounts by which the c independent conditions of loops, then of couplings, are
         violated, zero at a closed configuration: in m for positions and rad for directions (a coupling's in its joint's
-        unit). `places` has the n links' placements at the configuration q (n,) of the tree's n joints, rad (m if
-        prismatic). Arguments are not checked: too few placements raise `IndexError`."""
+        unit). `places` has the n links' placements at the configuration q (n,) of the spanning tree's n joints, rad (m
+        if prismatic). Arguments are not checked: too few placements raise `IndexError`."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """Jacobian (c, n) of the c independent closure conditions, in the order of the method `residual`, by the
-        positions of the tree's n joints, as n columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic
-        joint). `places` has the n links' placements at a closed configuration. Arguments are not checked: too few
-        placements raise `IndexError`."""
+        """Closure Jacobian (c, n) of the c independent closure conditions with respect to the positions of the spanning
+        tree's n joints, as n columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic joint). Rows are
+        in the order of the method `residual`. `places` has the n links' placements at a closed configuration. Arguments
+        are not checked: too few placements raise `IndexError`."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -256,8 +256,8 @@ class Closing:
 
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
         """The second derivative (c,) of the closure residual's c independent conditions along two velocities `u` and
-        `w` (n,) of the tree's n joints, rad/s (m/s if prismatic), that keep the loops closed. It is in m/s^2 or
-        rad/s^2, in the order of the method `residual`, bilinear and symmetric in u and w. `places` has the n links'
+        `w` (n,) of the spanning tree's n joints, rad/s (m/s if prismatic), that keep the loops closed. It is in m/s^2
+        or rad/s^2, in the order of the method `residual`, bilinear and symmetric in u and w. `places` has the n links'
         placements at a closed configuration. Arguments are not checked: too few placements, u or w too short raise
         `IndexError`."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]

@@ -39,7 +39,7 @@ class Continuation:
     followed by Newton steps; closed forms could pass to another branch unnoticed.
 
     `equations` are the mechanism's `LoopEquations`, closed by Newton steps; `reference` (n,) is a closed configuration
-    of the tree's n joints, rad (m if prismatic). Nothing is checked.
+    of the spanning tree's n joints, rad (m if prismatic). Nothing is checked.
     """
 
     equations: LoopEquations
@@ -47,20 +47,20 @@ class Continuation:
 
     @property
     def primary(self) -> list[int]:
-        """Zero-based indices, among the tree's n joints, of the r primary (independent) ones, in the order of their
-        positions p (r,)."""
+        """Zero-based indices, among the spanning tree's n joints, of the r primary (independent) ones, in the order of
+        their positions p (r,)."""
         return list(self.equations.closing.primary)
 
     def follow(self, p: Array, start: Array | None = None) -> Array:
-        """Closed configurations (..., n) of the tree's n joints, rad (m if prismatic), at positions `p` (..., r) of the
-        r primary (independent) joints, rad (m). They are reached from the closed configurations `start` (..., n), or
-        one `start` (n,) for all samples, along straight lines in p, in steps of at most 0.05 rad (m); None starts at
-        the reference configuration.
+        """Closed configurations (..., n) of the spanning tree's n joints, rad (m if prismatic), at positions `p` (...,
+        r) of the r primary (independent) joints, rad (m). They are reached from the closed configurations `start` (...,
+        n), or one `start` (n,) for all samples, along straight lines in p, in steps of at most 0.05 rad (m); None
+        starts at the reference configuration.
 
         Raises `SingularityError` where the way comes near a singularity of the loops, the smallest singular value of
-        the closure Jacobian by the dependent joints being below 0.05 of that at the reference, or where the loops
-        cannot be closed, and `InputError` where `start` does not broadcast to the samples of p. Other shapes are not
-        checked.
+        the closure Jacobian with respect to the dependent joints being below 0.05 of that at the reference
+        configuration, or where the loops cannot be closed, and `InputError` where `start` does not broadcast to the
+        samples of p. Other shapes are not checked.
         """
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
@@ -79,9 +79,11 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def follow_alone(self, p: object) -> Array | None:
-        """The closed configuration (n,), rad (m if prismatic), that `follow` finds from the reference at the positions
-        `p` of one sample, by native code alone. None, so that `follow` has to decide, for anything but a float64 array
-        (r,) of finite numbers, where the test `surely_regular` fails at a step, and before native code pays."""
+        """The closed configuration (n,) of the spanning tree's n joints, rad (m if prismatic), at positions `p` (r,) of
+        the r primary (independent) joints: what the method `follow` returns from the reference configuration for one
+        sample, by native code alone. None where `follow` has to decide: for anything but a float64 array (r,) of finite
+        numbers, where the test `surely_regular` fails at a step, and as long as native code is not worth making (until
+        calls/50 + steps/5,000, counted by `follow`, is 1). Raises nothing."""
         if not self._ways.ready or type(p) is not np.ndarray or p.shape != self._start.shape or p.dtype != np.float64:
             return None
         start: list[float] = self._start.tolist()
@@ -92,18 +94,18 @@ class Continuation:
         return self._ways.followed_alone(self.reference, start, way, max(math.ceil(longest / LARGEST_STEP), 1))
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
-        """Boolean mask (m,) of m positions `p` (m, r) of the r primary (independent) joints, rad (m if prismatic): True
-        for those that `follow` reaches from the reference along a straight line in p. On that line the closure
-        Jacobian's smallest singular value, by the dependent joints, must be at least 0.05 of that at the reference.
-        Positions out of reach raise no error; shapes are not checked."""
+        """Boolean mask (N,) of N positions `p` (N, r) of the r primary (independent) joints, rad (m if prismatic): True
+        for those that `follow` reaches from the reference configuration along a straight line in p. On that line the
+        closure Jacobian's smallest singular value, with respect to the dependent joints, must be at least 0.05 of that
+        at the reference configuration. Positions out of reach raise no error; shapes are not checked."""
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """The fraction (m,), from 0 to 1, of straight lines from the reference configuration to m positions `p` (m, r)
+        """The fraction (N,), from 0 to 1, of straight lines from the reference configuration to N positions `p` (N, r)
         of the r primary (independent) joints, rad (m if prismatic), along which the method `regularity` gives at least
-        `least` (no unit, 0.05 by default). Regularity is 1 at the reference and 0 at a singularity of the loops. The
-        fraction is counted in steps of at most 0.05 rad (m) and is 1 for the whole line; NaN gives 0. Shapes are not
-        checked."""
+        `least` (no unit, 0.05 by default). Regularity is 1 at the reference configuration and 0 at a singularity of the
+        loops. The fraction is counted in steps of at most 0.05 rad (m) and is 1 for the whole line; NaN gives 0. Shapes
+        are not checked."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -116,9 +118,9 @@ class Continuation:
         return gone
 
     def regularity(self, q: Array) -> Array:
-        """Relative smallest singular value (...), no unit, of the closure Jacobian by the dependent joints at
-        configurations `q` (..., n) of the tree's n joints, rad (m if prismatic). It is divided by that at the reference
-        configuration, so 1 there and 0 at a singularity of the loops.
+        """Relative smallest singular value (...), no unit, of the closure Jacobian with respect to the dependent joints
+        at configurations `q` (..., n) of the spanning tree's n joints, rad (m if prismatic). It is divided by that at
+        the reference configuration, so 1 there and 0 at a singularity of the loops.
 
         It is 0, too, beyond a singularity (where the Jacobian's determinant has the other sign), where a closure
         residual is 1e-9 m or rad or more, and for NaN. Near a singularity it goes as the square root of the joint-space
@@ -129,10 +131,10 @@ class Continuation:
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
-        """Indicator of a regular configuration `q` (n,) of the tree's n joints, rad (m if prismatic), a scalar of the
-        kind of q: 1.0 where the loops are closed and their regularity is proved to be at least 0.05, else 0.0. The
-        regularity is the smallest singular value of the closure Jacobian A (d, d) by the d dependent joints over that
-        at the reference.
+        """Indicator of a regular configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic), a scalar
+        of the kind of q: 1.0 where the loops are closed and their regularity is proved to be at least 0.05, else 0.0.
+        The regularity is the smallest singular value of the closure Jacobian A (d, d) with respect to the d dependent
+        joints over that at the reference configuration.
 
         Loops count as closed where no entry of the closure residual reaches `lost`, m or rad: 1e-9 by default, more is
         needed in single precision. The singular value is judged by a lower bound on it, 1/|A^-1| with Frobenius' norm.
@@ -152,9 +154,11 @@ class Continuation:
         return where(gap < lost, regular, 0.0)
 
     def is_regular(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of configurations q (..., n) of the tree's n joints, rad (m if prismatic): True where the
-        `regularity` is at least 0.05. It is computed only where the test `surely_regular`, which takes a hundredth of
-        the time, does not show that. Raises `InputError` for another number of joints."""
+        """Mask (...) of configurations `q` (..., n) of the spanning tree's n joints, rad (m if prismatic): True where
+        the loops' `regularity` is at least 0.05. It is the relative smallest singular value of the closure Jacobian
+        with respect to the dependent joints, 1 at the reference configuration and 0 at a singularity or where loops are
+        open. It is computed only where the test `surely_regular`, which takes a hundredth of the time, does not show
+        that. Raises `InputError` for another number of joints."""
         if q.ndim == 1:
             return np.asarray(self._native_sure(q) > 0.0 or bool(self.regularity(q) >= NEAREST))
         regular = self._native_sure.map(q.reshape(-1, q.shape[-1])).reshape(q.shape[:-1]) > 0.0
@@ -165,9 +169,9 @@ class Continuation:
 
     def require_regular(self, q: Array) -> None:
         """Raise `SingularityError`, with the worst one's primary positions, unless the method `regularity` gives at
-        least 0.05 at all configurations `q` (..., n) of the tree's n joints, rad (m if prismatic). It is 1 at the
-        reference configuration, 0 at or beyond a singularity of the loops or where they are open. Nothing is returned.
-        Raises `InputError` for another number of joints."""
+        least 0.05 at all configurations `q` (..., n) of the spanning tree's n joints, rad (m if prismatic). It is 1 at
+        the reference configuration, 0 at or beyond a singularity of the loops or where they are open. Nothing is
+        returned. Raises `InputError` for another number of joints."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return

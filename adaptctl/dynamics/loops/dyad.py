@@ -110,8 +110,8 @@ class Dyad:
     ) -> tuple[Scalar, ...]:
         """The angles, rad, of the two dependent joints that close the loop by the dyad (two links joined by a middle
         pivot, between two outer pivots), in the order of this object's `joints`. They are within half a turn of those
-        of a configuration `q` (n,) of the tree's n joints, rad (m if prismatic), with the middle pivot on the same side
-        of the line between the outer ones.
+        of a configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic), with the middle pivot on the
+        same side of the line between the outer ones.
 
         `places` has the placements of the loop's other links in their parents by link index, `links` the geometry of
         all n links. Where the loop cannot close, the angles leave it open and nothing is raised; outer pivots that
@@ -150,9 +150,9 @@ def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple
     follow from its primary ones, each after those that it needs. The tuple is empty where any dependent joint has no
     such rule.
 
-    `closing` has the loops, couplings and primary joints; `links` the geometry of the tree's n links; `reference` (n,)
-    is a configuration of its joints, rad (m if prismatic), that closes all loops. A `reference` of another length
-    raises `ValueError`.
+    `closing` has the loops, couplings and primary joints; `links` the geometry of the spanning tree's n links;
+    `reference` (n,) is a configuration of its joints, rad (m if prismatic), that closes all loops. A `reference` of
+    another length raises `ValueError`.
     """
     places = {i: link.at(x) for i, (link, x) in enumerate(zip(links, reference.tolist(), strict=True))}
     known, found = set(closing.primary), list[Rule]()

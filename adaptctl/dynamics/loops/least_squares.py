@@ -13,9 +13,9 @@ class System(Protocol):
     implementation gives `solve`."""
 
     def solve(self, right: Column) -> Column:
-        """The solution x (n,) of A x = b for a right side b (m,), `right`, in the unit of b over that of A. An
-        implementation returns the least-squares solution where there are more rows than columns, and raises
-        `ValueError` for a b of another length."""
+        """The solution x (n,) of A x = b, A (m, n) having m rows and n columns, for a right side b (m,), `right`, in
+        the unit of b over that of A. An implementation returns the least-squares solution where there are more rows
+        than columns, and raises `ValueError` for a b of another length."""
         ...
 
 
@@ -67,10 +67,10 @@ class Factored:
             self.inverse.append(1.0 / (column @ column))
 
     def solve(self, right: Column) -> Column:
-        """The solution x (n,) of A x = b for a right side b (m,), `right`, in the unit of b over that of A, by the
-        factorisation A = Q R and back substitution; the least-squares solution where m > n. For accuracy b is made
-        orthogonal to the columns of Q one after the other, as the columns of A were. Raises `ValueError` for a b of
-        another length."""
+        """The solution x (n,) of A x = b, A (m, n) having m rows and n columns, for a right side b (m,), `right`, in
+        the unit of b over that of A, by the factorisation A = Q R and back substitution; the least-squares solution
+        where m > n. For accuracy b is made orthogonal to the columns of Q one after the other, as the columns of A
+        were. Raises `ValueError` for a b of another length."""
         x: list[Scalar] = []
         for q, inverse in zip(self.q, self.inverse, strict=True):
             x.append(inverse * (q @ right))

@@ -19,13 +19,14 @@ CALLS, STEPS = 50, 5000
 
 @dataclass(eq=False)
 class StraightWays:
-    """Native code that follows the n joints of a tree with closed loops while its r primary (independent) joints move
-    along straight lines, in steps, each of which a cheap test must show to be regular.
+    """Native code that follows the n joints of the spanning tree of a mechanism with closed loops while its r primary
+    (independent) joints move along straight lines, in steps, each of which a cheap test must show to be regular.
 
     `following(p, q)` is the equation of one step, from Columns (vectors of scalars of any kind): the configuration (n,)
-    at positions p (r,), rad (m if prismatic), near a closed one q (n,); `sure(q)`, the test, is 1.0 where the
-    configuration found is closed and away from singularities, 0.0 where it is not or the test cannot tell. `joints` and
-    `primary` are the numbers n and r. `work` counts what has been asked for, as `pays` has it. Nothing is checked.
+    at positions p (r,), rad (m if prismatic), near a closed one q (n,). `sure(q)`, the test, is 1.0 where the
+    configuration found is closed and away from singularities of the loops, 0.0 where it is not or the test cannot tell.
+    `joints` and `primary` are the numbers n and r. `work` is the number of calls so far over 50 plus that of steps over
+    5,000, 0 at first; native code is made once it is 1. Nothing is checked.
     """
 
     following: Callable[[Column, Column], Column]
@@ -37,20 +38,23 @@ class StraightWays:
 
     @property
     def ready(self) -> bool:
-        """True if native code pays by now: after 50 calls, 5,000 steps, or what comes to as much together."""
+        """True if native code is worth making by now: if the number of calls over 50 plus that of steps over 5,000,
+        which the method `pays` has counted, is at least 1."""
         return self.work >= 1.0
 
     def pays(self, steps: NDArray[np.int64]) -> bool:
-        """True if native code pays by now, after one call more, for m lines of `steps` (m,) steps each, which are
-        counted: after 50 calls, 5,000 steps of one line, or what comes to as much together."""
+        """Count one call more, for N straight lines of `steps` (N,) steps each, and return True if native code is worth
+        making by now: if the number of calls over 50 plus that of steps over 5,000 is at least 1. Nothing is checked.
+        """
         self.work += 1.0 / CALLS + float(steps.sum()) / STEPS
         return self.ready
 
     def followed(self, q: Array, begin: Array, way: Array, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-        """The configurations (m, n) at the ends of m straight lines, rad (m if prismatic), and a mask (m,), True where
-        every step passed the test `sure`; where it is False, the configuration is undefined. The lines begin at closed
-        configurations q (m, n), whose primary joints are at `begin` (m, r), and move these by `way` (m, r) in as many
-        equal steps as `steps` (m,) says. Nothing is checked."""
+        """The configurations (N, n) of n joints at the ends of N straight lines, rad (m if prismatic), and a mask (N,),
+        True where every step passed the test `sure`; where it is False, the configuration is undefined. The lines begin
+        at closed configurations `q` (N, n), whose r primary joints are at `begin` (N, r), and displace these by `way`
+        (N, r), rad (m), in as many equal steps as `steps` (N,), whole numbers of at least 1, says. N is at least 1.
+        Nothing is checked."""
         arms = self._many.ensemble(len(q))
         arms.state["q"], arms.state["sure"] = q, 1.0
         arms.held["begin"], arms.held["way"], arms.held["steps"] = begin, way, steps[:, None]
@@ -58,9 +62,10 @@ class StraightWays:
         return arms.state["q"], arms.state["sure"][:, 0] > 0.0
 
     def followed_alone(self, q: Array, begin: list[float], way: list[float], steps: int) -> Array | None:
-        """The configuration (n,) at the end of one straight line, rad (m if prismatic), or None where a step failed the
-        test `sure`: `followed` for a single line, from the closed q (n,), whose primary joints are at `begin` (r), by
-        `way` (r) in `steps` equal steps. Nothing is checked."""
+        """The configuration (n,) of n joints at the end of one straight line, rad (m if prismatic), or None where a
+        step failed the test `sure`. The line begins at the closed configuration `q` (n,), whose r primary joints are at
+        `begin` (r,), and displaces these by `way` (r,), rad (m), in `steps` equal steps, a whole number of at least 1.
+        Nothing is checked."""
         state, held = np.array([*q, 0.0, 1.0]), np.array([*begin, *way, steps])
         end = self._single.alone(steps, state, held)
         return end[: self.joints] if end[-1] > 0.0 else None

@@ -27,27 +27,27 @@ class DriveTerm(NamedTuple):
 
     @property
     def joint(self) -> int:
-        """Zero-based index, among the tree's n joints, of the joint that the drive is on."""
+        """Zero-based index, among the spanning tree's n joints, of the joint that the drive is on."""
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:
-        """Speed of the drive's shaft, rad/s (m/s if prismatic), at velocities v (n,) of the tree's n joints; for
-        accelerations (n,) in place of v its acceleration, rad/s^2 (m/s^2). Arguments are not checked: too short a v
+        """Speed of the drive's shaft, rad/s (m/s if prismatic), at velocities v (n,) of the spanning tree's n joints;
+        for accelerations (n,) in place of v its acceleration, rad/s^2 (m/s^2). Arguments are not checked: too short a v
         raises `IndexError`."""
         (own, _), *others = self.arms
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
     def energy(self, v: Column) -> Scalar:
-        """Kinetic energy in J per unit of the term's parameter at velocities `v` (n,) of the tree's n joints, rad/s
-        (m/s if prismatic): s^2/2 for a rotor's inertia, s being the shaft's speed; 0 for friction. Arguments are not
-        checked: too short a v raises `IndexError`."""
+        """Kinetic energy in J per unit of the term's parameter at velocities `v` (n,) of the spanning tree's n joints,
+        rad/s (m/s if prismatic): s^2/2 for a rotor's inertia, s being the shaft's speed; 0 for friction. Arguments are
+        not checked: too short a v raises `IndexError`."""
         s = self.speed(v)
         return 0.0 if self.kind.is_friction else 0.5 * s * s
 
     def torque(self, v: Column, a: Column) -> Scalar:
         """Torque about its shaft that the drive must exert against the term, N m (N if prismatic), per unit of the
         term's parameter, at velocities `v`, rad/s (m/s), and accelerations `a`, rad/s^2 (m/s^2), both (n,), of the
-        tree's n joints.
+        spanning tree's n joints.
 
         With the shaft's speed s, rad/s (m/s), and |s| = sqrt(s^2 + 0.01^2), which smooths the sign, it is: the shaft's
         acceleration for a rotor's inertia, s for viscous friction, s/|s| for Coulomb's, s/sqrt|s| for the square root,
@@ -67,8 +67,8 @@ class DriveTerm(NamedTuple):
     def damping(self, v: Column) -> Scalar:
         """Secant of the term's friction curve per unit of its parameter: friction torque about the drive's shaft over
         the shaft's speed, N m s/rad (N s/m if prismatic), 0 for a rotor's inertia and for a constant offset. It is at
-        velocities `v` (n,) of the tree's n joints, rad/s (m/s). Arguments are not checked: too short a v raises
-        `IndexError` where it is read."""
+        velocities `v` (n,) of the spanning tree's n joints, rad/s (m/s). Arguments are not checked: too short a v
+        raises `IndexError` where it is read."""
         match self.kind:
             case DriveParameter.VISCOUS:
                 return 1.0
@@ -90,6 +90,6 @@ class DriveTerm(NamedTuple):
     def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
         """Torques on the joints that a drive's shaft turns with, as pairs (zero-based joint index, torque), for a
         torque about the shaft, `share`, N m (N if prismatic). Each is that torque times the joint's ratio, shaft speed
-        over joint speed. Inertias and other quantities about the shaft are distributed in the same way, in the unit of
-        `share`. Nothing is checked."""
+        over joint speed. Inertias and other quantities about the shaft are distributed by the same ratios, in the unit
+        of `share`. Nothing is checked."""
         return [(joint, share if ratio == 1.0 else ratio * share) for joint, ratio in self.arms]

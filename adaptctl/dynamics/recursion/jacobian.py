@@ -21,8 +21,8 @@ class MovingPoint:
         self.position, self.columns = position, tuple(columns)
 
     def velocity(self, rates: Column) -> Vec:
-        """The point's velocity (3,) in the world frame, m/s, under velocities `rates` (n,) of the tree's n joints,
-        rad/s (m/s if prismatic). Raises `ValueError` for another number of them."""
+        """The point's velocity (3,) in the world frame, m/s, under velocities `rates` (n,) of the spanning tree's n
+        joints, rad/s (m/s if prismatic). Raises `ValueError` for another number of them."""
         total = ZERO
         for rate, column in zip(rates, self.columns, strict=True):
             total = total + rate * column
@@ -31,9 +31,9 @@ class MovingPoint:
 
 def moving_point(links: Sequence[Segment], q: Column, link: int, offset: Vec) -> MovingPoint:
     """The position in the world frame, m, and the Jacobian of a point fixed to a link, as a `MovingPoint`, at a
-    configuration `q` (n,) of the tree's n joints, rad (m if prismatic). `links` has the geometry of the tree's n links,
-    `link` is the zero-based index of the point's link, and `offset` (3,) the point's coordinates in that link's frame,
-    m. Arguments are not checked: too short a q, or a `link` of n or more, raises `IndexError`."""
+    configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic). `links` has the geometry of the tree's
+    n links, `link` is the zero-based index of the point's link, and `offset` (3,) the point's coordinates in that
+    link's frame, m. Arguments are not checked: too short a q, or a `link` of n or more, raises `IndexError`."""
     placed = frames(links, q)
     position = placed[link].origin + placed[link].rotation @ offset
     columns, i = [ZERO] * len(links), link

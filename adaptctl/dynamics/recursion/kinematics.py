@@ -50,8 +50,8 @@ class JointAxes(NamedTuple):
 
 def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
     """Poses in the world of the frames of a tree's n links, a `Frame` each (rotation (3, 3), origin (3,) in m), in the
-    links' order, at a configuration `q` (n,) of the tree's n joints, rad (m if prismatic). `links` has the links'
-    geometry, parents before children. Arguments are not checked: too short a q raises `IndexError`."""
+    links' order, at a configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic). `links` has the
+    links' geometry, parents before children. Arguments are not checked: too short a q raises `IndexError`."""
     out: list[Frame] = []
     for place in placements(tuple(links), q):
         base = _base(place.segment, out)

@@ -128,8 +128,8 @@ class Factors(NamedTuple):
     inverse: Sequence[Scalar]
 
     def solved(self, right: Column) -> Column:
-        """The solution x (n,) of M x = b for the factorised matrix M (n, n) and a right side b (n,), `right`, in the
-        unit of b over that of M. Arguments are not checked: too short a b raises `ValueError`, too long a one
+        """The solution x (n,) of M x = b for the factorised matrix M (n, n) of size n and a right side b (n,), `right`,
+        in the unit of b over that of M. Arguments are not checked: too short a b raises `ValueError`, too long a one
         `IndexError`."""
         n, x, lower = len(right), list(right), self.lower
         for k in reversed(range(n)):

@@ -32,11 +32,11 @@ def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence
     per unit of each of the k of the P inertial and friction parameters whose indices `columns` are, from 0 to P - 1.
 
     `equations` are the mechanism's, with mass matrix M and Christoffel (Coriolis) matrix C; `q` (n,) is a configuration
-    of the tree's n joints, rad (m), and `v` (r,) the velocities of the primary ones, rad/s (m/s). Of the forces C' v -
-    g - friction, g being gravity's torque, C' v is M_dot v - C v, since the rate M_dot of M along v is C + C'; M_dot v
-    comes from dual numbers along the motion. Raises `InputError` for equations whose linear constraints fix parameters
-    at values other than zero, for which regressors have no columns, `IndexError` for an index of P or more, and
-    `IndexError` or `ValueError` for vectors too short.
+    of the spanning tree's n joints, rad (m), and `v` (r,) the velocities of the primary ones, rad/s (m/s). Of the
+    forces C' v - g - friction, g being gravity's torque, C' v is M_dot v - C v, since the rate M_dot of M along v is C
+    + C'; M_dot v comes from dual numbers along the motion. Raises `InputError` for equations whose linear constraints
+    fix parameters at values other than zero, for which regressors have no columns, `IndexError` for an index of P or
+    more, and `IndexError` or `ValueError` for vectors too short.
     """
     if equations.has_known_share:
         raise InputError("learning from filtered torques needs relations without known values other than zero")

@@ -111,8 +111,8 @@ def segments(description: Description) -> tuple[Segment, ...]:
 
 
 def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
-    """Poses of a tree's n links in their parents, a `Placement` each, at a configuration `q` (n,) of the tree's n
-    joints, rad (m if prismatic). `links` has the links' geometry. Too short a q raises `IndexError`."""
+    """Poses of a tree's n links in their parents, a `Placement` each, at a configuration `q` (n,) of the spanning
+    tree's n joints, rad (m if prismatic). `links` has the links' geometry. Too short a q raises `IndexError`."""
     return [link.at(q[i]) for i, link in enumerate(links)]
 
 

@@ -15,12 +15,13 @@ _SHORT, _HALVINGS = 26, 8
 
 
 class Digits:
-    """A real number with 200 binary, that is 60 decimal, digits after the point, or one for each sample, as a scalar
-    for which equations of motion can be evaluated. `scaled`, an int or an array (samples,) of Python ints (dtype
-    object), is the value times 2^200. Nothing is checked at construction.
+    """Fixed-point number with 200 binary, that is 60 decimal, digits after the point, or an array of them, one for each
+    sample: a scalar for which equations of motion can be evaluated. `scaled`, an int or an array (samples,) of Python
+    ints (dtype object), is the value times 2^200. Nothing is checked at construction.
 
-    `+`, `-`, `*` and `/` take a `Digits` or a float, rounding down; other operands raise `TypeError`, division by zero
-    `ZeroDivisionError`. A product with the float 0.0 is that float. Of NumPy's functions `np.cos` and `np.sin` apply.
+    `+`, `-`, `*` and `/` take a `Digits` or a float and return a `Digits`, products and quotients rounded down; other
+    operands raise `TypeError`, division by zero `ZeroDivisionError`. A product with the float 0.0 is that float.
+    `np.cos` and `np.sin` return a `Digits`; other NumPy functions raise `TypeError`.
     """
 
     __slots__ = ("scaled",)
@@ -105,14 +106,16 @@ def _exponential(x: Digits) -> tuple[Digits, Digits]:
 
 
 def cosine(x: Digits) -> Digits:
-    """The cosine of an angle `x`, rad, of at most a few radians, to about 55 decimal digits, as `Digits` like x:
-    fixed-point numbers of 60, one number or one for each sample. Nothing is checked."""
+    """The cosine of an angle `x`, a `Digits` (fixed-point numbers of 60 decimal digits, one or one for each sample), in
+    rad, as a `Digits` of the same shape. It is right to about 55 decimal digits for |x| of at most 10 rad; beyond,
+    digits are lost. Nothing is checked, and nothing is raised."""
     return _exponential(x)[0]
 
 
 def sine(x: Digits) -> Digits:
-    """The sine of an angle `x`, rad, of at most a few radians, to about 55 decimal digits, as `Digits` like x:
-    fixed-point numbers of 60, one number or one for each sample. Nothing is checked."""
+    """The sine of an angle `x`, a `Digits` (fixed-point numbers of 60 decimal digits, one or one for each sample), in
+    rad, as a `Digits` of the same shape. It is right to about 55 decimal digits for |x| of at most 10 rad; beyond,
+    digits are lost. Nothing is checked, and nothing is raised."""
     return _exponential(x)[1]
 
 

@@ -10,10 +10,10 @@ from adaptctl.identifiability.proof.prime_field import PRIME, Residues, inverse
 
 
 def independent_columns(matrix: Residues, order: Sequence[int]) -> tuple[int, ...]:
-    """The zero-based indices of those columns of a `matrix` (m, n) that are independent of the columns before them in
-    an `order` of column indices, given in that order. The matrix is of residues modulo the prime 2^31 - 1, int64 in
-    0..2^31 - 2; with all n in the order the indices are as many as the rank. Raises `IndexError` for an index of n or
-    more."""
+    """The zero-based indices of those columns of a `matrix` (m, n) of m rows and n columns that are independent of the
+    columns before them in an `order` of column indices, given in that order. The matrix is of residues modulo the prime
+    2^31 - 1, int64 in 0..2^31 - 2; with all n in the order the indices are as many as the rank. Raises `IndexError` for
+    an index of n or more."""
     left = matrix[:, list(order)]
     found: list[int] = []
     for place, column in enumerate(order):
@@ -27,8 +27,8 @@ def independent_columns(matrix: Residues, order: Sequence[int]) -> tuple[int, ..
 
 
 def rank(matrix: Residues) -> int:
-    """The rank, over the field of residues modulo the prime 2^31 - 1, of a `matrix` (m, n) of these, int64 in 0..2^31 -
-    2, by Gaussian elimination. Nothing is checked."""
+    """The rank, over the field of residues modulo the prime 2^31 - 1, of a `matrix` (m, n) of m rows and n columns of
+    these, int64 in 0..2^31 - 2, by Gaussian elimination. Nothing is checked."""
     return len(independent_columns(matrix, range(matrix.shape[1])))
 
 
@@ -42,8 +42,8 @@ def _eliminated(left: Residues, pivot: int, place: int) -> Residues:
 
 
 def ranks(matrices: Residues) -> tuple[int, ...]:
-    """The ranks (N,), over the field of residues modulo the prime 2^31 - 1, of N small `matrices` (N, m, n) of these,
-    int64 in 0..2^31 - 2, by Gaussian elimination of all at once. Nothing is checked."""
+    """The ranks (N,), over the field of residues modulo the prime 2^31 - 1, of N small `matrices` (N, m, n), of m rows
+    and n columns each, of these, int64 in 0..2^31 - 2, by Gaussian elimination of all at once. Nothing is checked."""
     left, many = matrices.copy(), np.arange(len(matrices))
     found = np.zeros(len(matrices), dtype=np.int64)
     for place in range(matrices.shape[2]):

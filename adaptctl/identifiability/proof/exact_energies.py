@@ -71,8 +71,9 @@ class ExactEnergies:
         return pivots.rank(self._differences, self._nothing) if self.closed else elimination.rank(self._differences)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
-        """Zero-based indices (k,), rising, of the k of P inertial parameters that stay when the others are removed in
-        an `order` (P,) of indices, the first removed first, by energies on exact geometry, without round-off.
+        """Zero-based indices (k,), in ascending order, of the k of P inertial parameters that stay when the others are
+        removed in an `order` (P,) of indices, the first removed first, by energies on exact geometry, without
+        round-off.
 
         A parameter stays where its column of energies is independent of the columns after it in the order. Raises
         `IndexError` for an index of P or more; may raise `ArithmeticError` where loops cannot be closed on the exact
@@ -85,7 +86,7 @@ class ExactEnergies:
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
         """True if removing parameters in an `order` (P,), indices of P inertial parameters, the first removed first,
-        leaves just the parameters `kept` (k,), rising indices, by energies on exact geometry.
+        leaves just the parameters `kept` (k,), indices in ascending order, by energies on exact geometry.
 
         That may hold for the geometry described from joint axis to joint axis, or from frame to frame as in the file;
         either will do. The one from axis to axis has all that the rank depends on, but where axes are skew it may lose

@@ -30,8 +30,8 @@ class Reading:
 
     `number` makes an exact scalar of a `Fraction`: a residue modulo a prime, or a number of 60 digits. `size` is the
     mechanism's characteristic length in m, `unit` the exact scalars' unit of lengths in m (1 by default), `precision`
-    the differences that are taken as zero (round-off by default). `equal` has lengths in m, rising, none by default,
-    each of which replaces all that exceed it by at most the precision. Nothing is checked at construction.
+    the differences that are taken as zero (round-off by default). `equal` has lengths in m, in ascending order, none by
+    default, each of which replaces all that exceed it by at most the precision. Nothing is checked at construction.
     """
 
     number: Number
@@ -41,17 +41,17 @@ class Reading:
     """The unit of lengths, m."""
     precision: Precision = AS_GIVEN
     equal: tuple[float, ...] = ()
-    """Lengths (m), rising, each of which stands for those that are longer by less than the precision."""
+    """Lengths (m), in ascending order, each of which stands for those that are longer by less than the precision."""
 
     def length(self, x: float) -> Any:
-        """The exact scalar (a residue modulo a prime, or a number of 60 digits, as `number` makes it) of a length `x`
-        in m, which may be negative. It is counted in the unit of length that this object's `unit` is (1 m by default).
+        """The exact scalar (a residue modulo a prime, or a number of 60 digits, as this object's `number` makes it) of
+        a length `x` in m, which may be negative, counted in this object's `unit` of length (1 m by default).
 
-        It is 0 where |x| is at most `precision.length` (1e-11 by default) times `size`, m, the mechanism's; else the
-        simplest rational number near x, the one of least denominator that differs from x by at most `precision.number`
-        (1e-12) times the power of ten at or below `size` (`simplest_rational`). An x that exceeds an entry of `equal`
-        by no more than the precision first becomes that entry. Raises `ValueError` for NaN, `OverflowError` for
-        infinity.
+        It is 0 where |x| is at most `precision.length` (1e-11 by default) times this object's `size`, the mechanism's
+        characteristic length in m. Else it is the simplest rational number near x, the one of least denominator that
+        differs from x by at most `precision.number` (1e-12) times the power of ten at or below `size`. An x that
+        exceeds an entry of this object's `equal`, lengths in ascending order, by no more than the former bound first
+        becomes that entry. Raises `ValueError` for NaN, `OverflowError` for infinity.
         """
         place = bisect_right(self.equal, abs(x)) - 1
         if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:

@@ -15,9 +15,9 @@ from adaptctl.scalars import ZERO
 
 
 def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """The matrix H (`samples`, P) of kinetic plus potential energies at `samples` random states, less those at one more
-    state, the same for all rows, per unit of each of a mechanism's P inertial parameters (all but friction), as
-    residues modulo the prime 2^31 - 1.
+    """The matrix H (`samples`, P) of energy differences per unit of each of a mechanism's P inertial parameters (all
+    but friction), as residues modulo the prime 2^31 - 1: kinetic plus potential energies at `samples` random states,
+    less those at one more state, the same for all rows.
 
     `description` is the mechanism's, `geometry` its geometry, exact and in residues; energies are with that gravity,
     which is a unit vector where the geometry was made by axes, and that unit of length. `seed` draws the states, joint

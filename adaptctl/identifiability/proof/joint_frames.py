@@ -67,10 +67,11 @@ class FramePlacement(NamedTuple):
 
 @dataclass(frozen=True)
 class CanonicalJoint:
-    """A joint of a tree described from axis to axis, whatever frames a file uses. `joint` is the pose of its frame,
-    with z along its axis, in the frame of the joint before it (for a joint on the ground, in the world turned until z
-    is up), and `link` the pose of its link's frame in the joint's own frame. Its coordinate is the file's plus `shift`,
-    in rad for a revolute joint, 0 for a prismatic one. Nothing is checked."""
+    """A joint of a tree whose frame is fixed by joint axes and common normals alone (as Denavit and Hartenberg's are),
+    not by the frames that a file uses. `joint` is the pose of its frame, with z along its axis, in the frame of the
+    joint before it (for a joint on the ground, in the world turned until z is up), and `link` the pose of its link's
+    frame in the joint's own frame; both are `FramePlacement`s, angles in rad and lengths in m. The joint's position is
+    the file's plus `shift`, in rad for a revolute joint, 0 for a prismatic one. Nothing is checked."""
 
     joint: FramePlacement
     link: FramePlacement

@@ -34,16 +34,16 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
 
 
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
-    """The energy regressor (samples, P) of a mechanism with closed loops at `samples` states, in numbers of 60 digits:
-    kinetic plus potential energies per unit of each of P inertial and friction parameters (0 for friction), as Python
-    ints (dtype object), the energies times 2^200. They are with the exact `geometry`'s gravity, a unit vector where it
-    was made by axes, and its unit of length.
+    """The energy regressor (samples, P) of a mechanism with closed loops at `samples` states, to 60 decimal digits:
+    kinetic plus potential energies per unit of each of P inertial and friction parameters (0 for friction). Entries are
+    Python ints (dtype object), the energies times 2^200. They are with the gravity of the exact `geometry`, a unit
+    vector where the geometry was made from joint axes alone, and in its unit of length.
 
-    `equations` are those on that geometry (`exact_loops`); `q` (samples, n) are configurations of the tree's n joints,
-    rad (m for a prismatic joint), in the file's coordinates, that close the loops up to round-off, and are closed to 60
-    digits here; `v` (samples, r) are the velocities of the r primary (independent) joints, rad/s (the geometry's unit
-    per s for a prismatic joint). May raise `ArithmeticError` at a singularity of the loops or where they cannot be
-    closed on that geometry.
+    `equations` are the equations of motion on that geometry, which `exact_loops` returns; `q` (samples, n) are
+    configurations of the spanning tree's n joints, rad (m for a prismatic joint), in the file's coordinates, that close
+    the loops up to round-off, and are closed to 60 digits here; `v` (samples, r) are the velocities of the r primary
+    (independent) joints, rad/s (the geometry's unit per s for a prismatic joint). Raises `ArithmeticError` where
+    Newton's steps on that geometry meet a singular matrix, as at a singularity of the loops.
     """
     joints = zip(q.T, geometry.shifts, geometry.links, strict=True)
     guess = Column(_coordinate(x, shift, link.turns, geometry.reading.unit) for x, shift, link in joints)

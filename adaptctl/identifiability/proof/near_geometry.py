@@ -40,7 +40,7 @@ def _near_equals(description: Description, frames: CanonicalFrames) -> Iterator[
 
 def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tuple[float, str]]:
     """Lengths that may have to equal one another in closed loops, as pairs (length in m, name of the joint or loop
-    closure that it belongs to), by rising length.
+    closure that it belongs to), in ascending order of length.
 
     They are the distances from the z axis (radius) and along it (height), in size, of each joint's frame in that of the
     joint before, as `frames` have them, and of each closure's two frames in those of their links' joints. Empty for a
@@ -58,8 +58,8 @@ def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tupl
 
 
 def as_equal(lengths: Iterable[float], least: float) -> tuple[float, ...]:
-    """The lengths (m), rising, that represent groups of nearly equal ones among `lengths` (m), which must rise: the
-    first of each group, which the others exceed by at most `least` (m). Nothing is checked."""
+    """The lengths (m), in ascending order, that represent groups of nearly equal ones among `lengths` (m), which must
+    rise: the first of each group, which the others exceed by at most `least` (m). Nothing is checked."""
     firsts: list[float] = []
     for length in lengths:
         if not firsts or length - firsts[-1] > least:

@@ -17,10 +17,11 @@ LEAST_COLUMN = 1e-3
 
 
 def pivots(matrix: Any) -> tuple[float, ...]:
-    """The sizes, as floats, of the pivots of a `matrix` (m, n) by Gaussian elimination with complete pivoting, in the
-    order in which they are found. The matrix is an array of Python ints (dtype object), its entries times 2^200. Pivots
-    beyond the matrix's rank are round-off or zero, and the first that is below 1e-40 of the first pivot, the largest
-    entry, is the last. Empty for an empty matrix. Raises `OverflowError` for entries beyond a double."""
+    """The sizes, as floats, of the pivots of a `matrix` (m, n) of m rows and n columns by Gaussian elimination with
+    complete pivoting, in the order in which they are found. The matrix is an array of Python ints (dtype object), its
+    entries times 2^200. Pivots beyond the matrix's rank are round-off or zero, and the first that is below 1e-40 of the
+    first pivot, the largest entry, is the last. Empty for an empty matrix. Raises `OverflowError` for entries beyond a
+    double."""
     left, found = matrix, list[float]()
     while left.size:
         sizes = np.abs(floats(left))
@@ -33,18 +34,18 @@ def pivots(matrix: Any) -> tuple[float, ...]:
 
 
 def rank(matrix: Any, nothing: float) -> int:
-    """The numerical rank of a `matrix` (m, n): the number of its pivots whose size is above `nothing` (no unit) times
-    that of the first, by Gaussian elimination with complete pivoting. The matrix is an array of Python ints (dtype
-    object), its entries times 2^200. The rank of an empty or zero matrix is 0. Raises `OverflowError` for entries
-    beyond a double."""
+    """The numerical rank of a `matrix` (m, n) of m rows and n columns: the number of its pivots whose size is above
+    `nothing` (no unit) times that of the first, by Gaussian elimination with complete pivoting. The matrix is an array
+    of Python ints (dtype object), its entries times 2^200. The rank of an empty or zero matrix is 0. Raises
+    `OverflowError` for entries beyond a double."""
     sizes = pivots(matrix)
     return sum(size > nothing * sizes[0] for size in sizes)
 
 
 def independent_columns(matrix: Any, order: Sequence[int], nothing: float) -> tuple[int, ...]:
-    """The zero-based indices of those columns of a `matrix` (m, n) that are independent of the columns before them in
-    an `order` of column indices, given in that order. The matrix is an array of Python ints (dtype object), its entries
-    times 2^200.
+    """The zero-based indices of those columns of a `matrix` (m, n) of m rows and n columns that are independent of the
+    columns before them in an `order` of column indices, given in that order. The matrix is an array of Python ints
+    (dtype object), its entries times 2^200.
 
     A column is independent where its largest entry, once those taken before are eliminated, is above `nothing` (without
     a unit) times max(a, 1e-3 b), a being the largest entry of the given column and b that of the given matrix, in size.

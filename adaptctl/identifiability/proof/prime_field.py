@@ -89,8 +89,8 @@ def modular(x: Fraction) -> Modular | float:
 
 
 def inverse(residues: Any) -> Any:
-    """The inverses 1/x, in 0..2^31 - 2, of `residues` modulo the prime 2^31 - 1, an int or an int64 array (m,). Raises
-    `ValueError` for a residue of zero."""
+    """The inverses 1/x, in 0..2^31 - 2, of `residues` modulo the prime 2^31 - 1, an int or an int64 array (m,) of m of
+    them. Raises `ValueError` for a residue of zero."""
     if isinstance(residues, int):
         return pow(residues, -1, PRIME)
     return np.array([pow(x, -1, PRIME) for x in residues.tolist()], dtype=np.int64)

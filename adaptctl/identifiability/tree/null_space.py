@@ -48,8 +48,11 @@ class TreeNullSpace:
 
     @cached_property
     def scales(self) -> Array:
-        """The scales (P,), positive, in SI units per J, that make the tree's P inertial parameters D comparable: D /
-        scales are all in J. They come from energies at 46 random states."""
+        """The scales (P,), positive, in SI units per J, that make the tree's P inertial parameters D (all but friction)
+        comparable: D / scales are all in J. Each is 1/e, where e is the root of the summed squares of the kinetic plus
+        potential energies that a unit of the parameter has at 46 random states, drawn by this object's `seed`. Where e
+        is below 1e-3 of the largest (units counted in the mechanism's characteristic length), that floor replaces it.
+        """
         return energy_scales(self.mechanism, self.seed)
 
     @cached_property

@@ -80,11 +80,12 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
 
 
 def change(share: float) -> str:
-    """Text of a relative change `share` as a percentage with its sign: 0.125 is "+12.5 %". Nothing is raised."""
+    """Relative change `share` (a fraction) formatted as a percentage with its sign: 0.125 is "+12.5 %". Nothing is
+    raised."""
     return f"{100.0 * share:+.3g} %".replace("-", "−")
 
 
 def place(x: Array) -> str:
-    """Text of a position `x` (3,), m in a link's frame, without the unit: "(0.100, 0.000, -0.250)". Nothing is
+    """Position `x` (3,), m in a link's frame, formatted as text without the unit: "(0.100, 0.000, -0.250)". Nothing is
     checked."""
     return f"({', '.join(f'{value:.3f}' for value in x + 0.0)})"

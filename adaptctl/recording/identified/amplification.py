@@ -52,10 +52,10 @@ class Curves(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Amplification:
-    """Result of an experiment that compares two estimators of a robot's parameters by the errors of the torques that
-    they predict, given the errors of the torques that they learn from. The estimators are filtered dynamics (the
-    equations of motion behind a low-pass filter) and energy differences (one equation of work and energy over each
-    window of time, `window` s long).
+    """Comparison, by an experiment, of two estimators of a robot's parameters by the errors of the torques that they
+    predict, given the errors of the torques that they learn from. The estimators are filtered dynamics (the equations
+    of motion behind a low-pass filter) and energy differences (one equation of work and energy over each window of
+    time, `window` s long).
 
     `experiment` is its name and `title` the report's; `measured` has a `TorqueCase` for each kind of torques, the exact
     ones first, the measured ones last; `curves` are torques over time; `seed` is that of the random numbers, `complete`

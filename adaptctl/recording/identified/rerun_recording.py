@@ -26,8 +26,8 @@ SAMPLES = 3000
 @dataclass(frozen=True)
 class Titled:
     """Title and origin of an identification's recording: `title`, a few words for its readers; `experiment`, the name
-    of the command, "identify" unless given; `seed`, that of random numbers, 0 unless given; and `complete`, True unless
-    given, False where it was interrupted. Nothing is checked at construction."""
+    of the command, "identify" unless given; `seed`, that of random numbers, 0 by default; and `complete`, True by
+    default, False where it was interrupted. Nothing is checked at construction."""
 
     title: str
     experiment: str = "identify"

@@ -27,19 +27,22 @@ def write_summary(path: str | Path, found: Identification) -> None:
 
 
 def summary(found: Identification) -> dict[str, Any]:
-    """Summary of an identification in JSON's types. `validation` has the torque errors of the identified robot, and
-    `alternatives`, by name, those of simpler models on the same rows: `rms_error` in N m (N if prismatic) over all
-    joints, `relative_error`, that divided by the root mean square of the measured torques (no unit), `cutoff` in Hz,
-    `rows`, their number, and both errors of each of the `joints`.
+    """Summary, a mapping of JSON's types, of the identification of a robot's inertial and friction parameters from
+    logs. `validation` is a mapping with the torque errors, predicted less measured, of the identified robot: `of`, in
+    words the rows it is on, `rms_error` in N m (N if prismatic) over all joints and rows, `relative_error`, that
+    divided by the root mean square of the measured torques (no unit), `cutoff` of the low-pass filter in Hz, `rows`,
+    their number, and `joints`, a mapping from a joint's name to both its errors. `alternatives` maps the names of
+    simpler models to such mappings, for the same rows.
 
-    Besides these it has `robot`, its name, `robot_sha256`, and the `logs`; `friction`, the model's terms,
-    `prior_weight` (no unit) and the filter's `cutoff` (Hz); `consistent`, True where rigid bodies can have all links'
-    parameters; `training_misfit_over_least_squares`, the ratio of the fit's residual to that of least squares;
-    `deviations_over_nominal`, the ratio of standard deviations to those for white residuals; `essential_components`,
-    the `rank` and the number `for_energy_to_1_percent`; `unexcited`, combinations of parameters that the logs hardly
-    excite, in words; `trials`, the settings tried, each a mapping of `what`, `candidate`, `rms` (N m; N if all joints
-    are prismatic) and `taken`; `steps`, the outcome in words of each step of the logs' preparation, by name; and
-    `remarks`. Nothing is raised.
+    Besides these it has texts: `schema`, `robot`, its name, `robot_sha256`, and `friction`, the friction model's terms;
+    numbers: `prior_weight` (no unit), the filter's `cutoff` (Hz), `training_misfit_over_least_squares`, the ratio of
+    the fit's residual to that of least squares, and `deviations_over_nominal`, the ratio of the estimates' standard
+    deviations to those for white residuals; the truth value `consistent`, True where rigid bodies can have all links'
+    parameters; the mapping `essential_components`, of the `rank` and the number `for_energy_to_1_percent`; lists of
+    texts: `logs`, `unexcited`, combinations of parameters that the logs hardly excite, and `remarks`; the list `trials`
+    of the settings tried, each a mapping of `what`, `candidate`, `rms` (N m; N if all joints are prismatic) and
+    `taken`; and the mapping `steps` from the names of the steps of the logs' preparation to their outcomes in words.
+    Nothing is raised.
     """
     settings = found.choice.settings
     return {

@@ -40,8 +40,8 @@ class ActuatorEffect(Effect):
     `rank`, an integer, its position in the order in which torques pass the effects, lower ones first; `require(dof,
     links, control_period)`, which raises `InputError` where its settings do not fit the plant, `links` being the names
     of the links with ten inertial parameters each; `start(torque, control_period)`, which returns its initial internal
-    state (..., m), m >= 0 numbers of its own, for joints that were held by the array `torque` (..., r); and
-    `act(torque, memory, control_period)`, which returns the torque (r,) passed on and the next internal state (m,). In
+    state (..., h), h >= 0 numbers of its own, for joints that were held by the array `torque` (..., r); and
+    `act(torque, memory, control_period)`, which returns the torque (r,) passed on and the next internal state (h,). In
     `act` the vectors are Columns of scalars of any kind, floats or symbols that become native code, on whose values it
     must not branch. It may give `mark`, the name under which a rollout flags the control periods in which the effect
     passed on another torque than it was given, None (the default) for no flag.
@@ -54,13 +54,13 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
-        """The initial internal state (..., m), m numbers of the effect's own, after the r joints were held by `torque`
+        """The initial internal state (..., h), h numbers of the effect's own, after the r joints were held by `torque`
         (..., r), N m (N for a prismatic joint); `control_period` is in s. Nothing is checked here."""
 
     @abstractmethod
     def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """The torque (r,) passed on to r joints over one control period (s), and the effect's internal state (m,) after
-        it, m numbers of its own. `torque` (r,) comes from the controller or the effect before, `memory` (m,) is the
+        """The torque (r,) passed on to r joints over one control period (s), and the effect's internal state (h,) after
+        it, h numbers of its own. `torque` (r,) comes from the controller or the effect before, `memory` (h,) is the
         internal state after the last period. Torques are in N m (N for a prismatic joint). Vectors are Columns of
         scalars of any kind: floats, or symbols that become native code. An implementation may raise `InputError` for
         settings that do not fit r joints, `ValueError` for an internal state of another length."""
@@ -76,11 +76,11 @@ class SensorEffect(Effect):
     `rank`, an integer, its position in the order in which measurements pass the effects, lower ones first;
     `require(dof, links, control_period)`, which raises `InputError` where its settings do not fit the plant, `links`
     being the names of the links with ten inertial parameters each; `start(p, v, control_period)`, which returns its
-    initial internal state (..., m), m >= 0 numbers of its own, for arrays of positions p and velocities v (..., r); and
+    initial internal state (..., h), h >= 0 numbers of its own, for arrays of positions p and velocities v (..., r); and
     `measure(p, v, noise, memory, control_period)`, which returns the measured positions and velocities (r,) and the
-    next internal state (m,), from p and v (r,), the true ones or as measured by the effects before, `noise` (2r,),
+    next internal state (h,), from p and v (r,), the true ones or as measured by the effects before, `noise` (2r,),
     standard normal numbers drawn for this measurement, the positions' first, the same for all sensor effects, and
-    `memory` (m,).
+    `memory` (h,).
 
     Positions are in rad (m if prismatic), velocities in rad/s (m/s). In `measure` the vectors are Columns of scalars of
     any kind, floats or symbols that become native code, on whose values it must not branch.
@@ -91,7 +91,7 @@ class SensorEffect(Effect):
 
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial internal state (..., m) of the effect, m numbers of its own, before the first measurement of arms
+        """The initial internal state (..., h) of the effect, h numbers of its own, before the first measurement of arms
         of r joints: at positions p (..., r), rad (m if prismatic), and velocities v (..., r), rad/s (m/s).
         `control_period` is in s. Nothing is checked here."""
 
@@ -100,11 +100,11 @@ class SensorEffect(Effect):
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
         """The measured positions (r,) of r joints, rad or m, their measured velocities (r,), rad/s or m/s, and the
-        effect's internal state (m,) after them, m numbers of its own. Vectors are Columns of scalars of any kind:
+        effect's internal state (h,) after them, h numbers of its own. Vectors are Columns of scalars of any kind:
         floats, or symbols that become native code.
 
         `p` and `v` (r,), in the same units, are the true positions and velocities, or as measured by the effects
-        before; `memory` (m,) is the internal state before this measurement, and `noise` (2r,) holds standard normal
+        before; `memory` (h,) is the internal state before this measurement, and `noise` (2r,) holds standard normal
         numbers (unitless), the positions' first; `control_period` is in s. An implementation may raise `InputError` for
         settings that do not fit r joints, `ValueError` for columns of other lengths.
         """
@@ -143,9 +143,9 @@ class LoadEffect(Effect):
     A subclass, a frozen dataclass of its own settings, gives `require(dof, links, control_period)`, which raises
     `InputError` where its settings do not fit a plant of `dof` joints (`links` are the names of those with ten inertial
     parameters each, `control_period` is in s); `mass(time)`, the mass that it adds at a time (s), kg; and
-    `loaded(parameters, links, time)`, the P inertial parameters (..., P), SI units, with the load, ten for each of
-    `links` first, from those without it. It may override `until(time)`, the time (s) until which the load stays as it
-    is; the base class returns `time`, as for a load that changes continuously.
+    `loaded(parameters, links, time)`, the P inertial and friction parameters (..., P), SI units, with the load, ten for
+    each of `links` first, from those without it. It may override `until(time)`, the time (s) until which the load stays
+    as it is; the base class returns `time`, as for a load that changes continuously.
     """
 
     @abstractmethod
@@ -161,12 +161,12 @@ class LoadEffect(Effect):
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The mechanism's P inertial parameters (..., P) with the load at `time` (s) added to `parameters` (..., P),
-        those without it, which are left as they are; where nothing is added they may be returned themselves. The first
-        are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz
-        (mass, first moments of mass, inertia tensor), in kg, kg m, kg m^2 about the origin of the link's frame; the
-        drives' (rotor inertias and friction) follow, SI units. An implementation may raise `NotFoundError` for a link
-        that is not among `links`, `InputError` for too few parameters."""
+        """The mechanism's P inertial and friction parameters (..., P) with the load at `time` (s) added to `parameters`
+        (..., P), those without it, which are left as they are; where nothing is added they may be returned themselves.
+        The first are ten for each of the `links`, named in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
+        I_yz, I_zz (mass, first moments of mass, inertia tensor), in kg, kg m, kg m^2 about the origin of the link's
+        frame; the drives' (rotor inertias and friction) follow, SI units. An implementation may raise `NotFoundError`
+        for a link that is not among `links`, `InputError` for too few parameters."""
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:

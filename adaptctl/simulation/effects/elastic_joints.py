@@ -21,16 +21,16 @@ class ElasticJoints(Effect):
 
         J w' = torque - f,   M(q) v' + C v + g + friction = f,   f = stiffness (theta - p) + damping (w - v)
 
-    The motors, seen behind their gears, have positions theta and velocities w, the joints p and v: (r,) each, in rad
-    and rad/s (m and m/s for a prismatic joint); a prime is a time derivative. `torque` (r,) is the motors' and f the
-    springs', N m (N). M is the links' mass matrix at the configuration q (n,) of all n joints of the spanning tree, C v
-    the velocity torques, g gravity's. J is the motors' inertia, kg m^2 (kg): the rotor inertia of the mechanism's
-    drives, which then no longer turns with the links, plus `motor_inertia`. The stiffer the springs, the nearer is the
-    plant to the rigid one with that rotor inertia. Friction stays with the links. Rotors turn about their joints' axes
-    alone, as Spong assumes: their energy does not depend on how the links that carry them move.
+    The motors, reflected to the joints (as seen through the gears), have positions theta and velocities w, the joints p
+    and v: (r,) each, in rad and rad/s (m and m/s for a prismatic joint); a prime is a time derivative. `torque` (r,) is
+    the motors' and f the springs', N m (N). M is the links' mass matrix at the configuration q (n,) of all n joints of
+    the spanning tree, C v the velocity torques, g gravity's. J is the motors' inertia, kg m^2 (kg): the rotor inertia
+    of the mechanism's drives, which then no longer turns with the links, plus `motor_inertia`. The stiffer the springs,
+    the nearer is the plant to the rigid one with that rotor inertia. Friction stays with the links. Rotors turn about
+    their joints' axes alone, as Spong assumes: their energy does not depend on how the links that carry them move.
 
     `stiffness` (N m/rad, N/m), `damping` (N m s/rad, N s/m) and `motor_inertia` are one number or one a joint (r,), the
-    last two zero unless given. `encoders` says where the encoders are: "link" (the default), behind the spring, or
+    last two zero by default. `encoders` says where the encoders are: "link" (the default), behind the spring, or
     "motor", before it, where controllers measure theta and w, as on most robots. The last 2r numbers of
     `PlantState.drives` are theta, then w.
 

@@ -23,9 +23,9 @@ class Friction(JointEffect):
 
     (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) v are the joints' velocities
     in rad/s (m/s of a prismatic joint). `stribeck` is the excess of static over Coulomb friction, half of which is gone
-    at `speed` (rad/s, m/s), one number, 0.1 unless given. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m,
-    N) are one number or one a joint (r,), zero unless given. The sign is smoothed as that of a drive's Coulomb friction
-    is, v/sqrt(v^2 + 0.01^2), so the arm creeps where a real one sticks.
+    at `speed` (rad/s, m/s), one number, 0.1 by default. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m, N)
+    are one number or one a joint (r,), zero by default. The sign is smoothed to v/sqrt(v^2 + 0.01^2), also for a
+    drive's Coulomb friction, so the arm creeps where a real one sticks.
 
     This friction acts on the r primary (independent) joints of the plant alone; the controller's model has none of it.
     The friction of the mechanism's drives is in the plant and in the model, where it can be adapted; this comes on top.

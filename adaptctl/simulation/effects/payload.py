@@ -23,8 +23,8 @@ SYMMETRIC = 1e-9
 @dataclass(frozen=True, eq=False)
 class Payload:
     """Payload, a rigid body held by a link of a robot: `mass` in kg, `center` of mass (3,) in m in that link's frame,
-    and `inertia` tensor (3, 3) in kg m^2 about that centre, along the same axes. Centre and inertia are zero unless
-    given: a point mass in the frame's origin.
+    and `inertia` tensor (3, 3) in kg m^2 about that centre, along the same axes. Centre and inertia are zero by
+    default: a point mass in the frame's origin.
 
     Raises `InputError` for a `mass` that is negative or not a number (a boolean is not one), a wrong shape, numbers
     that are not finite or that make an inertial parameter above 1e20, and an inertia, unless zero, that no rigid body
@@ -54,7 +54,7 @@ class Payload:
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
         """A `Payload`, a rigid body held by a link, made of what is `given`: a mass in kg, or a mapping with `mass`
         (kg) and perhaps `center` of mass (3,) in m, in that link's frame, and `inertia` tensor (3, 3) in kg m^2 about
-        the centre of mass, zero unless given; a `Payload` is returned as it is.
+        the centre of mass, zero by default; a `Payload` is returned as it is.
 
         Raises `InputError` for anything else, for a mass that is missing or negative, a wrong shape, numbers that are
         not finite or too large, and an inertia that no rigid body has; `NotFoundError`, a subclass of it, for an
@@ -72,8 +72,8 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The P inertial parameters (..., P) of a mechanism with the payload added to the link of zero-based index
-        `link`: a copy of `parameters` (..., P), SI units, in which that link's ten are changed.
+        """The P inertial and friction parameters (..., P) of a mechanism with the payload added to the link of
+        zero-based index `link`: a copy of `parameters` (..., P), SI units, in which that link's ten are changed.
 
         The parameters begin with ten a link: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg
         m^2 about the origin of the link's frame; the drives' (rotor inertias and friction), if any, follow. Raises

@@ -56,9 +56,9 @@ class PayloadHeld(LoadEffect):
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The P inertial parameters (..., P) of a mechanism at `time` (s): while the payload is held, a copy of
-        `parameters` (..., P), SI units, with the payload added to the ten of its link; otherwise `parameters` itself,
-        unchecked.
+        """The P inertial and friction parameters (..., P) of a mechanism at `time` (s): while the payload is held, a
+        copy of `parameters` (..., P), SI units, with the payload added to the ten of its link; otherwise `parameters`
+        itself, unchecked.
 
         The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
         I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives' (rotor inertias

@@ -21,7 +21,7 @@ KINDS = (ActuatorEffect, SensorEffect, JointEffect, LoadEffect, ElasticJoints)
 @dataclass(frozen=True)
 class PlantEffects:
     """Effects of one plant, what it has besides rigid links and ideal drives, sorted by where they act; each tuple is
-    empty unless given.
+    empty by default.
 
     `actuators` change torques between controller and joints, and `sensors` measurements between joints and controller,
     each in the order in which the signal passes them; `joints` are torques in the joints, `loads` change the inertial
@@ -84,8 +84,9 @@ class PlantEffects:
         return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The P inertial parameters (..., P) of a mechanism with all loads at `time` (s), such as payloads, added to
-        `parameters` (..., P), SI units, those without loads; these themselves where there is no load.
+        """The P inertial and friction parameters (..., P) of a mechanism with all loads at `time` (s), such as
+        payloads, added to `parameters` (..., P), SI units, those without loads; these themselves where there is no
+        load.
 
         The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
         I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives' (rotor inertias
@@ -97,26 +98,26 @@ class PlantEffects:
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The initial internal states of all actuator effects, concatenated to one array (..., m) in the order in which
-        a torque passes the effects; m is the number of scalars that the effects keep, 0 without actuator effects.
+        """The initial internal states of all actuator effects, concatenated to one array (..., h) in the order in which
+        a torque passes the effects; h is the number of scalars that the effects keep, 0 without actuator effects.
         `torque` (..., r), N m (N for a prismatic joint), is the torque that has held the r joints; `control_period` is
         in s. Nothing is checked."""
         return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial internal states of all sensor effects, concatenated to one array (..., m) in the order in which
-        measurements pass the effects; m is the number of scalars that the effects keep, 0 without sensor effects. The
+        """The initial internal states of all sensor effects, concatenated to one array (..., h) in the order in which
+        measurements pass the effects; h is the number of scalars that the effects keep, 0 without sensor effects. The
         arms of r joints are at positions p (..., r), rad (m if prismatic), and velocities v (..., r), rad/s (m/s), of
         the first measurement; `control_period` is in s. Nothing is checked."""
         return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
         """The torque (r,) that all actuator effects together pass on to r joints over one `control_period` (s), the
-        effects' internal state (m,) after it, and flags (k,). Torques are in N m (N for a prismatic joint). There is a
+        effects' internal state (h,) after it, and flags (k,). Torques are in N m (N for a prismatic joint). There is a
         flag for each of the k names in this object's property `marks`: 1 where that effect changed any joint's torque,
         else 0.
 
-        `torque` (r,) is the one commanded, `memory` (m,) the effects' internal state after the period before, one
+        `torque` (r,) is the one commanded, `memory` (h,) the effects' internal state after the period before, one
         effect after the other. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled.
         Raises `InputError` for settings that do not fit r joints; a lag or a rate limit raises `ValueError` for an
         internal state that is too short.
@@ -137,10 +138,10 @@ class PlantEffects:
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
         """The positions (r,), rad (m if prismatic), and velocities (r,), rad/s (m/s), of r joints as all sensor effects
-        together measure them, and the effects' internal state (m,) after the measurement.
+        together measure them, and the effects' internal state (h,) after the measurement.
 
         `p` and `v` (r,), in the same units, are the true ones, of the motors where encoders sit on these (this object's
-        property `senses_motors`); `memory` (m,) is the effects' internal state before the measurement, one effect after
+        property `senses_motors`); `memory` (h,) is the effects' internal state before the measurement, one effect after
         the other; `noise` (2r,) has standard normal numbers (unitless), the positions' first, each effect getting the
         same ones; `control_period` is in s. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to
         be compiled. Raises `InputError` for settings that do not fit r joints, `ValueError`, with filtered differences,

@@ -87,16 +87,16 @@ class Places:
 def equalities(
     root: Element, settings: Settings, places: Places, links: Sequence[str], driven: Sequence[str], part: bool = False
 ) -> Loops | None:
-    """The loop constraints that the active equalities of an MJCF file make: <connect> and <weld> as closures, <joint>
-    as couplings; None where there are none.
+    """The loop constraints, a `Loops`, that the active equalities of an MJCF file make: <connect> and <weld> become
+    closures, <joint> couplings; None where there are none.
 
     `root` is the file's root element, `settings` its compiler settings and defaults, `places` has the bodies, sites and
     joints by name, `links` the links' names by index. `driven` has the names of joints that actuators drive, which
-    become the primary (independent) ones; without any, those that follow no other do. The configuration that the file
-    draws becomes the reference from which motion is followed. Where the mechanism is a `part` of a scene, by default
-    not, equalities that name none of its bodies, sites and joints are left out. Raises `InputError` for an equality of
-    another kind or with wrong contents, and for closures where no joint is driven, `NotFoundError` for an unknown body,
-    site or joint.
+    become the primary (independent) ones; without any, those that follow no other do. MuJoCo's initial configuration
+    qpos0, which the file's body poses and the joints' `ref` give, becomes the reference configuration, from which
+    motion is followed. Where the mechanism is a `part` of a scene, by default not, equalities that name none of its
+    bodies, sites and joints are left out. Raises `InputError` for an equality of another kind or with wrong contents,
+    and for closures where no joint is driven, `NotFoundError` for an unknown body, site or joint.
     """
     closures: list[Closure] = []
     couplings: list[Coupling] = []

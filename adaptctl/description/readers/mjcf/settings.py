@@ -24,7 +24,8 @@ _SIMPLIFIED = {
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of a whole MJCF file, of its <compiler> and <default> sections, by default MuJoCo's own.
+    """Compiler settings and default classes of an MJCF file, from its <compiler> and <default> sections, by default
+    MuJoCo's own.
 
     `degrees` is True for angles in degrees, False for rad; `eulerseq` has the three axes of Euler angles, x, y or z for
     axes that turn with the frame, X, Y or Z for fixed ones; `autolimits` is True where a range alone limits a joint,
