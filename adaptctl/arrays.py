@@ -46,10 +46,10 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
     """The `values` as a float64 array of any shape; an array that is one already is returned as it is, not copied.
-    Texts that read as numbers count as such, None as NaN; NaN and infinity are allowed. Raises `InputError` for what
-    holds no real numbers, such as other texts, ragged lists, complex numbers, durations and whole numbers beyond the
-    largest double. `what` is the name of the values in its message, `kind` says there what was expected, such as "of
-    shape (3,)", by default nothing."""
+    Texts that read as numbers count as such, None as NaN; NaN and infinity are allowed. Raises `InputError` for values
+    that are not real numbers: other texts, ragged lists, complex numbers, durations and dates, and whole numbers beyond
+    the largest double. `what` is the name of the values in its message, `kind` says there what was expected, such as
+    "of shape (3,)", by default nothing."""
     try:
         if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M"):
             raise TypeError("complex numbers and durations have no place here")
@@ -72,10 +72,10 @@ def checked(values: ArrayLike, size: int, what: str) -> Array:
 
 
 def vectors(values: ArrayLike, size: int, what: str) -> Array:
-    """The `values` as a float64 array (..., size) of finite numbers, vectors of the given `size`; if that is 1, a
-    number alone counts too. An array that is one already is returned as it is, not copied. Raises `InputError` for
-    another shape and for what holds no numbers, `NonFiniteError` for NaN and infinity; `what` names the values in the
-    messages."""
+    """The `values` as a float64 array (..., size) of finite numbers, vectors of the given `size`; where that is 1, one
+    number alone counts as a vector too. An array that is one already is returned as it is, not copied. Raises
+    `InputError` where `values` have another shape or are not real numbers, `NonFiniteError` for NaN and infinity;
+    `what` is the name of the values in the messages."""
     return checked(np.atleast_1d(numbers(values, what)), size, what)
 
 
@@ -89,9 +89,10 @@ def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
 
 
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """The numbers (dof,) of `dof` joints, from one number for all joints or (dof,), one each: a read-only float64 copy.
-    Infinity is allowed. Raises `InputError` for another shape and for what holds no numbers, as booleans are none,
-    `NonFiniteError` for NaN; `what` is the name of the values in the messages."""
+    """A read-only float64 array (dof,) of one number for each of `dof` joints: a copy of `values`, which are one number
+    for all joints or an array (dof,). Infinity is allowed. Raises `InputError` where `values` have another shape or are
+    not real numbers, as booleans are not, `NonFiniteError` for NaN; `what` is the name of the values in the
+    messages."""
     array = numbers(values, what)
     if np.asarray(values).dtype == np.bool_:
         raise InputError(f"{what}: expected numbers, got {values!r}")

@@ -32,8 +32,9 @@ def printable(text: str, most: int = 80) -> str:
 
 
 def require_kind(given: object, kind: type, what: str, made: str) -> None:
-    """Raise `InputError` unless `given` is an object of a class, `kind`. `what` begins its message, and `made` says
-    there how such an object is made, as in "plant: expected a Mechanism, as load(...) gives one, got 'puma560'"."""
+    """Raise `InputError` unless `given` is an object of the class `kind`. `what` begins its message, and `made` says
+    there how such an object is made, as in "plant: expected a Mechanism, as load(...) gives one, got 'puma560'".
+    Nothing is returned."""
     if not isinstance(given, kind):
         raise InputError(f"{what}: expected a {kind.__name__}, {made}, got {printable(repr(given))}")
 

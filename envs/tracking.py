@@ -315,7 +315,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @cached_property
     def judgement(self) -> Judgement:
-        """The `Judgement` of a control period: the equation of its reward and of errors that end an episode."""
+        """The `Judgement` of a control period: its reward, and whether a position error ends the episode."""
         return Judgement(self.reward_weights, self.error_bound, self._limits)
 
     def _reference(self, episode: RunningEpisode) -> ReferencePoint:

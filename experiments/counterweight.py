@@ -85,13 +85,14 @@ class CounterweightedTracking(ClosedLoopExperiment):
     energy_error: float = setting(1.0, "at which components are counted, %", low=0.0, high=100.0)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the comparison: outcome in words, facts (questions with answers), and a function that writes its
-        folder. `progress(what, share)` gets the step's name and the share done, 0 to 1; Ctrl-C keeps the runs begun;
-        where there are none, `KeyboardInterrupt` passes. Raises `NotFoundError` for an unknown robot, `FileError` for a
-        file that cannot be used, `InputError` for an arm with friction or linear constraints between its inertial
-        parameters, for more `components` than the arm has essential (identifiable) parameters, for an unknown link or
-        objective and for joints that no gains can hold, `RankError` where the number of essential parameters cannot be
-        certified."""
+        """Result of comparing an arm with and without counterweights, a `Result`: outcome in words, facts (questions
+        with answers), and a function that writes summary, figures, recording and report into a folder that it is given.
+        `progress(what, share)` is called with the step's name and the fraction done, 0 to 1. Ctrl-C keeps the runs that
+        had begun; where there are none, `KeyboardInterrupt` is raised. Raises `NotFoundError` for an unknown robot,
+        `FileError` for a file that cannot be used, `InputError` for an arm with friction or linear constraints between
+        its inertial parameters, for more `components` than the arm has essential (identifiable) parameters, for an
+        unknown link or objective and for joints that no gains stabilise under a held torque, `RankError` where the
+        number of essential parameters cannot be certified."""
         progress(DESIGN, 0.0)
         mechanism = load(self.robot)
         if len(mechanism.parameter_names) != mechanism.energetic:

@@ -130,8 +130,9 @@ class FrictionInJoints(OnRealPlant):
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences for the report, never None here, with the RMS tracking errors of all joints in the last two
-        seconds, mrad, with friction among the parameters, without, and by computed torque, a dash for a run that is
-        missing or shorter; `outcome` has the runs; `found`, the findings by name, is not used. Nothing is checked."""
+        seconds, mrad (mm), with friction among the parameters, without, and by computed torque, a dash for a run that
+        is missing or shorter; `outcome` has the runs; `found`, the findings by name, is not used. Nothing is
+        checked."""
         return (
             f"With friction among its parameters the arm ends at {_final(outcome, ADAPTIVE)} of tracking error, "
             f"without at {_final(outcome, NO_COLUMNS)}, though both adapt. Computed torque that knows all but "

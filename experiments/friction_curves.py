@@ -17,10 +17,11 @@ COLUMNS = 3
 
 
 class Curve(NamedTuple):
-    """Friction curve of a `joint`, given by its name; `true` and `learned`, pairs of viscous (N m s) and Coulomb (N m)
-    friction; `stribeck`, the excess of static over Coulomb friction, N m; `speed`, rad/s, at which half of that is
-    gone; and `speeds` (T,), rad/s, the joint's velocities at T samples of a run. `units` are those of friction and of
-    speed, N·m and rad/s unless given, for a prismatic joint's N and m/s. Nothing is checked at construction."""
+    """Named tuple of the data of one joint's friction over speed: `joint`, its name; `true` and `learned`, pairs of
+    viscous (N m s/rad) and Coulomb (N m) friction; `stribeck`, the excess of static over Coulomb friction, N m;
+    `speed`, rad/s, at which half of that is gone; and `speeds` (T,), rad/s, the joint's velocities at T samples of a
+    run. `units` are the units, as text, of friction and of speed, "N·m" and "rad/s" by default; for a prismatic joint
+    they are "N" and "m/s", and viscous friction is in N s/m. Nothing is checked at construction."""
 
     joint: str
     true: tuple[float, float]
@@ -34,13 +35,13 @@ class Curve(NamedTuple):
     speeds: Array
     """(T,) rad/s, at which the joint moved"""
     units: tuple[str, str] = ("N·m", "rad/s")
-    """of friction and of speed"""
+    """of friction and of speed, as text"""
 
 
 def friction_curves(curves: Sequence[Curve]) -> Figure:
-    """Matplotlib figure of friction (N m) over speed (rad/s), a panel for each of the `curves`, at least one, of a
-    joint: the true friction with Stribeck's excess, the learned one of viscous and Coulomb friction, and a shaded
-    histogram of the speeds at which the joint moved. Nothing is checked."""
+    """Matplotlib figure of friction (N m, N if prismatic) over speed (rad/s, m/s), a panel for each of the `curves`, at
+    least one, of a joint: the true friction with Stribeck's excess, the learned one of viscous and Coulomb friction,
+    and a shaded histogram of the speeds at which the joint moved. Units are those of the curves. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, TRUTH, run_color
 

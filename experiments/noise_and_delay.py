@@ -128,8 +128,8 @@ class NoiseAndDelay(AdaptationLaws):
         estimate: its parameter error at the end, |w (estimate - true)| / |w true| (no unit), w being the RMS torque
         that each parameter makes along a motion that excites; its drift, |w change| / |w true| a minute (1/min),
         between the estimate's means over the third and the fourth quarter of the run; its RMS tracking error over all
-        joints and the run, rad; the fraction of control periods with a limited torque (no unit); and the fraction of
-        samples (no unit) whose excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias,
+        joints and the run, rad (m); the fraction of control periods with a limited torque (no unit); and the fraction
+        of samples (no unit) whose excitation passed the law's threshold, if it has one, or, of laws on pseudo-inertias,
         the least eigenvalue of these, SI units. Then, in s, the delay margin of the tracking loop and its actual delay,
         of control periods, drives and velocity filter. `outcome`, an `Outcome`, has the runs, `basis` the fundamental
         (base) parameters of which the errors are. Nothing is checked."""

@@ -106,8 +106,8 @@ class PayloadDrop(AdaptationLaws):
         """Iterator over the findings, a `Finding` (named number with unit) each. For each law and each event (pickup
         and drop, with more `times` the last of each too): the time, s, until its RMS tracking error over 2 s is less
         than twice that of the 2 s before the first pickup; where it never is, the ratio of its error in the 2 s before
-        the next event, or the run's end, to that one (no unit). For each law: the error before the pickup, mrad; its
-        parameter error at the end, |w (estimate - true)| / |w true| (no unit), w being the RMS torque that each
+        the next event, or the run's end, to that one (no unit). For each law: the error before the pickup, mrad (mm);
+        its parameter error at the end, |w (estimate - true)| / |w true| (no unit), w being the RMS torque that each
         parameter makes along the reference; the fraction of samples (no unit) whose excitation passed the law's
         threshold, if it has one, or, of laws on pseudo-inertias, the least eigenvalue of these, SI units; and the
         median time, us, of computing one torque. `outcome`, an `Outcome`, has the runs, `basis` the fundamental (base)

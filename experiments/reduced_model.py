@@ -101,8 +101,8 @@ class ReducedModelTracking(Puma560Adaptive):
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Iterator over the findings, a `Finding` (named number with unit) each: the energy error, %, with each number
         of essential components (parts of the parameters along the directions that make most energy) kept, as in Table 3
-        of Sheu and Walker (1991), and each run's RMS tracking error of all joints in the last two seconds, mrad, left
-        out for a shorter run. `outcome`, an `Outcome`, has the runs; `basis` is not used. Nothing is checked."""
+        of Sheu and Walker (1991), and each run's RMS tracking error of all joints in the last two seconds, mrad (mm),
+        left out for a shorter run. `outcome`, an `Outcome`, has the runs; `basis` is not used. Nothing is checked."""
         errors = self._reduction(outcome.mechanism)[0].percent_errors
         for s in self.components:
             yield Finding(f"energy_error.{s}", float(errors[s]), "%", f"energy error of {s} components (equation 23)")
@@ -113,9 +113,9 @@ class ReducedModelTracking(Puma560Adaptive):
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence for the report, never None here, with three RMS tracking errors of all joints in the last two
-        seconds, mrad: of the controller that adapts the most essential components (parts of the parameters along the
-        directions that make most energy), of that which adapts the fewest, and of that which uses the true values of
-        the fewest with adaptation off; a dash for a missing error. `found` has the findings by name; `outcome`, with
+        seconds, mrad (mm): of the controller that adapts the most essential components (parts of the parameters along
+        the directions that make most energy), of that which adapts the fewest, and of that which uses the true values
+        of the fewest with adaptation off; a dash for a missing error. `found` has the findings by name; `outcome`, with
         the runs, is not used. Nothing is checked."""
         least, most, unit = min(self.components), max(self.components), error_unit(outcome.mechanism)
         few, many = (found.text(f"final_rms_error.{ADAPTIVE}-{s}") for s in (least, most))
@@ -127,9 +127,9 @@ class ReducedModelTracking(Puma560Adaptive):
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:
         """Iterator over one figure for the report, a `Drawing` (name, caption and function that draws it): tracking
-        errors, mrad, and energy errors, %, over the number of essential components (parts of the parameters along the
-        directions that make most energy) in a controller's model. `outcome`, an `Outcome`, has the runs; `basis` is not
-        used. Nothing is checked."""
+        errors, mrad (mm), and energy errors, %, over the number of essential components (parts of the parameters along
+        the directions that make most energy) in a controller's model. `outcome`, an `Outcome`, has the runs; `basis` is
+        not used. Nothing is checked."""
         from adaptctl.recording.drawing import Drawing
 
         errors = self._reduction(outcome.mechanism)[0].percent_errors
@@ -164,11 +164,12 @@ class ReducedModelTracking(Puma560Adaptive):
 def error_by_count(
     counts: tuple[int, ...], runs: tuple[ControllerRun, ...], percent_errors: Array, unit: str = "mrad"
 ) -> Figure:
-    """Matplotlib figure over the number of essential components (parts of the parameters along the directions that make
-    most energy) in a controller's model, errors on logarithmic scales: the RMS tracking errors of the last two seconds
-    of the `runs`, in thousandths as `unit` says, and the energy errors `percent_errors` (k + 1,), %, with 0 to k
-    components; `counts` are the numbers of components that were run, and runs are taken by name, "adaptive-10" or
-    "fixed-10" for 10 of them; those that are missing or shorter have no point."""
+    """Matplotlib figure of errors, on logarithmic scales, over the number of essential components (parts of the
+    parameters along the directions that make most energy) in a controller's model: the RMS tracking errors of all
+    joints in the last two seconds of the `runs`, in thousandths of rad (m if prismatic), as `unit`, "mrad" by default,
+    says; and the energy errors `percent_errors` (k + 1,), %, with 0 to k components; `counts` are the numbers of
+    components that were run, and runs are taken by name, "adaptive-10" or "fixed-10" for 10 of them; runs that are
+    missing or shorter have no point. Nothing is checked."""
     from adaptctl.recording.drawing import sheet
     from adaptctl.recording.palette import MUTED, run_color
 

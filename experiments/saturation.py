@@ -111,11 +111,11 @@ class Saturation(OnRealPlant):
         ]
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Findings, named numbers. Of each run: the RMS tracking error of all joints from the payload's drop on, rad
-        (m) (NaN for a run that ended before); the share of samples with a torque held back (no unit); and the largest
-        magnitude of any estimated parameter, SI units. Once: the RMS error of all joints over the whole run with
-        adaptation frozen, divided by that with it never frozen (no unit). `outcome` has the runs; `basis` is not
-        used."""
+        """Iterator over the findings, a `Finding` (named number with unit) each. Of each run: the RMS tracking error of
+        all joints from the payload's drop on, rad (m if prismatic; NaN for a run that ended before); the fraction of
+        samples (no unit) with a limited torque; and the largest magnitude of any estimated parameter, SI units. Once:
+        the RMS error of all joints over the whole run with adaptation frozen, divided by that with it never frozen (no
+        unit). `outcome`, an `Outcome`, has the runs; `basis` is not used."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"
@@ -132,10 +132,10 @@ class Saturation(OnRealPlant):
             )
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
-        """Sentences for the report, never None here, with the RMS tracking errors of all joints, mrad, of the whole run
-        with adaptation frozen and never frozen, and of its last two seconds with adaptation frozen and off. `outcome`,
-        an `Outcome`, has the runs; `found`, the findings by name, is not used. Raises `KeyError` where one of the three
-        runs is missing."""
+        """Sentences for the report, never None here, with the RMS tracking errors of all joints, mrad (mm), of the
+        whole run with adaptation frozen and never frozen, and of its last two seconds with adaptation frozen and off.
+        `outcome`, an `Outcome`, has the runs; `found`, the findings by name, is not used. Raises `KeyError` where one
+        of the three runs is missing."""
         runs = {run.name: run for run in outcome.runs}
         unit = error_unit(outcome.mechanism)
         frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))

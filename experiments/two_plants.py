@@ -77,11 +77,12 @@ class TwoPlants(AdaptiveTracking):
     def outcome(
         self, env: gymnasium.Env[Any, Any], mechanism: Mechanism, contenders: Sequence[Contender], progress: Progress
     ) -> Outcome:
-        """Outcome of the contest: runs of the `contenders` (controllers with names) on the environment `env`, then of
-        the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the arm
-        `mechanism`. `env` is MuJoCo's. `progress(label, share)` gets a run's label and the share of it done, 0 to 1.
-        Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` passes. Raises `GainError` for gains too
-        large for the control period, `NonFiniteError` where a motion runs away."""
+        """Outcome of the contest, an `Outcome`: runs of the `contenders` (controllers with names) on the environment
+        `env`, then of the first one in MuJoCo at a quarter of its time steps and in adaptctl's own plant, each with the
+        arm `mechanism`. `env` is MuJoCo's. `progress(label, share)` is called with a run's label and the fraction of it
+        done, 0 to 1. Ctrl-C keeps the runs that had begun; where there are none, `KeyboardInterrupt` is raised. Raises
+        `GainError` for gains too large for the control period, `NonFiniteError` where a motion diverges to non-finite
+        values."""
         done = super().outcome(env, mechanism, contenders, progress)
         try:
             for name, label, other in (

@@ -21,12 +21,12 @@ def has_sliding_variable(controller: object) -> bool:
 
 
 def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
-    """The sliding variable s = e' + Lambda e (T, r), rad/s or m/s, at the T samples of a `run` of r joints under
-    Slotine and Li's law.
+    """The sliding variable s = e' + Lambda e (T, r), rad/s (m/s if prismatic), at the T samples of a `run` of r joints
+    under Slotine and Li's law.
 
     e is the tracking error, measured less desired positions, e' its rate, and Lambda the `controller`'s bandwidth.
     Raises `InputError` for another law, such as `PassivityIntegral` or `TaskSpaceSlotineLi`, whose s is another one,
-    and for a run of another number of joints.
+    and for a run of another number of joints than the controller's.
     """
     if not has_sliding_variable(controller):
         law = type(controller).__name__
@@ -38,15 +38,17 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
 
 def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> Array:
     """The Lyapunov function V (T,) = s'Ms/2 + error' Gamma^-1 error/2 of Slotine and Li's law, in J, at the T samples
-    of a run, with the mass matrix M and the parameters of the true `mechanism`; these two primes are transposes.
+    of a `run`. M is the mass matrix of the true `mechanism`; these two primes are transposes.
 
     s = e' + Lambda e is the sliding variable, e the tracking error (measured less desired positions), e' its derivative
-    in time, Lambda the `controller`'s bandwidth, `error` (k,) the estimate of k parameters less the true ones and Gamma
-    the adaptation gain. An adaptation law may have its own distance for the second term; with adaptation off only the
-    first is left. Where the parameters are no physical set, M need not be positive definite, and V is then no distance;
-    it is reported as it is. Raises `InputError` for a run of another number of joints, a mechanism of other parameters
-    than the controller's (friction, say, that its model leaves out), an adaptation law whose distance depends on more
-    than the estimate, and for a control law with another s, such as `PassivityIntegral` or `TaskSpaceSlotineLi`.
+    in time, Lambda the `controller`'s bandwidth, `error` (k,) the estimate of k parameters less the true ones, those of
+    `mechanism`, and Gamma the adaptation gain. An adaptation law may have its own distance in place of the second term;
+    with adaptation off V is s'Ms/2 alone. Where the true parameters are not physically consistent, M need not be
+    positive definite, and V may then be negative. Raises `InputError` for a run of another number of joints than the
+    controller's, and for a control law with another s, such as `PassivityIntegral` or `TaskSpaceSlotineLi`; with
+    adaptation on also for a mechanism of another number of parameters than that of the controller's model (with
+    friction, say, which the model leaves out), and for an adaptation law whose distance depends on more than the
+    estimate.
     """
     s, model = sliding_variable(controller, run), controller.model
     kinetic = 0.5 * np.einsum("ti,tij,tj->t", s, mechanism.mass_matrix(run.p), s)

@@ -345,13 +345,13 @@ class MinimumJerk:
 
 @dataclass(frozen=True, eq=False)
 class Halted:
-    """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then along its path to rest within
-    `over` (s; 1 by default), and stays there. It excites an adaptive controller for an interval, and no longer.
+    """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then comes to rest along its path
+    within `over` (s; 1 by default), and stays there. It excites an adaptive controller for a limited interval.
 
     After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
     1 to 0, so that positions, velocities and accelerations stay continuous. Called with times t (...) in s, it returns
-    a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for a negative stop, an `over` that
-    is not positive, either no number or not finite, and for what is no function of time.
+    a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for an `of` that is no function of
+    time, a `stop` below 0, an `over` that is not positive, and for either time that is no number or not finite.
     """
 
     of: Reference

@@ -45,19 +45,19 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 
 def watch(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> Watch:
-    """The stability numbers, a `Watch` without units, of a run of Slotine and Li's law, `controller`, at T of its
-    samples, every `every`-th from the first on, by default all.
+    """The stability numbers, a `Watch` without units, of a `run` of Slotine and Li's law, `controller`, at T of its
+    samples: every `every`-th from the first on, by default all.
 
-    The record's fields are `adaptation` (T,), T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off, and `hold` (T,),
-    T_c lambda_max(M^-1 (K + M^ Lambda)) of the held torque, both stable below 2; and `ringing` (T, r), the correlation
-    of the sliding variable of each of the r primary (independent) joints with itself one control period ago. T_c is the
+    Its fields are `adaptation` (T,), T_c lambda_max(K^-1 Y Gamma Y'), 0 with adaptation off, and `hold` (T,), T_c
+    lambda_max(M^-1 (K + M^ Lambda)) of the held torque, both stable below 2; and `ringing` (T, r), the correlation of
+    the sliding variable of each of the r primary (independent) joints with itself one control period ago. T_c is the
     control period, lambda_max the largest eigenvalue, K the damping, Lambda the bandwidth, Gamma the adaptation gain, Y
     the torque regressor and Y' its transpose, M the mass matrix of the true `mechanism` and M^ the estimated one. The
-    `run` must have every control period as a sample: positions, velocities, the reference's and its accelerations, and
-    the estimates. The first two numbers cost a regressor and a mass matrix a sample. Raises `InputError` for relatives
-    of Slotine and Li's law with another sliding variable, such as `TaskSpaceSlotineLi`, and for an adaptation law
-    without a constant gain, and an `every` that is no whole number of at least 1; `SingularityError` near a
-    configuration that locks kinematic loops.
+    run must have every control period as a sample: positions, velocities, the reference's and its accelerations, and
+    the estimates. `adaptation` and `hold` cost a regressor and a mass matrix a sample. Raises `InputError` for an
+    `every` that is not a whole number of at least 1, for relatives of Slotine and Li's law with another sliding
+    variable, such as `TaskSpaceSlotineLi`, for a run of another number of joints than the controller's, and for an
+    adaptation law without a constant gain; `SingularityError` near a singularity of the kinematic loops.
     """
     every = whole_count(every, "watch: every", 1)
     s = sliding_variable(controller, run)

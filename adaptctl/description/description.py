@@ -59,10 +59,10 @@ class JointKind(Enum):
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint called `name`, of one coordinate, about or along `axis` (3,), by default z, in the joint's frame, of any
-    length and made a unit vector. It has a `kind`, by default revolute, `limits`, by default none, and a `drive`, by
-    default without rotor and friction. Raises `InputError` for another `kind` than a `JointKind` and for an axis not
-    (3,), shorter than 1e-9 or not finite."""
+    """A joint of one coordinate called `name`: a rotation about or a translation along `axis` (3,), in the joint's
+    frame, of any length, kept as a unit vector, z by default. Its `kind`, a `JointKind`, is by default revolute, its
+    `limits` are infinite, its `drive` without terms. Raises `InputError` for a `kind` that is no `JointKind`, and for
+    an axis not (3,), not finite or shorter than 1e-9."""
 
     name: str
     kind: JointKind = JointKind.REVOLUTE
@@ -273,9 +273,9 @@ class Description:
         return replace(self, links=tuple(links))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
-        """Description of the same mechanism with other drives (rotor inertia and friction), one for all joints or one
-        each in order. Raises `InputError` for another number of drives, for what is no drive, and for one that turns
-        with unknown joints."""
+        """A copy of this description with other drives (rotor inertia and friction), one for all joints or one each in
+        order. Raises `InputError` for another number of drives, for one that is no `Drive`, and for one that turns with
+        unknown joints."""
         several = isinstance(drives, Iterable) and not isinstance(drives, str)
         each: list[Any] = list(drives) if several else [drives] * len(self.links)  # type: ignore[arg-type]
         if len(each) != len(self.links):

@@ -11,9 +11,9 @@ from adaptctl.errors import InputError
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a joint: its position range `lower` to `upper` (rad or m), greatest speed `velocity` (rad/s or m/s) and
-    greatest `effort` (N m or N); infinite by default, for no limit. Raises `InputError` for what is no number, and
-    unless lower < upper and the others are positive."""
+    """Limits of a joint: its position range `lower` to `upper` (rad, or m if prismatic), greatest speed `velocity`
+    (rad/s, or m/s) and greatest torque or force `effort` (N m, or N), each infinite, so no limit, by default. Raises
+    `InputError` for a limit that is no real number, and unless lower < upper and the others are positive."""
 
     lower: float = -math.inf
     upper: float = math.inf

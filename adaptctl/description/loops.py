@@ -109,17 +109,17 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loops of a mechanism: the closures, couplings and primary joints that make a mechanism with loops of a tree
-    of links.
+    """The loop constraints of a mechanism: closures, couplings and primary joints that turn a tree of links into a
+    mechanism with loops.
 
     `primary` names the primary (independent) joints, which are driven and whose positions describe the motion; the
     others follow. `closures` and `couplings` are the constraints between links and between joints, by default none.
-    `reference` gives the configuration (rad or m by joint name, zero where not given) from which the motion is
-    followed, and so the assembly branch, which of several ways to close the loops is meant; in it, joints that are not
-    primary need only be near enough for the loops to close. `conditions`, by default none, bound where the mechanism
-    may work. Raises `InputError` for no primary joint, a text instead of names, neither closures nor couplings, a
-    closure's, coupling's, follower's or primary joint's name given twice, a follower that is primary or leads another,
-    and a condition on a joint that is not primary.
+    `reference` gives the configuration (rad, m if prismatic, by joint name, zero where not given) from which the motion
+    is followed, and so the assembly branch, which of several ways to close the loops is meant; the values of joints
+    that are not primary only start the Newton iteration that closes the loops there. `conditions`, by default none,
+    bound weighted sums of primary joints' positions. Raises `InputError` for no primary joint, a text in place of the
+    names `primary`, neither closures nor couplings, a closure's, coupling's, follower's or primary joint's name given
+    twice, a follower that is primary or leads another, and a condition on a joint that is not primary.
     """
 
     primary: tuple[str, ...]

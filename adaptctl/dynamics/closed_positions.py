@@ -7,13 +7,15 @@ from adaptctl.scalars import Column
 
 
 class ClosedPositions(Column):
-    """Positions (r,) of a mechanism's r primary (independent) joints, rad (m if prismatic), a `Column` (vector of
-    scalars of any kind), of which the closed `configuration` (n,) of the tree's n joints, rad (m), is known by the
-    mechanism's `equations`.
+    """Positions of a mechanism's r primary (independent) joints, stored with the closed configuration that they
+    determine. The object is a `Column` (r,), a vector of scalars of any kind, in rad (m if prismatic).
 
-    The method `closed` of equations of the same geometry, by value, returns that configuration where it would close the
-    loops anew in closed form; others, such as those of bars of other lengths, close their own loops. What arithmetic
-    makes of the positions is a plain `Column`. Nothing is checked.
+    Made of `positions` (r,); `configuration` (n,), the positions of all n joints of the mechanism's tree, rad (m), with
+    the loops closed; and `equations`, the `Equations` of the mechanism. Where `Equations` have closed forms for the
+    loops, their method `closed`, given these positions, returns that configuration and does not compute it again,
+    provided that their geometry equals that of `equations` in value, as where a mechanism is loaded twice. Others, such
+    as those of a model with other lengths, close their own loops. Sums and products of the positions are plain `Column`
+    objects. Nothing is checked.
     """
 
     __slots__ = ("configuration", "equations")

@@ -7,17 +7,18 @@ from adaptctl.dynamics.mechanism import Mechanism
 
 def position_units(mechanism: Mechanism) -> tuple[str, ...]:
     """Units of position of a mechanism's r primary (independent) joints, r texts in their order: "rad", or "m" for a
-    prismatic joint."""
+    prismatic joint. Nothing is raised."""
     return tuple(joint.kind.position_unit for joint in mechanism.primary_joints)
 
 
 def position_unit(mechanism: Mechanism) -> str:
     """Unit, as text, of a position error over all primary (independent) joints of a mechanism: "rad", "m" where all are
-    prismatic, or "rad or m" where joints are of both kinds."""
+    prismatic, or "rad or m" where joints are of both kinds. Nothing is raised."""
     return " or ".join(sorted(set(position_units(mechanism)), reverse=True))
 
 
 def error_unit(mechanism: Mechanism) -> str:
     """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own: "mrad",
-    "mm", or "mrad or mm" where its primary (independent) joints are of both kinds."""
+    "mm" where all primary (independent) joints are prismatic, or "mrad or mm" where they are of both kinds. Nothing is
+    raised."""
     return " or ".join(f"m{unit}" for unit in sorted(set(position_units(mechanism)), reverse=True))

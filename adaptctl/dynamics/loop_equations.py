@@ -294,8 +294,9 @@ class LoopEquations(Equations):
 
 
 def content(value: Any) -> Any:
-    """Numbers, texts and kinds that a `value` is made of, nested as in it, to be compared: of dataclasses, tuples,
-    `Vec` and `Mat`, each as a tuple; any other value is returned as it is."""
+    """Content of a `value`, nested tuples to be compared with those of another: a dataclass's class and the content of
+    its fields, the content of the entries of a tuple, `Vec` or `Mat`, and any other value itself, such as a number or a
+    text. Nothing is raised."""
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), *(content(getattr(value, entry.name)) for entry in fields(value))
     return tuple(map(content, value)) if isinstance(value, tuple | Vec | Mat) else value

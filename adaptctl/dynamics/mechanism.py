@@ -37,8 +37,8 @@ class Mechanism:
     (independent) joints and P inertial and friction parameters; leading axes are samples. SI units: rad, N m (m, N if
     prismatic). Equations run in Python for 50 calls or 25000 samples, then natively. Methods raise `InputError` on a
     wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, and `SingularityError`
-    near singularities of loops, where their smallest singular value is below 0.05 of that at the reference;
-    construction `InputError` for no `Description`."""
+    near singularities of loops, where their smallest singular value is below 0.05 of that at the reference
+    configuration; construction raises `InputError` for what is no `Description`."""
 
     def __init__(self, description: Description) -> None:
         require_kind(description, Description, "mechanism", "as read(...) gives one; load(...) gives mechanisms")

@@ -70,8 +70,8 @@ class ParameterLayout(NamedTuple):
 
 
 def required_columns(columns: Sequence[int], known: int, name: str) -> Sequence[int]:
-    """The given parameter indices `columns`, unchanged, once they are checked. Raises `InputError`, whose message
-    begins with the mechanism's `name`, for what is no sequence and for an entry that is not a whole number from 0 to
+    """The parameter indices `columns`, unchanged, after a check of each. Raises `InputError`, whose message begins with
+    the mechanism's `name`, for `columns` that are no sequence, and for an entry that is not a whole number from 0 to
     `known` - 1, `known` being the number of parameters."""
     if not isinstance(columns, Iterable):
         raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {columns!r}")

@@ -1,8 +1,9 @@
-"""Matrices of long mechanisms on arrays, row by row: each the powers at one joint's velocity, or one acceleration's
-torques.
+"""Matrices of long mechanisms on arrays, computed row by row: a regressor's rows are the powers, per unit of each
+parameter, at unit velocities of single joints, a mass matrix's the torques for unit accelerations of single joints.
 
-Whole matrices grow with the square of the links, and take LLVM from seconds to minutes. A row grows with the links
-alone, is compiled in a second or two, and is evaluated for several joints at once in SIMD registers.
+The operations of whole matrices grow with the square of the number of links, so that LLVM takes seconds to minutes to
+compile them. Those of a row grow with the number alone: it is compiled in a second or two, and is evaluated for several
+joints at once in SIMD registers.
 """
 
 from __future__ import annotations
@@ -18,18 +19,20 @@ from adaptctl.arrays import Array, checked, same_samples, writable
 from adaptctl.dynamics.array_equation import ArrayEquation
 
 STATES = 64
-"""States whose rows are computed at once."""
+"""Number of states whose rows are computed at once."""
 
 
 class RowByRow:
-    """Function that computes a matrix (r, m) on NumPy arrays row by row, by native code of a single row, which compiles
-    where that of the whole matrix would take too long. `call` and `into` are those of an `ArrayEquation`.
+    """Equation of a matrix (r, m) of a mechanism of r primary (independent) joints, evaluated on NumPy arrays row by
+    row, by native code of a single row, which compiles where that of the whole matrix would take too long. `call` and
+    `into` are those of an `ArrayEquation`.
 
     Made of `whole`, the `ArrayEquation` of the matrix, which is used for several states at once until the row's native
     code is compiled; `row`, the `ArrayEquation` of a row (m,); `arranged`, a callable that makes of unit vectors (k, r)
-    and the matrix's arguments, (size,) or (k, size) each, those of `row` for the k rows of these; `rows`, r; and
-    `columns`, the zero-based indices of the entries of a row that the matrix has, None for all. `call` and `into` raise
-    `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity in arguments or results, and `ValueError` for
+    and the matrix's arguments, (size,) or (k, size) each, those of `row` for the k rows of these; `rows`, the number r;
+    and `columns`, the zero-based indices of the entries of a row that the matrix has, None, the default, for all.
+    Construction checks nothing. `call` and `into` raise `InputError` on a wrong shape, `NonFiniteError` on NaN or
+    infinity in arguments or results, `SingularityError` near a singularity of kinematic loops, and `ValueError` for
     another number of arguments.
     """
 
@@ -45,9 +48,9 @@ class RowByRow:
         self._columns = None if columns is None else list(columns)
 
     def call(self, *arguments: ArrayLike) -> Array:
-        """Matrices (..., r, m) at `arguments` (..., size), whose leading axes are samples and broadcast. Raises
-        `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `ValueError` for another number of
-        arguments."""
+        """The matrices (..., r, m) at `arguments` (..., size) in SI units, size an argument's own, whose leading axes
+        are samples and broadcast. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `SingularityError` near a singularity of kinematic loops, `ValueError` for another number of arguments."""
         sizes, name = self._whole.sizes, self._whole.name
         pairs = zip(sizes.items(), arguments, strict=True)
         arrays = {what: checked(values, size, f"{name}: {what}") for (what, size), values in pairs}

@@ -31,9 +31,9 @@ class Priority:
     Parameters that are not named come after those of `order`, in the default order: by kind, m, mc_x, mc_y, mc_z, I_xy,
     I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia, and within a kind from the first link to the last. Those of `keep` are
     removed last, the first of them last of all; both are empty by default. Either way a parameter stays when removing
-    it would lose something that the motion depends on. Friction has no place here: energies say nothing of it, so it
-    stays. Raises `InputError` for a text or another thing that is no list of names; the names themselves are checked
-    where the priority is used (`indices`).
+    it would lose something that the motion depends on. Friction is never removed, since energies do not show it, and
+    has no name here. Raises `InputError` for an `order` or a `keep` that is a text or another thing that is no list of
+    names; the names themselves are checked by the method `indices`, not at construction.
     """
 
     order: tuple[str, ...] = ()

@@ -66,10 +66,10 @@ CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES
 
 
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
-    """The mechanism, a `Mechanism`, with a rotor and every kind of friction in the drive of each primary (independent)
-    joint, all zero, and the drives coupled with other joints as `drives` (transmission) has them. Other joints keep
-    their drives. Raises `InputError` for drives that turn with joints unknown to the mechanism, or in ratios too large
-    for numbers, and for a mechanism under linear constraints on its parameters, which a fit would not keep to."""
+    """A copy of the `mechanism` with a rotor and every kind of friction in the drive of each primary (independent)
+    joint, all zero, and the drives coupled with other joints by the transmission of `drives`. Other joints keep their
+    drives. Raises `InputError` for a mechanism under linear constraints on its parameters, which a fit would not keep
+    to, and for drives that turn with joints unknown to the mechanism, or in ratios that overflow."""
     if mechanism.unconstrained is not mechanism:
         raise InputError(
             f"{mechanism.name}: an identification cannot keep to the relations among its parameters: give "

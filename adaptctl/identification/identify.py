@@ -57,32 +57,33 @@ def identify(
     weight: float | None = None,
     instruments: bool = False,
 ) -> Identification:
-    """The identification of a robot's inertial and friction parameters from logs of its motion.
+    """The identification, an `Identification`, of a robot's inertial and friction parameters from `logs` of its motion.
 
-    `logs` are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, or its file or a built-in's
-    name, of which angles between joint axes within 1e-3 rad of right ones are made exact; its links are a first guess.
-    `drives`, or their file, are how motors turn joints. Where joints are measured themselves it is None, and `columns`
-    and `units` give, by "position", "torque", "velocity" and "time", patterns of column names (`{joint}` for a joint's
-    name, `{}` for its number from 1, `{0}` from 0) and units ("deg", "N m", "deg/s", "ms"); None where the log itself
-    tells. With a sampling `rate` (Hz) rows are taken as evenly spaced, else (None) by their stamps. Without logs to
-    `validate` on, the last 40 % of the given ones are held out for it, and everything is chosen on the rest; the
-    estimate then takes them all.
+    Logs are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, or its file or a built-in's name,
+    of which angles between joint axes within 1e-3 rad of right ones are made exact; its links are a first guess.
+    `drives`, or the path of their file, is the transmission between motors and joints. Where joints are measured
+    directly it is None, and `columns` and `units` give, by "position", "torque", "velocity" and "time", patterns of
+    column names (`{joint}` for a joint's name, `{}` for its number from 1, `{0}` from 0) and units ("deg", "N m",
+    "deg/s", "ms"); None where the log itself states them. With a sampling `rate` (Hz) rows are taken as evenly spaced,
+    else (None) by their stamps. Without logs to `validate` on, the last 40 % of the given ones are held out for it, and
+    settings are chosen on the rest; the final estimate uses all.
 
     `topic` names that of a ROS bag with several (None: its only one), `skip` steps of the logs' preparation to leave
-    out ("resample", "unwrap", "velocities", "limits", "standstill"), none unless given. `friction` names the terms of
-    the friction model ("viscous", "coulomb", "square_root", "stribeck", "offset", "load", separated by commas),
-    `cutoff` (Hz) is the low-pass filter's, and `weight` (no unit) that of the prior, the first guess of the links,
-    against the logs: an inner validation chooses each of the three that is None. With `instruments`, regressors are
-    freed of noise by instrumental variables, for encoders that are coarse or noisy.
+    out ("resample", "unwrap", "velocities", "limits", "standstill"), none by default. `friction` names the terms of the
+    friction model ("viscous", "coulomb", "square_root", "stribeck", "offset", "load", separated by commas), `cutoff`
+    (Hz) is the low-pass filter's, and `weight` (no unit) that of the prior, the first guess of the links, against the
+    logs: an inner validation chooses each of the three that is None. With `instruments`, regressors are freed of noise
+    by instrumental variables, for encoders that are coarse or noisy.
 
     Raises `FileError` for files that cannot be read or used, `NotFoundError` for an unknown built-in robot, `LoopError`
-    for loops that do not fit together, `MissingExtraError` for ROS bags without rosbags, and `InputError` for no logs,
-    drives of other joints, missing or unknown columns or units and those given beside `drives`, unknown names in `skip`
-    or `friction`, a `rate`, `cutoff` or `weight` that is not positive and finite, a `cutoff` that the logs do not
-    allow, a link without mass, constraints on parameters, payloads of unknown links or that no body can be, torque
-    constants that the logs do not tell, and logs that are at rest, too short or slow, or not this robot's; `RankError`
-    where the robot's rank, the number of its identifiable parameters, cannot be certified, `SingularityError` near
-    locked loops, and `AdaptctlError` where no consistent estimate is found.
+    for kinematic loops that cannot be closed, `MissingExtraError` for ROS bags without rosbags, and `InputError` for no
+    logs, drives of other joints, missing or unknown columns or units and those given beside `drives`, unknown names in
+    `skip` or `friction`, a `rate`, `cutoff` or `weight` that is not positive and finite, a `cutoff` that the logs do
+    not allow, a link without mass, linear constraints on the robot's parameters, payloads of unknown links or with an
+    inertia that no body has, torque constants that the logs do not determine, and logs that are at rest, too short or
+    slow, or not this robot's; `RankError` where the robot's rank, the number of its identifiable parameters, cannot be
+    certified, `SingularityError` near a singularity of kinematic loops, and `AdaptctlError` where no consistent
+    estimate is found.
     """
     given = _paths(logs)
     if not given:
@@ -140,22 +141,22 @@ def identified(
     weight: float | None = None,
     instruments: bool = False,
 ) -> Identification:
-    """The identification, an `Identification`, of a robot's inertial and friction parameters from logs that are read
-    already.
+    """The identification, an `Identification`, of a robot's inertial and friction parameters from logs that have been
+    read.
 
     `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary
     (independent) joints, as `Drives.of` makes it. `train` are the logs to fit, at least one, `test` those to validate
-    on; without any the last 40 % of the former are held out for it. `skip` names steps of the logs' preparation to
-    leave out ("resample", "unwrap", "velocities", "limits", "standstill"), none by default. `friction`, the low-pass
-    filter's `cutoff` (Hz) and the `weight` (unitless) of the first guess of the links against the logs are chosen by an
-    inner validation where None. With `instruments` regressors are freed of encoder noise by instrumental variables
-    (False by default).
+    on; where there are none, the last 40 % of the former are held out for it. `skip` names steps of the logs'
+    preparation to leave out ("resample", "unwrap", "velocities", "limits", "standstill"), none by default. `friction`,
+    the low-pass filter's `cutoff` (Hz) and the `weight` (unitless) of the first guess of the links against the logs are
+    chosen by an inner validation where None. With `instruments` regressors are freed of encoder noise by instrumental
+    variables (False by default).
 
     Raises `InputError` for a cutoff or weight that is not positive and finite, a cutoff that the logs do not allow,
-    unknown steps, a link without mass, constraints on parameters, payloads of unknown links or that no body can be,
-    logs that are at rest, too short or slow, or not this robot's, and unknown torque constants that they do not tell;
-    `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked loops,
-    `AdaptctlError` where no consistent estimate is found.
+    unknown steps, a link without mass, linear constraints on the mechanism's parameters, payloads of unknown links or
+    with an inertia that no body has, logs that are at rest, too short or slow, or not this robot's, and unknown torque
+    constants that they do not determine; `RankError` where the number of identifiable parameters cannot be certified,
+    `SingularityError` near a singularity of kinematic loops, `AdaptctlError` where no consistent estimate is found.
     """
     _require_settings(cutoff, weight)
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
@@ -199,17 +200,18 @@ def gathered(
     skip: Collection[str] = (),
     cutoff: float | None = None,
 ) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
-    """The evidence of logs, a `LogEvidence` (filtered equations of motion in blocks of time), the steps of their
-    preparation, a tuple of `PreparationStep`, and remarks, a tuple of texts on links of the robot's file that were not
-    physically consistent.
+    """The evidence of logs, the steps of their preparation, and remarks, three results. The evidence is a `LogEvidence`
+    (filtered equations of motion in blocks of time), the steps are a tuple of `PreparationStep`, and the remarks a
+    tuple of texts on links of the robot's file that were not physically consistent.
 
     `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary
     (independent) joints, `logs` are at least one. `skip` names steps of preparation to leave out, none by default;
     `cutoff` (Hz) is a cut-off of the low-pass filter that is added to the usual 12.5, 25 and 50 Hz, or to those of them
     that the logs allow; None adds none. Payloads are subtracted where all torque constants are known. Raises
-    `InputError` for unknown steps, a cutoff that the logs do not allow, a link without mass, constraints on parameters,
-    payloads of unknown links or that no body can be, and logs that are at rest, too short or slow, or not this robot's;
-    `RankError` where the number of identifiable parameters cannot be certified, `SingularityError` near locked loops.
+    `InputError` for unknown steps, a cutoff that the logs do not allow, a link without mass, linear constraints on the
+    mechanism's parameters, payloads of unknown links or with an inertia that no body has, and logs that are at rest,
+    too short or slow, or not this robot's; `RankError` where the number of identifiable parameters cannot be certified,
+    `SingularityError` near a singularity of kinematic loops.
     """
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]

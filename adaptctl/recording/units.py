@@ -19,8 +19,8 @@ def torque_error_unit(mechanism: Mechanism) -> str:
 
 def coupling_unit(mechanism: Mechanism) -> str:
     """Unit, as text, of the entries off the diagonal of a mechanism's mass matrix, over all pairs of its primary
-    (independent) joints: "kg m²" where all turn or there is one joint alone, "kg" where all are prismatic, "kg m" where
-    one is and one is not, and those that there are, joined by "or", for more joints of both kinds."""
+    (independent) joints: "kg m²" where all are revolute or there is one joint alone, "kg" where all are prismatic, "kg
+    m" for one of each kind; with more joints of both kinds, those that occur, joined by "or". Nothing is raised."""
     turns = [joint.kind.turns for joint in mechanism.primary_joints]
     found = {first + second for i, first in enumerate(turns) for second in turns[:i]}
     return " or ".join(("kg", "kg m", "kg m²")[power] for power in sorted(found or {2}, reverse=True))

@@ -87,9 +87,11 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """A column (n,) from one scalar of any kind (float, dual number, node of an expression graph), the same for all n
-    entries, or from numbers (n,), (1,) or (), an array, list or tuple, as floats; a column is returned as it is, not
-    checked. Raises `InputError` for numbers of another shape and for what is no number, such as a text."""
+    """A column (n,) of n entries made of `values`. One scalar of any kind (float, dual number, node of an expression
+    graph) is every entry; numbers (n,), (1,) or (), an array, list or tuple, become floats, texts in a list that read
+    as numbers too; a column is returned as it is, not checked. Raises `InputError` for numbers of another shape,
+    entries that are not real numbers, and anything else that is no scalar, such as a text, a boolean or a complex
+    number."""
     if isinstance(values, Column):
         return values
     said = f"each: expected a number or {n} of them"

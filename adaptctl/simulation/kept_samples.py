@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from adaptctl.errors import InputError
 
 MOST = 2**62
-"""Samples beyond which none is counted: no run has as many."""
+"""Greatest number of samples that are kept, however long the time asked for: no run has as many."""
 
 
 @dataclass(frozen=True)

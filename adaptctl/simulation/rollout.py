@@ -181,13 +181,14 @@ class _Record:
 
 def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
     """The slices of an environment's observation that a controller needs, and the environment's control period (s), a
-    pair. The list has five slices, in the order p, v, reference_p, reference_v, reference_a (positions, velocities, and
-    the reference's positions, velocities and accelerations).
+    pair. The list has five slices of the observation (n,), a vector of n numbers, in the order p, v, reference_p,
+    reference_v, reference_a (positions, velocities, and the reference's positions, velocities and accelerations).
 
     They are read from `env.unwrapped.observation_slices`, a mapping from these names, and
-    `env.unwrapped.control_period`. Raises `InputError` where either is missing or of another kind (the period must be a
-    float), a name is missing, observations are not of shape (n,), or the slices or the action have another number of
-    joints than the `controller`, and for what is no environment or no controller.
+    `env.unwrapped.control_period`. Raises `InputError` for an `env` that is no Gymnasium environment and a `controller`
+    that is no `Controller`, where the slices or the period are missing or of another kind (the period must be a float),
+    a name is missing, observations are not of shape (n,), or the slices or the action have another number of joints
+    than the `controller`.
     """
     import gymnasium
 
@@ -226,7 +227,8 @@ def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
 
 
 def _units(env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
-    """Units of position of the joints of an environment's plant; none where it has no plant that is known."""
+    """Units of position of the joints of an environment's plant, "rad" or "m" each; none where its plant is not
+    known."""
     mechanism = getattr(getattr(env.unwrapped, "plant", None), "mechanism", None)
     return position_units(mechanism) if isinstance(mechanism, Mechanism) else ()
 

@@ -25,7 +25,7 @@ WHOLE = ("control_period", "wall_time", "complete", "terminated")
 KEPT = (*WHOLE, "every", "position_units")
 """Entries on the whole run in a run's file."""
 POSITION, VELOCITY, FORCE = ("rad", "m"), ("rad/s", "m/s"), ("N m", "N")
-"""Units where a joint turns and where it slides."""
+"""Units of a joint's position, of its velocity and of its torque or force: where it is revolute, where prismatic."""
 OF_JOINTS = {
     "p": POSITION,
     "v": VELOCITY,
@@ -37,7 +37,7 @@ OF_JOINTS = {
     "measured_p": POSITION,
     "measured_v": VELOCITY,
 }
-"""A run's arrays of a column a joint, and their units where a joint turns and where it slides."""
+"""Arrays of a run that have a column a joint, by name, with their units where a joint is revolute, where prismatic."""
 OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
 OF_LAWS = ("estimate", "learning")
 """A run's arrays of as many columns as the controller has."""
@@ -49,12 +49,14 @@ class RolloutFile:
     metadata.
 
     When the context ends the file appears, whole; after an error there is none, and a file that was there before stays.
-    `joints` (r,) names the r = `dof` joints, None for joint1, joint2, ..., and `position_units` (r,) says which turn,
-    "rad", and which slide, "m"; empty, the default, as if all turned. The attribute `about`, a dict to be set before
-    the end, maps names to what the file says of the whole run, in numbers and texts that JSON can hold.
+    `joints` (r,) names the r = `dof` joints, None for joint1, joint2, ..., and `position_units` (r,) has "rad" for
+    revolute joints and "m" for prismatic ones; empty, the default, as if all were revolute. The attribute `about`, a
+    dict to be set before the end, maps names to what the file says of the whole run, in numbers and texts that JSON can
+    hold.
 
-    Raises `InputError` for other than r different names and for other units, `MissingExtraError` without pyarrow;
-    entering or leaving the context raises `FileError` where the file cannot be written or nothing was appended.
+    Raises `InputError` for other than r different names and for other than r of these units, `MissingExtraError`
+    without pyarrow; entering or leaving the context raises `FileError` where the file cannot be written or nothing was
+    appended.
     """
 
     def __init__(
@@ -120,8 +122,8 @@ def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
 
 
 def stated_units(dof: int, given: Sequence[str]) -> tuple[str, ...]:
-    """Units of position (r,) of r = `dof` joints, those `given`, "rad" or "m" each; an empty tuple where none are.
-    Raises `InputError` for another number of units, and for others."""
+    """Units of position of r = `dof` joints, a tuple (r,): those `given`, "rad" (revolute) or "m" (prismatic) each; an
+    empty tuple where none are given. Raises `InputError` for another number of units, for others, and for a text."""
     if not isinstance(given, Iterable) or isinstance(given, str) or any(unit not in POSITION for unit in given):
         raise InputError(f"position_units: expected {dof} of rad and m, got {printable(repr(given))}")
     if len(given) not in (0, dof):
@@ -137,16 +139,16 @@ def rollout_table(
     position_units: Sequence[str] = (),
 ) -> pyarrow.Table:
     """The samples of a run as an Arrow table: a row for each of T samples, columns of float64 such as `time`,
-    `p.joint1`, `estimate.0` and `mark.payload`, with their units as metadata, and the entries of `about`, which JSON
-    must be able to hold, as the table's own, none unless given.
+    `p.joint1`, `estimate.0` and `mark.payload`. Units are the columns' metadata; the entries of `about`, which JSON
+    must be able to hold, are the table's own metadata, none by default.
 
     `columns` maps the names of a `Rollout`'s arrays to their values in SI units: "time", "clipped", "energy" and
     "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and
     "measured_v" (T, r), None for one that is left out; "estimate" (T, k), the controller's k parameter estimates, and
-    "learning" (T, l), the l numbers that the adaptation law records of its memory. `marks` maps names of events to
-    arrays (T,); `joints` (r,) names the r joints, and `position_units` (r,) says which turn, "rad", and which slide,
-    "m"; empty, the default, as if all turned. Raises `KeyError` where an array is missing and `ModuleNotFoundError`
-    without pyarrow.
+    "learning" (T, l), the l numbers that the adaptation law records of its internal state. `marks` maps names of events
+    to arrays (T,); `joints` (r,) names the r joints, and `position_units` (r,) has "rad" for revolute joints and "m"
+    for prismatic ones; empty, the default, as if all were revolute. Raises `KeyError` where an array is missing,
+    `ValueError` for other than r units, and `ModuleNotFoundError` without pyarrow.
     """
     import pyarrow as pa
 
@@ -158,16 +160,17 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """The contents of a run's Parquet file at `path`, three mappings by name. The first has the arrays of a `Rollout`
-    of T samples of r joints in SI units, read-only: "time", "clipped", "energy" and "reward" (T,); "p", "v",
-    "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and "measured_v" (T, r), in the
-    file's order of joints; and "estimate" (T, k), the controller's k parameter estimates, and "learning" (T, l), the l
-    numbers that the adaptation law records of its memory. The second has the marks of events, (T,) each. The third has,
-    of the whole run, "control_period" and "wall_time", s, "complete" and "terminated", bools, "every", the number of
-    control periods from one sample to the next, and "position_units", "rad" or "m" for each joint, or none. Arrays of
-    joints, marks and entries that the file lacks are missing; "estimate" and "learning" are then (T, 0).
+    """The contents of a run's Parquet file at `path`, a tuple of three mappings by name: arrays, events, and entries on
+    the whole run. The first has the arrays of a `Rollout` of T samples of r joints in SI units, read-only: "time",
+    "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied",
+    "measured_p" and "measured_v" (T, r), in the file's order of joints; and "estimate" (T, k), the controller's k
+    parameter estimates, and "learning" (T, l), the l numbers that the adaptation law records of its internal state. The
+    second has arrays (T,) of events, 1 where there was one. The third has, of the whole run, "control_period" and
+    "wall_time", s, "complete" and "terminated", bools, "every", the number of control periods from one sample to the
+    next, and "position_units", a list of "rad" or "m" for each joint, empty where they are not known. Arrays of joints,
+    events and entries that the file lacks are missing; "estimate" and "learning" are then (T, 0).
 
-    Raises `FileError` for a file that cannot be read, is no run of this package or is damaged, and
+    Raises `FileError` for a file that cannot be read, was not written as a run by this package or is damaged, and
     `ModuleNotFoundError` without pyarrow.
     """
     import pyarrow as pa

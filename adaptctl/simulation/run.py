@@ -37,23 +37,25 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """A closed-loop run of r joints as T samples; every array is read-only. Nothing is checked at construction.
+    """Closed-loop run of an arm of r joints, simulated or real, as T samples; every array is read-only. Nothing is
+    checked at construction.
 
     Sample k is the state at `time[k]`, the beginning of a control period, and the torque commanded on it; there is one
-    sample in `every` control periods. Positions are in rad (m), velocities and accelerations those per s and s^2,
-    torques in N m (N).
+    sample in `every` control periods. Positions are in rad (m if prismatic), velocities in rad/s (m/s), accelerations
+    in rad/s^2 (m/s^2), torques in N m (N).
 
     (T,): `time`, s; `clipped`, 1 where a torque was clipped, else 0; `energy`, J, NaN where not known; `reward` of the
-    period after, no unit. `marks` maps names of events to arrays (T,): 1 where there was one, such as "torque_limited",
-    else 0; "payload" is the mass held, kg. (T, r): positions `p` and velocities `v`, the true ones where the
-    environment gives them; `reference_p`, `reference_v`, `reference_a`; `torque` commanded and `applied`, after the
-    limits; `measured_p` and `measured_v`, None where these are p and v. `estimate` (T, k) is the controller's k
-    parameter estimates in SI units, k = 0 where it has none; `learning` (T, l) the l numbers that the adaptation law
-    records of its memory, l = 0 where it records none.
+    control period that begins, no unit. `marks` maps names of events to arrays (T,): 1 where there was one, such as
+    "torque_limited", else 0; "payload" is the mass held, kg. (T, r): positions `p` and velocities `v`, the true ones
+    where the environment gives them; `reference_p`, `reference_v`, `reference_a`; `torque`, the one commanded, and
+    `applied`, the one after the limits; `measured_p` and `measured_v`, None where these are p and v. `estimate` (T, k)
+    is the controller's k parameter estimates in SI units, k = 0 where it has none; `learning` (T, l) the l numbers that
+    the adaptation law records of its internal state, l = 0 where it records none.
 
     `control_period`, s; `wall_time`, s, that the run took; `complete`, False if it was interrupted; `terminated`, True
-    if the environment ended it early; `info`, the last dict of that name that it gave, empty unless given;
-    `position_units` (r,), "rad" for joints that turn and "m" for those that slide, empty where it is not known.
+    if the environment ended it early; `info`, the last dict of that name that it gave, empty by default;
+    `position_units` (r,), "rad" for revolute joints and "m" for prismatic ones, empty, the default, where that is not
+    known.
     """
 
     time: Array
@@ -101,7 +103,7 @@ class Rollout:
     learning: Array = field(default_factory=partial(np.empty, (0, 0)))
     """(T, l) what the adaptation law records of its internal state, such as a lift; l = 0 where it records nothing"""
     position_units: tuple[str, ...] = ()
-    """(r,) rad or m; empty where it is not known: files then say what joints that turn have"""
+    """(r,) "rad" or "m" for each joint; empty where not known: files then have units as if all joints were revolute"""
 
     @property
     def spacing(self) -> float:
@@ -127,11 +129,11 @@ class Rollout:
 
     @needed("Rollout.save")
     def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run to a Parquet file at `path`, whole or not at all: a row for each sample, columns of float64,
-        one for `time`, `clipped`, `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a
-        number for `estimate` and `learning`, such as `estimate.0`, and one an event, such as `mark.payload`, with their
-        units as metadata, those of joints that turn where `position_units` is empty. The file is one that `adaptctl
-        identify` reads. `joints` (r,) names the r joints, None for joint1, joint2, ...
+        """Write the run to a Parquet file at `path`, whole or not at all, which `adaptctl identify` reads too. There is
+        a row for each sample, and columns of float64: one for `time`, `clipped`, `energy` and `reward`, one a joint for
+        arrays (T, r), such as `p.joint1`, one a number for `estimate` and `learning`, such as `estimate.0`, and one an
+        event, such as `mark.payload`, with their units as metadata, as if all joints were revolute where
+        `position_units` is empty. `joints` (r,) names the r joints, None for joint1, joint2, ...
 
         The environment's last `info` is left out. Raises `InputError` for other than r different names, `FileError`
         where the file cannot be written, and `MissingExtraError` without pyarrow.
@@ -142,11 +144,11 @@ class Rollout:
 
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
-        """The run as an Arrow table: a row for each sample, columns of float64, one for `time`, `clipped`, `energy` and
-        `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and `learning`, such as
-        `estimate.0`, and one an event, such as `mark.payload`, with their units as metadata, those of joints that turn
-        where `position_units` is empty. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises
-        `InputError` for other than r different names, `MissingExtraError` without pyarrow."""
+        """The run as an Arrow table: a row for each sample, and columns of float64. There is one for `time`, `clipped`,
+        `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and
+        `learning`, such as `estimate.0`, and one an event, such as `mark.payload`, with their units as metadata, as if
+        all joints were revolute where `position_units` is empty. `joints` (r,) names the r joints, None for joint1,
+        joint2, ... Raises `InputError` for other than r different names, `MissingExtraError` without pyarrow."""
         names = joint_names(self.p.shape[1], joints)
         return rollout_table(self._columns, self.marks, names, self._about, self.position_units)
 
@@ -201,17 +203,19 @@ class Rollout:
         complete: bool = True,
         position_units: Sequence[str] = (),
     ) -> Rollout:
-        """A run that was not simulated here, from positions `p`, rad (m), torques commanded, N m (N), and the
-        reference's positions, rad (m): arrays (T, r) of T samples, at least 2, of r joints, one a `control_period` (s).
+        """A `Rollout` of a run that was logged elsewhere, from positions `p`, rad (m if prismatic), `torque`, the one
+        commanded, N m (N), and the reference's positions `reference_p`, rad (m): arrays (T, r) of T samples, at least
+        2, of r joints, one a `control_period` (s).
 
         Velocities `v` and the reference's velocities and accelerations `reference_v` and `reference_a`, (T, r) each, in
-        rad (m) per s and s^2, are differences of the positions unless given, central, one-sided at both ends; `applied`
-        (T, r), N m (N), the torque at the joints, is that commanded unless given; `time` (T,), s, counts control
-        periods from zero unless given. `estimate` (T, k) is the controller's k parameter estimates, SI units, None for
-        none; `complete` is False for a run that was cut off; `position_units` (r,) are "rad" for joints that turn, "m"
-        for those that slide, empty where that is not to be kept. Energy and reward are not known: NaN, and zero;
-        `clipped` is 1 where `applied` is not `torque`. Raises `InputError` on shapes that do not fit, a period that is
-        not positive, times that do not increase or other units, `NonFiniteError` on NaN and infinity.
+        rad/s and rad/s^2 (m/s, m/s^2), are differences of the positions unless given, central, one-sided at both ends;
+        `applied` (T, r), N m (N), the torque at the joints, is the one commanded unless given; `time` (T,), s, counts
+        control periods from zero unless given. `estimate` (T, k) is the controller's k parameter estimates, SI units,
+        None where it has none; `complete` is False for a run that was cut off; `position_units` (r,) has "rad" for
+        revolute joints and "m" for prismatic ones, empty, the default, where that is not to be kept. Energy and reward
+        are not known: NaN, and zero; `clipped` is 1 where `applied` is not `torque`. Raises `InputError` on shapes that
+        do not fit, a period that is not positive, times that do not increase or other than r of these units,
+        `NonFiniteError` on NaN and infinity.
         """
         from adaptctl.simulation.logged_run import logged_run
 

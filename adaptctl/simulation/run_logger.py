@@ -22,23 +22,25 @@ SHARE_OF_MEMORY = 0.5
 
 
 class RunLogger:
-    """A log of a control loop of `dof` joints (r), one sample a `control_period` (s), that becomes a `Rollout`.
+    """Log of a control loop of `dof` joints (r), one sample a `control_period` (s); its method `rollout` makes it a
+    `Rollout`.
 
-    The last `capacity` samples are kept, 300 000 unless given, which is 300 s at 1 kHz, in memory that is all taken at
-    the start; older ones are overwritten, and `lost` counts them. `append` neither allocates nor touches files, so a
-    loop at 1 kHz can call it. `count` is the number of samples appended, `faulty` of those left out for a wrong length,
-    NaN or infinity. `estimates` is the number k of the controller's parameter estimates, 0 unless given; `joints` (r,)
-    names the joints in the file, None for joint1, joint2, ..., and `position_units` (r,) says which turn, "rad", and
-    which slide, "m", empty where that is not to be kept.
+    The last `capacity` samples are kept, 300 000 by default, which is 300 s at 1 kHz, in memory that is all allocated
+    at construction; older ones are overwritten, and the property `lost` counts them. `append` neither allocates nor
+    touches files, so a loop at 1 kHz can call it. The attribute `count` is the number of samples appended, `faulty` of
+    those left out for a wrong length, NaN or infinity. `estimates` is the number k of the controller's parameter
+    estimates, 0 by default; `joints` (r,) names the joints in the file, None for joint1, joint2, ..., and
+    `position_units` (r,) has "rad" for revolute joints and "m" for prismatic ones, empty, the default, where that is
+    not to be kept.
 
     As a context manager it warns (`LostSamplesWarning`) at the end if samples were overwritten or left out, and saves
     the run to a Parquet file at `path`, None for no file, if there are at least two samples. It also does so when an
-    exception ends the loop; the run is then marked incomplete.
+    exception ends the loop; the run's `complete` is then False.
 
-    Raises `InputError` for a period that is not positive, counts that are no whole numbers of at least 1 (`dof`), 0
-    (`estimates`) or 2 (`capacity`), `joints` that are not r different names, other units, and a capacity that takes
-    over half of the computer's memory. With a `path`, raises `FileError` if it cannot be written, `MissingExtraError`
-    without pyarrow.
+    Raises `InputError` for a period that is not positive, counts that are not whole numbers of at least 1 (`dof`), 0
+    (`estimates`) or 2 (`capacity`), `joints` that are not r different names, `position_units` that are not r of these
+    units, and a capacity that takes over half of the computer's memory. With a `path`, raises `FileError` if it cannot
+    be written, `MissingExtraError` without pyarrow.
     """
 
     def __init__(

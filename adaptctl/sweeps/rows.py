@@ -85,10 +85,10 @@ def _outcomes(
 
 
 def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
-    """Type and meaning, with the unit, of the columns of a sweep's table, by name, in order: the settings of the
-    experiment or measurement of class `kind`, `controller`, the fields of `RunOutcome` (status, reason, position
-    errors, divergence, rise of the Lyapunov function), `version`, `wall_time` and `host`. Types are "int64", "double",
-    "bool" and "string". Nothing is raised."""
+    """Columns of a sweep's table, in order: a mapping from a column's name to its type, "int64", "double", "bool" or
+    "string", and its meaning in words, with the unit. They are the settings of the experiment or measurement of class
+    `kind`, `controller`, the fields of `RunOutcome` (status, reason, position errors, divergence, rise of the Lyapunov
+    function), `version`, `wall_time` and `host`. Nothing is raised."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     about = {
         "version": ("string", "of adaptctl"),

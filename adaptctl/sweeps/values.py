@@ -35,15 +35,16 @@ class Span:
 
 
 def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | Span:
-    """The values of a setting, as `typed`: a tuple for a list, ``4,8,12``, for a range of whole numbers, ``0..99``, and
-    for evenly spaced numbers, ``0..5:11`` being 11 from 0 to 5; a `Span` to draw from for ``0..5`` of numbers that need
-    not be whole. Switches are ``true`` and ``false``. Where a value is itself a tuple, its parts are separated by
-    blanks, ``90 150 70``; values that are tuples or texts have no ranges. A sequence of texts, such as a study's file
-    has, stands for its texts joined by commas, but for a setting whose values are texts: there each text is a value,
-    commas included. `entry` is the setting's dataclass field, whose default tells the kind of value.
+    """Values of a setting, parsed from `typed`: a tuple, or a `Span` to draw from. A list, ``4,8,12``, a range of whole
+    numbers, ``0..99``, and evenly spaced numbers, ``0..5:11``, 11 from 0 to 5, both included, give a tuple; ``0..5`` of
+    numbers that need not be whole gives a `Span`. Values of a setting that is True or False are ``true`` and ``false``,
+    in any letter case. Where a value is itself a tuple, its parts are separated by blanks, ``90 150 70``; values that
+    are tuples, texts, True or False have no ranges. A sequence of texts, such as a study's file has, is read as its
+    texts joined by commas, except for a setting whose values are texts: there each text is a value, commas included.
+    `entry` is the setting's dataclass field, whose default tells the kind of value.
 
-    Raises `InputError` for what is none of this, no values, equal values, a range that does not rise, other than 2 to a
-    million values in a range, and numbers that are not finite or, of a setting of whole ones, not whole.
+    Raises `InputError` for a text in none of these forms, no values, equal values, a range that does not rise, other
+    than 2 to a million values in a range, and numbers that are not finite or, of a setting of whole numbers, not whole.
     """
     if isinstance(entry.default, str) and not isinstance(typed, str):
         values: tuple[Any, ...] = tuple(typed)

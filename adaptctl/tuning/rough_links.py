@@ -9,11 +9,12 @@ from adaptctl.dynamics import Mechanism
 
 
 def scaled_links(mechanism: Mechanism, share: float, seed: int) -> Array:
-    """All P inertial and friction parameters (P,) of a mechanism, SI units, in the order of its `parameter_names`, as
-    of an arm that is not what its description says: the ten inertial ones of each body (link) are scaled by 1 + `share`
-    or 1 - `share`, drawn by `seed`, a whole number of at least 0. With a share below 1, no unit, a rigid body stays
-    one; drives keep their parameters. Under linear constraints it is the free parameters that are scaled, and bodies
-    are what then follows. Nothing is checked."""
+    """All P inertial and friction parameters (P,) of a `mechanism` with rescaled links, SI units, in the order of its
+    `parameter_names`. The ten inertial ones of each body (link) are multiplied by 1 + `share` or 1 - `share`, no unit,
+    with equal probability, drawn by `seed`, a whole number of at least 0, the same for equal seeds. With a share below
+    1 a rigid body stays one; drives keep their parameters. Under linear constraints on the parameters only those that
+    are free, which `parameter_names` then has, are multiplied and returned; the others follow from them, so that a body
+    need not stay one. Nothing is checked."""
     names, bodies = mechanism.description.parameter_names, len(mechanism.description.bodies)
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], bodies)
     scales = dict(zip(names, np.repeat(1.0 + share * signs, 10).tolist(), strict=False))

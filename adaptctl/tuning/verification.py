@@ -27,15 +27,16 @@ LINKS_OFF = 0.3
 
 @dataclass(frozen=True)
 class Verification:
-    """Tracking errors of a verifying run of 20 s with the gains found, and of the same run with adaptation off; rad or
-    m, RMS over all joints and a stretch of time. Nothing is checked.
+    """Tracking errors of a simulated run of 20 s with a tuning's gains, and of the same run with adaptation off, in rad
+    (m if prismatic), RMS over all joints and an interval of time. Nothing is checked.
 
     `name` is the run: "as described", "torque late" (by a control period), "links off" (each link's ten inertial
     parameters 30 % up or down) or "both". `first` is the error over the first second, `last` that over the last two,
-    and `off` that over the last two with adaptation off, infinite where the arm then strayed by 1 rad or m. `largest`
-    is the largest magnitude of any joint's error at any time, not RMS. `limited` is the share, 0 to 1, of the second
-    half of the run in which a torque was at its limit. `unit` is that of a thousandth of the errors, "mrad" unless
-    given. Errors are infinite in a run that was not finite.
+    and `off` that over the last two with adaptation off, infinite where an error then reached 1 rad (m). `largest` is
+    the largest magnitude of any joint's error at any time, not RMS. `limited` is the fraction, 0 to 1, of the samples
+    in the second half of the run in which a torque was at its limit. `unit` is the unit, as text, of a thousandth of
+    the errors: "mrad" by default, "mm" or "mrad or mm" with prismatic joints. Errors are infinite in a run that was not
+    finite.
     """
 
     name: str
@@ -50,7 +51,7 @@ class Verification:
     limited: float
     """fraction of the second half of the run in which a torque was at its limit"""
     unit: str = "mrad"
-    """of a thousandth of the errors"""
+    """of a thousandth of the errors, as text"""
 
     @property
     def stayed(self) -> bool:

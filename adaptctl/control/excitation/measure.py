@@ -73,14 +73,15 @@ def persistent_excitation(
     window starts a sixteenth of it after the one before.
 
     `run` has positions p, velocities v and the reference's p_d, v_d and a_d, (T, r) of r joints in rad, rad/s and
-    rad/s^2 (m and s for prismatic joints), at T samples. The regressor is Slotine and Li's, at the reference velocity
-    v_r = v_d - bandwidth e, e = p - p_d, and the reference acceleration a_r, its derivative; `bandwidth` is in 1/s, one
-    number or (r,), and at zero, the default, v_r and a_r are v_d and a_d. `scale` (k,), SI units, or one number are
-    prior ranges of the parameters, their greatest plausible errors, by which the regressor's columns are scaled, those
-    of `PriorRanges` where None. Eigenvalues are squares of singular values of triangular factors, so that their error,
-    relative to the largest, is the square of what it would be from the Gram matrix itself. Raises `InputError` for a
-    window shorter than 16 samples or longer than the run, a run of another number of joints, for a bandwidth of another
-    shape or NaN, and for a scale that is not finite or of another shape.
+    rad/s^2 (m, m/s and m/s^2 for prismatic joints), at T samples. The regressor is Slotine and Li's, at the reference
+    velocity v_r = v_d - bandwidth e, e = p - p_d, and the reference acceleration a_r, its derivative; `bandwidth` is in
+    1/s, one number or (r,), and at zero, the default, v_r and a_r are v_d and a_d. `scale` (k,), SI units, or one
+    number are prior ranges of the parameters, their greatest plausible errors, by which the regressor's columns are
+    scaled, those of `PriorRanges` where None. Eigenvalues are squares of singular values of triangular factors, so that
+    their error, relative to the largest, is the square of what it would be from the Gram matrix itself. Raises
+    `InputError` for a run of another number of joints than the model's mechanism has, for a window shorter than 16
+    samples or longer than the run, for a bandwidth of another shape or NaN, and for a scale that is not finite or of
+    another shape.
     """
     count, k = len(run.p), len(model.columns)
     if (joints := run.p.shape[1]) != model.mechanism.dof:

@@ -26,8 +26,9 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def positive_numbers(values: ArrayLike, what: str) -> Array:
-    """Positive finite numbers (n,), read-only, in the unit of `values`: n numbers, or one number alone, n = 1. Raises
-    `InputError` on a wrong shape and for any other numbers; the message names them by `what`."""
+    """Positive finite numbers (n,), read-only float64, in the unit of `values`, which are n numbers, or one number
+    alone, n = 1. Raises `InputError` on a wrong shape, for other numbers and for what is no number; `what` is the name
+    of the values in its message."""
     return positive_per_joint(values, numbers(values, what).size, what)
 
 

@@ -213,7 +213,7 @@ def everywhere(mechanism: Mechanism) -> Workspace:
 def workspace_of(mechanism: Mechanism, workspace: Workspace | None) -> Workspace:
     """The workspace in which a mechanism is judged: all that its joints' limits allow for a `workspace` of None, else
     the given one, with the masses of this mechanism where it was made for another, such as a rough model of it. Raises
-    `InputError` for what is no workspace, and for one of another number of joints."""
+    `InputError` for a `workspace` that is no `Workspace` or of another number of joints."""
     if workspace is None:
         return everywhere(mechanism)
     require_kind(workspace, Workspace, "workspace", "as Workspace.within_limits(mechanism) gives one")

@@ -28,10 +28,11 @@ def joined(
 
     Links, joints and named frames get their part's label in front, as in ``left.link3``, and `loops`, by default none,
     uses these names: so two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep
-    their order, their parameters and their shapes to draw. `gravity` (3,), m/s^2, is that of the common ground frame,
-    whatever the parts' own is; None where all parts have the same vector and no pose turns it. Raises `InputError` for
-    no parts, parts with loops of their own, a wrong `gravity` and, without it, parts that differ in theirs or whose
-    poses turn it; `NotFoundError` for unknown names in `loops`.
+    their order, their parameters and their shapes to draw. `gravity` (3,), m/s^2, is the gravity vector in the common
+    ground frame, in place of those of the parts; None, the default, takes that of the parts, which must then be the
+    same vector in all, turned by no part's pose. Raises `InputError` for no parts, parts with loops of their own, a
+    `gravity` that is not (3,), not finite or above 1e9 in size, and, where it is None, parts of different gravity and
+    poses that turn it; `NotFoundError` for unknown names in `loops`.
     """
     if not parts:
         raise InputError(f"{name}: at least one part is needed")

@@ -40,10 +40,11 @@ def outcome_words(study: DesignStudy) -> str:
 
 def facts(study: DesignStudy) -> Iterator[Fact]:
     """Facts of a design study, each a `Fact`: a question that a person asks first, and its answer in words, with units.
-    They are numbers of parameters and essential components (combinations of them), the costs of the motion (energy in
-    J, torque in percent of its limit, coupling, the mass matrix off its diagonal, in kg m^2, kg m or kg; all root mean
-    squares) before and after the counterweights, and the counterweights' masses. Raises `RankError` where the
-    mechanism's rank, its number of base parameters, cannot be certified."""
+    They are numbers of parameters and essential components (combinations of them), the costs of the motion before and
+    after the counterweights, and the counterweights' masses. Costs are root mean squares: energy in J, torque in
+    percent of its limit, and coupling, the mass matrix's entries off the diagonal, in kg m^2 (kg between prismatic
+    joints, kg m between one of each kind). Raises `RankError` where the mechanism's rank, its number of base
+    parameters, cannot be certified."""
     found, before = study.counterweights, study.task
     after = found.balanced
     yield Fact("Independent parameters", f"{before.basis.rank}, {len(before.carried())} not zero")
@@ -63,12 +64,13 @@ def _fall(before: float, after: float, unit: str) -> str:
 
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
-    """Costs of a mechanism's motion over a task, as pairs of texts, a label and a number with its unit: numbers of base
-    parameters, of those that are not zero (each by itself makes more than 1e-6 of the energy), and of essential
-    components, combinations of parameters, that keep the energy to an error of `percent` (%); and root mean squares of
-    energy about its mean (J), torque (% of its limit), coupling, the mass matrix off its diagonal (kg m^2, kg m or kg),
-    and each joint's torque (N m, N if prismatic). Raises `InputError` for a percentage that is no finite number of at
-    least 0, `RankError` where the mechanism's rank, its number of base parameters, cannot be certified."""
+    """Costs of a mechanism's motion over a design `task`, as pairs of texts, a label and a number with its unit. They
+    are the numbers of base parameters, of those that are not zero (each contributes more than 1e-6 of the energy), and
+    of essential components, combinations of parameters, that keep the energy to an error of `percent` (%); and root
+    mean squares of energy about its mean (J), torque (% of its limit), coupling, the mass matrix's entries off the
+    diagonal (kg m^2, kg between prismatic joints, kg m between one of each kind), and each joint's torque (N m, N if
+    prismatic). Raises `InputError` for a `percent` that is not a finite number of at least 0, `RankError` where the
+    mechanism's rank, its number of base parameters, cannot be certified."""
     yield "independent parameters", f"{task.basis.rank}"
     yield "of them not zero", f"{len(task.carried())}"
     yield f"components within {percent:g} % of energy", f"{task.components(percent)}"

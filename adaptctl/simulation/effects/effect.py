@@ -20,7 +20,7 @@ class Effect(ABC):
     `require(dof, links, control_period)`, which raises `InputError` where its settings do not fit a plant.
 
     Equations are written over scalars of any kind: floats, or symbols that become native code. What changes over time
-    is an effect's internal state, one `Column` (vector) of m numbers, which is passed in and returned.
+    is an effect's internal state, one `Column` (vector) of h numbers, which is passed in and returned.
     """
 
     @abstractmethod

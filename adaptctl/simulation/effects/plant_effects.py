@@ -15,7 +15,7 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffe
 from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
 
 KINDS = (ActuatorEffect, SensorEffect, JointEffect, LoadEffect, ElasticJoints)
-"""Kinds of effects that a plant has a place for."""
+"""Base classes of the effects that a plant has a place for; it refuses others."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,13 @@ class PlantEffects:
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
-        """The `PlantEffects` of a plant, from a list or another iterable of effects in any order: sorted into actuator,
-        sensor, joint and load effects and elastic joints, the first two by their `rank`, the order in which signals
-        pass them.
+        """The `PlantEffects` of a plant, made of `effects`, a list or another iterable of effects in any order: sorted
+        into actuator, sensor, joint and load effects and elastic joints. Actuator and sensor effects are ordered by
+        their `rank`, the order in which signals pass them.
 
-        Raises `InputError` for what is no `Effect` or one of none of these kinds, for an effect alone that is not in a
-        list, and for two actuator effects, two sensor effects or two elastic joints of one class; joint and load
-        effects may repeat.
+        Raises `InputError` for an element that is no `Effect`, for an effect of none of these five kinds, for an effect
+        alone that is not in a list, and for two actuator effects, two sensor effects or two elastic joints of one
+        class; joint and load effects may repeat.
         """
         given = listed(effects)
         for effect in given:
