@@ -85,6 +85,17 @@ def test_ways_from_elsewhere_and_no_way_at_all() -> None:
     assert fast.follow(np.empty((0, 3))).shape == (0, 5)
 
 
+def test_a_very_long_way_is_left_to_code_that_hears_an_interruption() -> None:
+    _, fast = continuations(load("semi_direct_drive"))
+    far = fast._start + np.array([0.0, 600.0, 600.0])
+    assert fast.follow_alone(far) is None
+    assert not fast._ways.pays(fast._steps(far[None] - fast._start))
+    near = fast._start + np.array([1e9, 1.0, 0.0])
+    np.testing.assert_allclose(
+        fast.follow_alone(near)[1:], fast.follow(fast._start + np.array([0.0, 1.0, 0.0]))[1:], atol=1e-12
+    )
+
+
 @pytest.mark.parametrize("bad", [[np.nan, 0.0, 0.0], [0.0, -np.inf, 0.0], [0.0, 0.0], [[0.0] * 2] * 3, ["a", 0.0, 0.0]])
 def test_an_arm_with_loops_refuses_alike_before_and_after_its_code_is_native(bad: Any) -> None:
     arm = Mechanism(load("semi_direct_drive").description)

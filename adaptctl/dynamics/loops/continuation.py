@@ -15,7 +15,7 @@ from adaptctl.compilation import Kernel, compile_function
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.loops.determinant import determinant
 from adaptctl.dynamics.loops.least_squares import factored
-from adaptctl.dynamics.loops.straight_ways import StraightWays
+from adaptctl.dynamics.loops.straight_ways import MOST, StraightWays
 from adaptctl.errors import InputError, SingularityError
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 
@@ -82,16 +82,16 @@ class Continuation:
         """The closed configuration (n,) of the spanning tree's n joints, rad (m if prismatic), at positions `p` (r,) of
         the r primary (independent) joints: what the method `follow` returns from the reference configuration for one
         sample, by native code alone. None where `follow` has to decide: for anything but a float64 array (r,) of finite
-        numbers, where the test `surely_regular` fails at a step, and as long as native code is not worth making (until
-        calls/50 + steps/5,000, counted by `follow`, is 1). Raises nothing."""
+        numbers, for more than 10,000 steps, where the test `surely_regular` fails at a step, and as long as native code
+        is not worth making (until calls/50 + steps/5,000, counted by `follow`, is 1). Raises nothing."""
         if not self._ways.ready or type(p) is not np.ndarray or p.shape != self._start.shape or p.dtype != np.float64:
             return None
         start: list[float] = self._start.tolist()
         way = [x - x0 for x, x0 in zip(p.tolist(), start, strict=True)]
-        longest = max((abs(way[i]) for i in self._looped), default=0.0)
-        if not math.isfinite(sum(way)):
+        steps = max((abs(way[i]) for i in self._looped), default=0.0) / LARGEST_STEP
+        if not (math.isfinite(sum(way)) and steps <= MOST):
             return None
-        return self._ways.followed_alone(self.reference, start, way, max(math.ceil(longest / LARGEST_STEP), 1))
+        return self._ways.followed_alone(self.reference, start, way, max(math.ceil(steps), 1))
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
         """Boolean mask (N,) of N positions `p` (N, r) of the r primary (independent) joints, rad (m if prismatic): True

@@ -17,6 +17,10 @@ CALLS, STEPS = 50, 5000
 """Calls and steps of configurations after which native code is made: until then the steps have taken about as long."""
 
 
+MOST = 10_000
+"""Steps that one native call may take, in which Ctrl-C is not heard."""
+
+
 @dataclass(eq=False)
 class StraightWays:
     """Native code that follows the n joints of the spanning tree of a mechanism with closed loops while its r primary
@@ -44,10 +48,10 @@ class StraightWays:
 
     def pays(self, steps: NDArray[np.int64]) -> bool:
         """Count one call more, for N straight lines of `steps` (N,) steps each, and return True if native code is worth
-        making by now: if the number of calls over 50 plus that of steps over 5,000 is at least 1. Nothing is checked.
-        """
+        making by now and may follow them: if the number of calls over 50 plus that of steps over 5,000 is at least 1,
+        and no line has more than 10,000 steps. Nothing is checked."""
         self.work += 1.0 / CALLS + float(steps.sum()) / STEPS
-        return self.ready
+        return self.ready and int(steps.max(initial=0)) <= MOST
 
     def followed(self, q: Array, begin: Array, way: Array, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """The configurations (N, n) of n joints at the ends of N straight lines, rad (m if prismatic), and a mask (N,),
