@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -127,13 +127,18 @@ class ArrayEquation:
         return self._generally(*arguments, out=out)
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
-        """Any arrays that fit together, by whatever way pays."""
+        """Any arrays that fit together, by whatever way pays. Native code checks plain rows itself."""
+        first: Any = arguments[0] if arguments else None
+        if self._kernel is not None and self._configured is None and type(first) is np.ndarray and first.ndim == 2:
+            with suppress(InputError):  # which is raised below, in this equation's words
+                made: Array = self._kernel.map(*arguments, out=out)
+                return made
         pairs = zip(self._lengths().items(), arguments, strict=True)
         arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
         samples = same_samples(**arrays)
         kernel = self._kernel if self._kernel is not None else self._compiled(math.prod(samples))
-        first, *rest = arrays.values()
-        given = [first if self._configured is None else self._configured(first), *rest]
+        p, *rest = arrays.values()
+        given = [p if self._configured is None else self._configured(p), *rest]
         if kernel is not None and samples:
             return self._mapped(kernel, given, samples, out)
         found = self._in_python(given, samples) if kernel is None else np.asarray(kernel(*given))
