@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -94,21 +95,24 @@ def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast
     `self_collision_checked`, the argument `collisions`, True where the motions were checked for collisions between
     links; the `condition` number of the scaled regressor; `parameters` and `combinations`. For each base parameter
     there are its standard `deviation`, SI units, and `relative`, the deviation divided by the size of the value in the
-    robot's file, None where that is 0. Combinations of parameters are in words, the least excited first, with their
-    `strength` (no unit): the range plausible before the motion divided by the deviation to be expected after it.
+    robot's file. None is what is infinite: a deviation of which the motion tells nothing, the condition number then,
+    and a relative one of a value that is 0. Combinations of parameters are in words, the least excited first, with
+    their `strength` (no unit): the range plausible before the motion divided by the deviation to be expected after it.
     Nothing is raised."""
-    from math import isfinite
-
     columns = zip(predicted.model.names, predicted.deviations.tolist(), predicted.relative.tolist(), strict=True)
     return {
         "schema": SCHEMA,
         "robot": robot,
         "durations": {name: motion.duration for name, motion in motions.items()},
         "self_collision_checked": collisions,
-        "condition": predicted.condition,
-        "parameters": {n: {"deviation": s, "relative": x if isfinite(x) else None} for n, s, x in columns},
+        "condition": _finite(predicted.condition),
+        "parameters": {n: {"deviation": _finite(s), "relative": _finite(x)} for n, s, x in columns},
         "combinations": [c._asdict() for c in predicted.combinations],
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
 
 
 def _box(given: Numbers) -> tuple[Any, Any]:
