@@ -195,7 +195,8 @@ def test_urdf_that_is_no_text_is_refused_by_its_byte(tmp_path: Path) -> None:
     robot = load(tmp_path / "robot.urdf").description
     data = URDF.replace(b"a &gt; b", b"\xe9")
     (tmp_path / "latin.urdf").write_bytes(data)
-    with pytest.raises(FileError, match=rf"latin\.urdf: byte {data.index(0xE9)} is not UTF-8; save the file as UTF-8 text$"):
+    place = rf"latin\.urdf: byte {data.index(0xE9)} is not UTF-8; save the file as UTF-8 text$"
+    with pytest.raises(FileError, match=place):
         write_urdf(tmp_path / "new.urdf", tmp_path / "latin.urdf", robot, robot)
     assert not (tmp_path / "new.urdf").exists()
 
