@@ -180,12 +180,15 @@ def _speed(log: JointLog) -> Array:
 
 
 def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
-    """Logged velocities against differentiated positions, by regression through zero."""
+    """Logged velocities against differentiated positions, by regression through zero; of a joint at rest there are
+    none to compare."""
     if any(log.velocity is None for log in logs):
         return "no logged velocities to compare with"
     logged = np.concatenate([log.velocity for log in logs if log.velocity is not None])
     found = np.concatenate(speeds)
-    ratios = (logged * found).sum(axis=0) / np.square(found).sum(axis=0)
+    rests = (np.abs(found).max(axis=0) <= SLOW) & (np.abs(logged).max(axis=0) <= SLOW)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(rests, 1.0, (logged * found).sum(axis=0) / np.square(found).sum(axis=0))
     for joint, ratio in zip(mechanism.primary_joints, ratios.tolist(), strict=True):
         if not abs(ratio - 1.0) <= AGREEMENT:
             raise InputError(
@@ -216,11 +219,17 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
     fastest = np.percentile(np.abs(np.concatenate(speeds)), 99.0, axis=0)
     position = np.concatenate([log.position for log in logs])
     for j, joint in enumerate(mechanism.primary_joints):
-        limits, low, high = joint.limits, float(position[:, j].min()), float(position[:, j].max())
+        turns, limits, low, high = (
+            joint.kind.turns,
+            joint.limits,
+            float(position[:, j].min()),
+            float(position[:, j].max()),
+        )
         if fastest[j] > TOO_FAST * limits.velocity:
             raise InputError(
-                f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} rad/s, its robot at most at "
-                f"{limits.velocity:.3g}: are the positions in deg, the time in ms, or is the gear ratio wrong?"
+                f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {'rad/s' if turns else 'm/s'}, its robot "
+                f"at most at {limits.velocity:.3g}: are the positions in {'deg' if turns else 'mm'}, the time in ms, "
+                "or is the gear ratio wrong?"
             )
         if low < limits.lower - TOO_FAR or high > limits.upper + TOO_FAR:
             raise InputError(
@@ -231,8 +240,8 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
         if strongest > TOO_FAST * limits.effort:
             raise InputError(
-                f"{source}: joint {joint.name!r} takes {strongest:.3g} N m, its robot at most {limits.effort:.3g}: are "
-                "the unit of torque, the torque constant and the gear ratio right?"
+                f"{source}: joint {joint.name!r} takes {strongest:.3g} {'N m' if turns else 'N'}, its robot at most "
+                f"{limits.effort:.3g}: are the unit of torque, the torque constant and the gear ratio right?"
             )
     return "positions, speeds and torques are within the robot's limits"
 

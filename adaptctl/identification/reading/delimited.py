@@ -32,13 +32,13 @@ def read_delimited(path: str | Path) -> LogTable:
             parse_options=ParseOptions(delimiter=max((",", ";", "\t"), key=lambda mark: head.count(mark.encode()))),
             convert_options=ConvertOptions(strings_can_be_null=True, null_values=["", "NaN", "nan", "NA", "null"]),
         )
+        names = [name.strip() for name in read.column_names]
     except (ArrowInvalid, UnicodeDecodeError) as error:
         raise FileError(f"{path}: not a table in text ({str(error).splitlines()[0]})") from error
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()})") from error
     if read.num_rows > MAX_ROWS:
         raise FileError(f"{path}: has {read.num_rows} rows, more than the {MAX_ROWS} that are read")
-    names = [name.strip() for name in read.column_names]
     return table(str(path), ((name, _numbers(read.column(i))) for i, name in enumerate(names)))
 
 
