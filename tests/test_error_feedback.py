@@ -88,6 +88,8 @@ def test_a_slow_pole_far_from_the_fast_one_is_not_lost(ratio: float) -> None:
 def test_a_loop_far_faster_than_the_samples_is_at_rest_after_two() -> None:
     feedback = ErrorFeedback.from_bandwidth(1e200, 0.5, 1e-3)
     assert (feedback.stiffness, feedback.rate) == pytest.approx((1e6, 1.5e3), rel=1e-12)
+    assert feedback.sampled_poles == (0.0, 0.0)
+    assert feedback.poles == pytest.approx([1e3 * math.log(np.finfo(float).tiny)] * 2, rel=1e-12)
 
 
 @pytest.mark.parametrize(("bandwidth", "ratio"), [(1e-320, 1.0), (1e308, 1e4), (1e-200, 1e200), (1.0, 1e-200)])
@@ -192,6 +194,7 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
         (lambda: ErrorFeedback.from_lqr(TEXT, 0.0, 1.0, 1e-3), InputError, "weights: position: expected a number"),
         (lambda: ErrorFeedback(TEXT, 1.0, 1e-3), InputError, "gains: stiffness: expected a number, got 'a'"),
         (lambda: ErrorFeedback.from_lqr(0.0, 0.0, 1.0, 1e-3), InputError, "weights: expected positive ones"),
+        (lambda: ErrorFeedback.from_lqr(1e300, 0.0, 1e-300, 1e-3), InputError, "weights: too far apart for a control"),
         (lambda: ErrorFeedback.from_bandwidth(8.0, 0.7, 1e-3).cascaded, InputError, "needs a ratio of at least 1"),
     ],
 )

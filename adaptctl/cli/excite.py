@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 Numbers = tuple[float, ...]
 SCHEMA = "adaptctl/excitation/1"
+FASTEST = 100_000
+"""Points a second: robots take a thousand, and files of more than these do not fit."""
 
 
 def excite(
@@ -56,6 +58,7 @@ def excite(
     from adaptctl.identification.workspace import workspace
 
     mechanism = load(robot)
+    _require_rate(rate)
     limits = RobotLimits.of(mechanism, share, _each(acceleration), _each(jerk))
     residuals = positive_per_joint(_each(noise), mechanism.dof, "noise") if noise else None
     area, first = workspace(mechanism, robot, *_box(box)), start or None
@@ -122,7 +125,19 @@ def _box(given: Numbers) -> tuple[Any, Any]:
 
     if len(given) not in (0, 6):
         raise InputError(f"--box: expected six numbers, x y z from and x y z to, in m, got {len(given)}")
-    return (np.array(given[:3]), np.array(given[3:])) if given else (None, None)
+    lower, upper = np.array(given[:3]), np.array(given[3:])
+    if given and not np.all(lower < upper):
+        raise InputError(f"--box: expected numbers that rise from the first three to the last, got {list(given)}")
+    return (lower, upper) if given else (None, None)
+
+
+def _require_rate(rate: float) -> None:
+    from adaptctl.arrays import positive_number
+    from adaptctl.errors import InputError
+
+    positive_number(rate, "rate: expected a positive number of Hz")
+    if rate > FASTEST:
+        raise InputError(f"rate: expected at most {FASTEST} points a second, got {rate:g}")
 
 
 def _write(folder: Path, name: str, motion: RobotMotion, joints: list[str], rate: float) -> None:

@@ -129,7 +129,7 @@ class ErrorFeedback:
         Q, R = np.diag([1.0, velocity / position * natural**2]), np.eye(1)
         try:
             gains = np.asarray(control.dlqr(A, B, Q, R)[0], dtype=np.float64).ravel()
-        except (ValueError, np.linalg.LinAlgError) as error:
+        except (ValueError, TypeError, np.linalg.LinAlgError) as error:  # python-control's errors are of either kind
             raise InputError(f"weights: too far apart for a control period of {period:g} s ({error})") from error
         return cls(float(gains[0]) * natural**2, float(gains[1]) * natural, period)
 
@@ -146,10 +146,10 @@ class ErrorFeedback:
     @property
     def poles(self) -> tuple[complex, complex]:
         """The two continuous-time poles (1/s) that correspond to the sampled error loop: log(z)/T_c, T_c being the
-        control period and z each of the loop's two poles in the z plane. A continuous-time loop with these poles has
-        the same samples. They are in the order of z, the greater first or, of a conjugate pair, that of positive
-        imaginary part."""
-        first, second = (cmath.log(pole) / self.period for pole in self.sampled_poles)
+        control period and z each of the loop's two poles in the z plane, 2.2e-308 for a z of 0, such as that of a loop
+        at rest after two samples. A continuous-time loop with these poles has the same samples. They are in the order
+        of z, the greater first or, of a conjugate pair, that of positive imaginary part."""
+        first, second = (cmath.log(pole or TINY) / self.period for pole in self.sampled_poles)
         return first, second
 
     def faster(self, factor: float) -> ErrorFeedback:
