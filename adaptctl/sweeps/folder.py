@@ -147,7 +147,7 @@ def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa
     """Table (pyarrow) of `rows`, mappings by column, of `runs` runs of a `study`. Each column's metadata has its
     meaning, with the unit; the table's metadata has experiment, version, precision and number of runs. Raises
     `KeyError` for a row without one of the columns."""
-    kinds = {"int64": pa.int64(), "double": pa.float64(), "string": pa.string()}
+    kinds = {"int64": pa.int64(), "double": pa.float64(), "bool": pa.bool_(), "string": pa.string()}
     columns = columns_of(study.kind)
     fields = [pa.field(name, kinds[kind], metadata={"meaning": meaning}) for name, (kind, meaning) in columns.items()]
     about = {"schema": SCHEMA, "experiment": study.experiment, "version": __version__, "runs": str(runs)}

@@ -97,7 +97,7 @@ class SweepReport:
             value = row[entry.name]
             default = " ".join(map(str, entry.default)) if isinstance(entry.default, tuple) else entry.default
             if value != default:
-                words += [f"--{entry.name.replace('_', '-')}", *str(value).split()]
+                words += _flag(entry.name.replace("_", "-"), value, isinstance(entry.default, tuple))
         return shlex.join([*words, "--out", f"results/{self.study.experiment}-replay"])
 
     def maps(self, name: str) -> Iterator[SettingsMap]:
@@ -150,6 +150,13 @@ class SweepReport:
             whose = "" if len(idle) == len(self.controllers) else f" of {', '.join(idle)}"
             lines.append(f"  {setting} changes no result{whose}")
         return "\n".join(lines)
+
+
+def _flag(name: str, value: object, many: bool) -> list[str]:
+    """Words of a command line that give a setting its value."""
+    if isinstance(value, bool):
+        return [f"--{name}" if value else f"--no-{name}"]
+    return [f"--{name}", *(str(value).split() if many else (str(value),))]
 
 
 def _error(row: dict[str, Any]) -> float | None:

@@ -85,9 +85,9 @@ def _outcomes(
 
 
 def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
-    """Columns of a sweep's table, in order: a mapping from a column's name to its type, "int64", "double" or "string",
-    and its meaning in words, with the unit. They are the settings of the experiment or measurement of class `kind`,
-    `controller`, the fields of `RunOutcome` (status, reason, position errors, divergence, rise of the Lyapunov
+    """Columns of a sweep's table, in order: a mapping from a column's name to its type, "int64", "double", "bool" or
+    "string", and its meaning in words, with the unit. They are the settings of the experiment or measurement of class
+    `kind`, `controller`, the fields of `RunOutcome` (status, reason, position errors, divergence, rise of the Lyapunov
     function), `version`, `wall_time` and `host`. Nothing is raised."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     about = {
@@ -142,4 +142,4 @@ def _plain(value: Any) -> Any:
 
 
 def _kind(default: Any) -> str:
-    return {int: "int64", float: "double"}.get(type(default), "string")
+    return {int: "int64", float: "double", bool: "bool"}.get(type(default), "string")

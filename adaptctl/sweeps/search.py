@@ -87,9 +87,16 @@ def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
     ]
     lines += ["", "[settings]"]
     for name, value in found.settings.items():
-        text = " ".join(map(str, value)) if isinstance(value, tuple) else value
-        lines.append(f"{name} = [{toml_string(text) if isinstance(text, str) else repr(text)}]")
+        lines.append(f"{name} = [{_toml(value)}]")
     write_text(path, "\n".join(lines) + "\n")
+
+
+def _toml(value: Any) -> str:
+    """A setting's value in TOML."""
+    text = " ".join(map(str, value)) if isinstance(value, tuple) else value
+    if isinstance(text, str):
+        return toml_string(text)
+    return repr(text).lower() if isinstance(text, bool) else repr(text)
 
 
 def _first_controller(study: SweepStudy, settings: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -111,7 +118,7 @@ def _suggested(study: SweepStudy, trial: Any) -> dict[str, Any]:
             chosen[name] = values[0]
         else:
             chosen[name] = values[trial.suggest_int(name, 0, len(values) - 1)]
-        if isinstance(kinds[name].default, int):
+        if type(kinds[name].default) is int:
             chosen[name] = int(chosen[name])
     return chosen
 

@@ -38,9 +38,9 @@ def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | S
     """Values of a setting, parsed from `typed`: a tuple, or a `Span` to draw from. A list, ``4,8,12``, a range of whole
     numbers, ``0..99``, and evenly spaced numbers, ``0..5:11``, 11 from 0 to 5, both included, give a tuple; ``0..5`` of
     numbers that need not be whole gives a `Span`. Where a value is itself a tuple, its parts are separated by blanks,
-    ``90 150 70``; values that are tuples or texts have no ranges. A sequence of texts, such as a study's file has, is
-    read as its texts joined by commas, except for a setting whose values are texts: there each text is a value, commas
-    included. `entry` is the setting's dataclass field, whose default tells the kind of value.
+    ``90 150 70``; values that are tuples, texts, or ``true`` and ``false`` have no ranges. A sequence of texts, such as
+    a study's file has, is read as its texts joined by commas, except for a setting whose values are texts: there each
+    text is a value, commas included. `entry` is the setting's dataclass field, whose default tells the kind of value.
 
     Raises `InputError` for a text in none of these forms, no values, equal values, a range that does not rise, other
     than 2 to a million values in a range, and numbers that are not finite or, of a setting of whole numbers, not whole.
@@ -49,7 +49,7 @@ def parsed(entry: Field[Any], typed: str | Sequence[str]) -> tuple[Any, ...] | S
         values: tuple[Any, ...] = tuple(typed)
     else:
         text = typed if isinstance(typed, str) else ",".join(typed)
-        if not isinstance(entry.default, tuple | str) and (match := _RANGE.match(text)):
+        if not isinstance(entry.default, tuple | str | bool) and (match := _RANGE.match(text)):
             return _range(entry, match)
         values = tuple(_one(entry, part.strip()) for part in text.split(","))
     if not values or len(set(values)) < len(values):
@@ -80,7 +80,7 @@ def as_span(entry: Field[Any], values: tuple[Any, ...] | Span) -> Span | None:
     one. `entry` is the setting's dataclass field, whose default tells its kind. Nothing is raised."""
     if isinstance(values, Span):
         return values
-    if len(values) > 1 and isinstance(entry.default, int) and list(values) == list(range(values[0], values[-1] + 1)):
+    if len(values) > 1 and type(entry.default) is int and list(values) == list(range(values[0], values[-1] + 1)):
         return Span(values[0], values[-1], whole=True)
     return None
 
@@ -92,8 +92,16 @@ def _one(entry: Field[Any], text: str) -> Any:
         return tuple(words) if default and isinstance(default[0], str) else tuple(_number(entry, w) for w in words)
     if isinstance(default, str):
         return text
+    if isinstance(default, bool):
+        return _truth(entry, text)
     number = _number(entry, text)
     return int(number) if isinstance(default, int) else number
+
+
+def _truth(entry: Field[Any], text: str) -> bool:
+    if text.lower() not in ("true", "false"):
+        raise InputError(f"{entry.name}: expected true or false, got {text!r}")
+    return text.lower() == "true"
 
 
 def _number(entry: Field[Any], text: str) -> float:
