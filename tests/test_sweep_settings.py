@@ -85,6 +85,15 @@ def test_a_run_is_shown_again_with_all_its_settings(tmp_path: Path) -> None:
     assert main([*words[1:-1], str(tmp_path / "replay")]) in (0, 1)
 
 
+def test_runs_that_all_fail_do_not_tell_of_a_setting() -> None:
+    made = SweepStudy.named("adaptive", SHORT | {"bandwidth": "4,8"}, controllers=("nosuch",))
+    failed = rows(made)
+    assert {row["status"] for row in failed} == {"failed"}
+    text = SweepReport(made, table(made, failed, made.count)).text()  # type: ignore[arg-type]
+    assert "there is no controller 'nosuch'" in text
+    assert "changes no result" not in text
+
+
 def test_a_number_of_draws_is_for_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", "adaptive", "--out", str(tmp_path / "out"), "--seed", "0,1", "--samples", "3"]) == 2
     assert "samples: a grid draws none: give --sampling latin-hypercube or sobol" in capsys.readouterr().err

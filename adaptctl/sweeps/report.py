@@ -63,7 +63,7 @@ class SweepReport:
         """Mapping from the names of swept settings to lists of the names of the controllers whose results the setting
         does not change; settings that change the results of all are left out. It is found from runs that differ in that
         setting alone, as a grid has: their status is equal, and their columns `rms_error` and `largest_error`, of joint
-        positions, differ by at most 1e-9 of their size. Nothing is raised."""
+        positions, differ by at most 1e-9 of their size; failed runs are left out. Nothing is raised."""
         found: dict[str, list[str]] = {}
         for setting in self.study.swept:
             idle = [name for name in self.controllers if _is_idle(self.of_controller(name), setting, self.study.swept)]
@@ -182,9 +182,9 @@ def write_report(path: Path) -> Path:
 
 
 def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str]) -> bool:
-    """True if rows that differ in a setting alone have the same results, and there are such."""
+    """True if rows that differ in a setting alone have the same results, and there are such; failed ones have none."""
     groups: dict[Any, list[tuple[Any, ...]]] = {}
-    for row in rows:
+    for row in (row for row in rows if row["status"] != "failed"):
         others = tuple(row[name] for name in swept if name != setting)
         groups.setdefault(others, []).append(tuple(row[x] for x in ("status", "rms_error", "largest_error")))
     pairs = [(group[0], other) for group in groups.values() for other in group[1:]]
