@@ -86,6 +86,20 @@ def test_names_of_columns_that_are_no_text_are_refused(tmp_path: Path) -> None:
         read_log(tmp_path / "log.csv")
 
 
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("time;p\n0;1\n0,5;-2,25\n1;3e-1\n", [1.0, -2.25, 0.3]),
+        ("time\tp\n0\t1,5\n1\t2,5\n", [1.5, 2.5]),
+        ("time;p\n0;1.5\n1;2.5\n", [1.5, 2.5]),
+        ("time;p;note\n0;1.5;1,5\n1;2.5;\n", [1.5, 2.5]),
+    ],
+)
+def test_decimal_commas_are_read_where_they_separate_nothing(text: str, found: list[float], tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(text)
+    np.testing.assert_array_equal(read_log(tmp_path / "log.csv").column("p", "position"), found)
+
+
 def test_a_log_is_not_judged_by_itself(tmp_path: Path) -> None:
     mechanism = arm(REVOLUTE)
     table = log_of(mechanism)
