@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,6 +117,26 @@ def test_a_log_is_not_judged_by_itself(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             identify(logs, mechanism, units=SI, validate=others)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"units": SI | {"time": None}}, "units: time: expected a text, got None"),
+        ({"columns": {"position": 3}}, "columns: position: expected a text, got 3"),
+        ({"friction": ("viscous", "coulomb")}, r"friction: expected a text such as viscous,coulomb, got \('viscous'"),
+        ({"friction": 3}, "friction: expected a text such as viscous,coulomb, got 3"),
+        ({"skip": "limits"}, "skip: expected a list of names, got the text 'limits'"),
+    ],
+)
+def test_arguments_of_another_kind_are_named(given: dict[str, Any], message: str, tmp_path: Path) -> None:
+    mechanism = arm(REVOLUTE)
+    time = np.arange(200) / 100.0
+    columns = {"time": time, "position.j0": np.sin(time), "velocity.j0": np.cos(time), "effort.j0": 5.0 * np.sin(time)}
+    rows = np.stack(list(columns.values()), axis=-1)
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(columns), comments="")
+    with pytest.raises(InputError, match=message):
+        identify(tmp_path / "log.csv", mechanism, **({"units": SI} | given))
 
 
 @pytest.mark.parametrize(

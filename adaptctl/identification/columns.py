@@ -71,6 +71,9 @@ def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
     for name in given or {}:
         if name not in WHAT:
             raise InputError(f"{what}: expected {', '.join(WHAT)}, got {name!r}")
+    for name, text in (given or {}).items():
+        if not isinstance(text, str):
+            raise InputError(f"{what}: {name}: expected a text, got {text!r}")
     return dict(given or {})
 
 

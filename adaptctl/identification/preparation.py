@@ -111,6 +111,8 @@ def prepare(
 
 
 def _require_known(skip: Collection[str]) -> None:
+    if isinstance(skip, str):
+        raise InputError(f"skip: expected a list of names, got the text {skip!r}")
     if unknown := [name for name in skip if name not in STEPS]:
         raise InputError(f"skip: expected {', '.join(STEPS)}, got {unknown[0]!r}")
 
