@@ -173,8 +173,14 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
 def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
     """The text of the file at `path`, in UTF-8, without a byte order mark. Raises `FileError` where it is not UTF-8,
     missing, not a regular file, not readable, or larger than `limit` bytes, by default 16 MiB (16 * 2**20)."""
+    return decoded(path, read_bytes(path, limit))
+
+
+def decoded(path: str | Path, data: bytes) -> str:
+    """The text of the bytes `data`, read from the file at `path`, in UTF-8, without a byte order mark. Raises
+    `FileError`, naming the file and the first byte that is not UTF-8."""
     try:
-        return read_bytes(path, limit).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
 

@@ -47,7 +47,7 @@ from adaptctl.experiments.most_exciting import EXCITING, most_exciting
 from adaptctl.experiments.parameter_errors import SAMPLES, ParameterErrors, parameter_errors
 from adaptctl.experiments.rough_start import RoughStart
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Comparison, Finding, Progress, Setting
+from adaptctl.recording import Comparison, Finding, Progress, Setting, wording
 from adaptctl.recording.comparison import color_places
 
 if TYPE_CHECKING:
@@ -372,10 +372,10 @@ class AdaptationLaws(RoughStart, Learning):
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentence for the report with the least and the greatest parameter error (no unit), weighed by torque, of the
         laws that adapt; None where no law does. `outcome` has the runs, `found` the findings by name."""
-        off = found.of.get(f"parameter_error.{ADAPTATION_OFF}", np.nan)
+        off = wording.number(found.of.get(f"parameter_error.{ADAPTATION_OFF}"), 2)
         adapting = [run for run in outcome.runs if run.name != ADAPTATION_OFF]
         errors = found.span("parameter_error", adapting)
-        start = f"In {self.duration:g} s the parameter error, at first {off:.2g} of the parameters, comes to"
+        start = f"In {self.duration:g} s the parameter error, at first {off} of the parameters, comes to"
         return f"{start} {errors}." if errors else None
 
     def drawings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Drawing]:

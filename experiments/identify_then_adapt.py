@@ -18,7 +18,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding
+from adaptctl.recording import Finding, wording
 
 if TYPE_CHECKING:
     from adaptctl.simulation.effects import Effect
@@ -121,25 +121,31 @@ class IdentifyThenAdapt(OnRealPlant):
         """Sentence for the report with the RMS tracking errors of all joints in the first two seconds, mrad, from each
         initial estimate; None where one of the adapting runs in `outcome` is missing. `found`, the findings by name, is
         not used. Nothing is checked."""
-        first = {run.name: 1e3 * (run.rms_error(stop=BEGINNING) or np.nan) for run in outcome.runs}
+        first = {name: wording.number(1e3 * error, 2) for name, error in _first_errors(outcome).items()}
         if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
             return None
         return (
-            f"In the first {BEGINNING:g} s the arm is off by {first[ADAPTIVE]:.2g} mrad from the identified estimate, "
-            f"by {first[FROM_FILE]:.2g} from the URDF and by {first[FROM_ZERO]:.2g} from zero."
+            f"In the first {BEGINNING:g} s the arm is off by {first[ADAPTIVE]} mrad from the identified estimate, "
+            f"by {first[FROM_FILE]} from the URDF and by {first[FROM_ZERO]} from zero."
         )
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Iterator over the findings, a `Finding` (named number with unit) each: the RMS tracking error of all joints
         in each run's first two seconds, rad, and the ratio of two of these (no unit), that of the run from zero divided
-        by that of the run from the identified estimate. `outcome`, an `Outcome`, has the runs; `basis` is not used.
-        Nothing is checked."""
-        first = {run.name: run.rms_error(stop=BEGINNING) or np.nan for run in outcome.runs}
+        by that of the run from the identified estimate, none where that is 0. `outcome`, an `Outcome`, has the runs;
+        `basis` is not used. Nothing is checked."""
+        first = _first_errors(outcome)
         for name, value in first.items():
             yield Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {BEGINNING:g} s, {name}")
-        if {ADAPTIVE, FROM_ZERO} <= set(first):
+        if FROM_ZERO in first and first.get(ADAPTIVE):
             meaning = f"RMS error of the first {BEGINNING:g} s, from zero over from the identified estimate"
             yield Finding("zero_over_identified", first[FROM_ZERO] / first[ADAPTIVE], "1", meaning)
+
+
+def _first_errors(outcome: Outcome) -> dict[str, float]:
+    """RMS errors (rad) of the runs' beginnings by name, of those that have one."""
+    found = ((run.name, run.rms_error(stop=BEGINNING)) for run in outcome.runs)
+    return {name: error for name, error in found if error is not None}
 
 
 @cache

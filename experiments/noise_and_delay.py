@@ -141,8 +141,9 @@ class NoiseAndDelay(AdaptationLaws):
             yield Finding(f"parameter_error.{run.name}", float(over_time[-1]), "1", f"{run.label}: at the end")
             meaning = f"{run.label}: how far the estimate moves in a minute of the second half"
             yield Finding(f"drift.{run.name}", _drift(errors, run), "1/min", meaning)
-            unit, error = position_unit(outcome.mechanism), run.rms_error() or np.nan
-            yield Finding(f"true_rms_error.{run.name}", error, unit, f"{run.label}: of all joints")
+            if (error := run.rms_error()) is not None:
+                unit = position_unit(outcome.mechanism)
+                yield Finding(f"true_rms_error.{run.name}", error, unit, f"{run.label}: of all joints")
             share = float(run.rollout.marks["torque_limited"].mean())
             yield Finding(f"saturated.{run.name}", share, "1", f"{run.label}: share of periods with a torque held back")
             yield from memory_findings(contenders[run.name].controller, run, outcome.mechanism)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -34,8 +34,11 @@ class OnRealPlant(RoughStart, Learning):
     rigid links, such as friction or a payload, from a rough model with every link's parameters off by the fraction
     `parameter_error`. A subclass gives `name`, `title`, the property `purpose` and the method `effects`. In the setting
     `ratio` a joint's typical inertia is the median of its entry of the mass matrix's diagonal over 200 random
-    configurations. Raises `InputError` at construction for a `center`, `amplitude` or `frequency` that has not six
-    entries, and for settings of the wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
+    configurations. `error_bound` (100 rad or m) is the joint error that ends a run. Raises `InputError` at construction
+    for a `center`, `amplitude` or `frequency` that has not six entries, and for settings of the wrong type or out of
+    their bounds, `NonFiniteError` for NaN or infinity."""
+
+    error_bound: ClassVar[float] = FAR
 
     robot: str = setting("puma560_geared", "puma560_geared, puma560_friction, or another arm of six joints")
     rate: float = setting(
@@ -74,8 +77,8 @@ class OnRealPlant(RoughStart, Learning):
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """Gymnasium tracking environment of the arm `mechanism` on one sinusoid a joint, with the plant's effects
-        besides rigid links; a run ends early only at a joint error of 100 rad (m), so that all can be compared. Raises
-        `InputError` for another number of joints than six."""
+        besides rigid links; a run ends early only at a joint error above `error_bound` (rad or m), so that all can be
+        compared. Raises `InputError` for another number of joints than six."""
         import gymnasium
 
         if mechanism.dof != JOINTS:
@@ -90,7 +93,7 @@ class OnRealPlant(RoughStart, Learning):
             duration=self.duration,
             control_period=self.control_period,
             initial_error=self.initial_error,
-            error_bound=FAR,
+            error_bound=self.error_bound,
             torque_limits=self.torque_limits(mechanism),
             effects=tuple(self.effects(mechanism)),
         )

@@ -117,7 +117,7 @@ class PayloadDrop(AdaptationLaws):
             if one.time is not None:
                 meaning = f"{one.run.label}: time after the {event} until the error is below twice the earlier"
                 yield Finding(f"return_after_{event}.{name}", one.time, "s", meaning)
-            else:
+            elif one.left is not None:
                 meaning = f"{one.run.label}: does not return after the {event}; error at the end over the earlier"
                 yield Finding(f"not_back_after_{event}.{name}", one.left, "1", meaning)
         for run in outcome.runs:
@@ -164,7 +164,8 @@ class PayloadDrop(AdaptationLaws):
         yield from super().drawings(outcome, basis)
 
     def _recoveries(self, outcome: Outcome) -> Iterator[Recovery]:
-        """Recovery of every run after the first and the last of each event that it reached."""
+        """Recovery of every run after the first and the last of each event that it reached, but none of a run without
+        an error before, which has nothing to come back to."""
         events = [("pickup", self.start, self.stop), ("drop", self.stop, self._turn)]
         if self.times > 1:
             late = (self.times - 1) * self._turn
@@ -173,7 +174,7 @@ class PayloadDrop(AdaptationLaws):
         for run in outcome.runs:
             earlier = self._earlier(run)
             for event, begin, end in events:
-                if earlier is not None and run.duration > begin:
+                if earlier and run.duration > begin:
                     yield recovery(run, event, earlier, begin, end)
 
     def _earlier(self, run: ControllerRun) -> float | None:

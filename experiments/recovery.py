@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.recording import ControllerRun
+from adaptctl.recording.wording import number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +26,7 @@ class Recovery:
     `earlier` is the RMS error of all joints (rad, m if prismatic) over the 2 s before the first event; `time`, s, that
     from the event until the RMS error over the next 2 s is below twice `earlier`, None if it never is; and `left` the
     RMS error of the last 2 s before the next event or the run's end, but not from before the event, divided by
-    `earlier` (no unit). Nothing is checked at construction."""
+    `earlier` (no unit), None without samples then. Nothing is checked at construction."""
 
     run: ControllerRun
     event: str
@@ -33,17 +34,18 @@ class Recovery:
     """RMS error over WINDOW before the first event"""
     time: float | None
     """s from the event until the RMS error over the coming WINDOW is below TWICE the earlier; None for never"""
-    left: float
+    left: float | None
     """RMS error over the last WINDOW before the next event, over the earlier"""
 
 
 def recovery(run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
     """Recovery, a `Recovery`, of the tracking error of a `run` between an event called `event` at `begin` (s) and the
     next at `end` (s, or the run's end). `earlier` is the RMS error (rad, m if prismatic) before the first event of the
-    run, not zero. Without samples in the last 2 s before `end`, the recovery's `left` is NaN. Nothing is checked."""
+    run, not zero. Without samples in the last 2 s before `end`, the recovery's `left` is None. Nothing is checked."""
     end = min(end, run.duration)
-    left = run.rms_error(max(begin, end - WINDOW), end) or np.nan
-    return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left / earlier)
+    last = run.rms_error(max(begin, end - WINDOW), end)
+    left = None if last is None else last / earlier
+    return Recovery(run, event, earlier, time_to_return(run, begin, end, TWICE * earlier), left)
 
 
 def time_to_return(run: ControllerRun, begin: float, end: float, below: float) -> float | None:
@@ -85,7 +87,7 @@ def _bars(axes: Axes, found: Sequence[Recovery], runs: Sequence[str]) -> None:
     for one in found:
         place = runs.index(one.run.label)
         if one.time is None:
-            axes.text(0.02 * longest, place, f"not back: {one.left:.2g} × earlier", va="center", color=MUTED.hex)
+            axes.text(0.02 * longest, place, f"not back: {number(one.left, 2)} × earlier", va="center", color=MUTED.hex)
             continue
         axes.barh(place, one.time, height=0.6, color=run_color(0).hex)
         axes.text(one.time + 0.02 * longest, place, f"{one.time:.2g}", va="center")

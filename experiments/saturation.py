@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from adaptctl.simulation.effects import Effect
 
 WITHOUT_FREEZE = "without-freeze"
+END = 2.0
+"""s: the end of a run, over which its last error is averaged"""
 
 
 @dataclass(frozen=True)
@@ -112,18 +114,20 @@ class Saturation(OnRealPlant):
 
     def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
         """Iterator over the findings, a `Finding` (named number with unit) each. Of each run: the RMS tracking error of
-        all joints from the payload's drop on, rad (m if prismatic; NaN for a run that ended before); the fraction of
+        all joints from the payload's drop on, rad (m if prismatic; none for a run that ended before); the fraction of
         samples (no unit) with a limited torque; and the largest magnitude of any estimated parameter, SI units. Once:
         the RMS error of all joints over the whole run with adaptation frozen, divided by that with it never frozen (no
-        unit). `outcome`, an `Outcome`, has the runs; `basis` is not used."""
+        unit; none where a run is missing or the latter is 0). `outcome`, an `Outcome`, has the runs; `basis` is not
+        used."""
         runs = {run.name: run for run in outcome.runs}
         for run in outcome.runs:
             meaning = f"{run.label}: RMS error of all joints from the drop on"
-            after = run.rms_error(start=self.stop) or np.nan
-            yield Finding(f"rms_error_after.{run.name}", after, position_unit(outcome.mechanism), meaning)
-        if {ADAPTIVE, WITHOUT_FREEZE} <= set(runs):
-            ratio = (runs[ADAPTIVE].rms_error() or np.nan) / (runs[WITHOUT_FREEZE].rms_error() or np.nan)
-            yield Finding("freeze_over_none", ratio, "1", "RMS error of the whole run, frozen over never frozen")
+            if (after := run.rms_error(start=self.stop)) is not None:
+                yield Finding(f"rms_error_after.{run.name}", after, position_unit(outcome.mechanism), meaning)
+        frozen, never = (runs[name].rms_error() if name in runs else None for name in (ADAPTIVE, WITHOUT_FREEZE))
+        if frozen is not None and never:
+            meaning = "RMS error of the whole run, frozen over never frozen"
+            yield Finding("freeze_over_none", frozen / never, "1", meaning)
         for run in outcome.runs:
             share, moved = float(np.mean(held_back(run))), float(np.abs(run.rollout.estimate).max(initial=0.0))
             yield Finding(f"saturated.{run.name}", share, "1", f"{run.label}: share of periods with a torque held back")
@@ -133,15 +137,18 @@ class Saturation(OnRealPlant):
 
     def answer(self, outcome: Outcome, found: Found) -> str | None:
         """Sentences for the report, never None here, with the RMS tracking errors of all joints, mrad (mm), of the
-        whole run with adaptation frozen and never frozen, and of its last two seconds with adaptation frozen and off.
-        `outcome`, an `Outcome`, has the runs; `found`, the findings by name, is not used. Raises `KeyError` where one
-        of the three runs is missing."""
-        runs = {run.name: run for run in outcome.runs}
-        unit = error_unit(outcome.mechanism)
-        frozen, never = (1e3 * (runs[name].rms_error() or np.nan) for name in (ADAPTIVE, WITHOUT_FREEZE))
+        whole run with adaptation frozen and never frozen, and, if these come after the payload's drop, of its last two
+        seconds with adaptation frozen and off. `outcome`, an `Outcome`, has the runs; `found`, the findings by name, is
+        not used. Raises `KeyError` where one of the three runs is missing."""
+        runs, unit = {run.name: run for run in outcome.runs}, error_unit(outcome.mechanism)
+        frozen, never = (wording.error(runs[name].rms_error(), unit) for name in (ADAPTIVE, WITHOUT_FREEZE))
+        text = (
+            f"With adaptation frozen while motors saturate, the RMS error of the run is {frozen}, never frozen {never}."
+        )
+        if min(runs[name].duration for name in (ADAPTIVE, ADAPTATION_OFF)) < self.stop + END:
+            return text
         return (
-            f"With adaptation frozen while motors saturate, the RMS error of the run is {frozen:.3g} {unit}, never "
-            f"frozen {never:.4g} {unit}. In the last 2 s, the payload long gone, it is "
+            f"{text} In the last {END:g} s, the payload long gone, it is "
             f"{wording.error(runs[ADAPTIVE].final_rms_error, unit)}, with adaptation off "
             f"{wording.error(runs[ADAPTATION_OFF].final_rms_error, unit)}."
         )

@@ -80,6 +80,7 @@ def test_a_folder_is_written_whole(tmp_path: Path) -> None:
         (("--mass", "0"), "a mass above 0 kg, got 0"),
         (("--mass", "nan"), "expected a mass of at least 0 kg, got nan"),
         (("--body", "anvil"), "there is no body 'anvil'; bodies: gripper, camera, motor"),
+        (("--body", "gripper", "--mass", "2"), "--mass is of a point, and --body has its own: give one of them"),
         (("--at", "0", "0", "0"), "--at says where on a link: give --link too"),
         (("--link", "link6", "--at", "9", "0", "0"), "the place [9.0, 0.0, 0.0] is outside the bounds"),
         (("--share", "-0.1"), "expected shares of at least 0"),

@@ -61,6 +61,47 @@ def test_a_short_hold_gives_the_continuous_gains() -> None:
     assert feedback.damping_ratio == pytest.approx(0.7, rel=1e-3)
 
 
+@pytest.mark.parametrize("bandwidth", [1e-150, 1e-14, 1e-9, 1e-3])
+@pytest.mark.parametrize("ratio", [1e-3, 0.7, 1.0, 1.0 + 1e-9, 1e3])
+def test_a_slow_loop_has_the_continuous_gains(bandwidth: float, ratio: float) -> None:
+    """What is far below the sampling rate does not notice it, and is not lost to round-off either."""
+    feedback = ErrorFeedback.from_bandwidth(bandwidth, ratio, 1e-3)
+    assert feedback.stiffness == pytest.approx(bandwidth**2, rel=2e-3 * bandwidth * max(ratio, 1.0) + 1e-12, abs=0.0)
+    assert feedback.rate == pytest.approx(
+        2.0 * ratio * bandwidth, rel=3e-3 * bandwidth / min(ratio, 1.0) + 2e-3, abs=0.0
+    )
+
+
+def test_a_period_however_short_has_the_continuous_gains() -> None:
+    feedback = ErrorFeedback.from_bandwidth(8.0, 0.7, 1e-200)
+    assert (feedback.stiffness, feedback.rate) == pytest.approx((64.0, 11.2), rel=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1e8, 1e200])
+def test_a_slow_pole_far_from_the_fast_one_is_not_lost(ratio: float) -> None:
+    """Its root is 1/(2 zeta) of the bandwidth; the fast one is gone within a period."""
+    feedback = ErrorFeedback.from_bandwidth(1.0, ratio, 1e-3)
+    assert feedback.rate == pytest.approx(1e3, rel=1e-7)
+    assert feedback.stiffness == pytest.approx(1e3 / (2.0 * ratio), rel=1e-7, abs=0.0)
+
+
+def test_a_loop_far_faster_than_the_samples_is_at_rest_after_two() -> None:
+    feedback = ErrorFeedback.from_bandwidth(1e200, 0.5, 1e-3)
+    assert (feedback.stiffness, feedback.rate) == pytest.approx((1e6, 1.5e3), rel=1e-12)
+    assert feedback.sampled_poles == (0.0, 0.0)
+    assert feedback.poles == pytest.approx([1e3 * math.log(np.finfo(float).tiny)] * 2, rel=1e-12)
+
+
+@pytest.mark.parametrize(("bandwidth", "ratio"), [(1e-320, 1.0), (1e308, 1e4), (1e-200, 1e200), (1.0, 1e-200)])
+def test_a_bandwidth_whose_gains_are_lost_to_round_off_is_named(bandwidth: float, ratio: float) -> None:
+    with pytest.raises(InputError) as raised:
+        ErrorFeedback.from_bandwidth(bandwidth, ratio, 1e-3)
+    told = str(raised.value)
+    assert told.startswith(f"bandwidth of {bandwidth:g} rad/s and damping ratio of {ratio:g}: ")
+    assert "poles" not in told
+    assert "\n" not in told
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.floats(1.0, 1e6), st.floats(0.0, 1e3), st.floats(0.1, 10.0), periods)
 def test_lqr_is_least_among_its_neighbours(position: float, velocity: float, effort: float, period: float) -> None:
@@ -153,6 +194,7 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
         (lambda: ErrorFeedback.from_lqr(TEXT, 0.0, 1.0, 1e-3), InputError, "weights: position: expected a number"),
         (lambda: ErrorFeedback(TEXT, 1.0, 1e-3), InputError, "gains: stiffness: expected a number, got 'a'"),
         (lambda: ErrorFeedback.from_lqr(0.0, 0.0, 1.0, 1e-3), InputError, "weights: expected positive ones"),
+        (lambda: ErrorFeedback.from_lqr(1e300, 0.0, 1e-300, 1e-3), InputError, "weights: too far apart for a control"),
         (lambda: ErrorFeedback.from_bandwidth(8.0, 0.7, 1e-3).cascaded, InputError, "needs a ratio of at least 1"),
     ],
 )
@@ -165,6 +207,11 @@ def test_gains_that_cannot_be_are_refused(make: object, error: type[Exception], 
 def test_poles_are_not_made_faster_by_what_is_no_factor(factor: Any) -> None:
     with pytest.raises(InputError, match=f"^factor: expected a positive finite number, got {factor!r}$"):
         ErrorFeedback.from_bandwidth(8.0, 1.0, 1e-3).faster(factor)
+
+
+def test_a_factor_that_leaves_no_gains_is_named() -> None:
+    with pytest.raises(InputError, match=r"^factor: 1e-300 leaves gains beyond double precision"):
+        ErrorFeedback.from_bandwidth(8.0, 1.0, 1e-3).faster(1e-300)
 
 
 @pytest.mark.parametrize(("gain", "more", "less"), [(-0.5, 2.0, 0.0), (-1.0, math.inf, 1.0), (-4.0, math.inf, 0.25)])

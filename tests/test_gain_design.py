@@ -141,6 +141,10 @@ def test_the_command_knows_three_methods(capsys: pytest.CaptureFixture[str], pum
         (["puma560_geared", "--method", "poles", "--poles", "1", "2"], "poles: expected two in the left half-plane"),
         (["puma560_geared", "--delay", "0.5"], "--delay: expected a whole number, got '0.5'"),
         (["pumma"], "unknown robot 'pumma'"),
+        (["puma560_geared", "--method", "lqr", "--bandwidth", "8"], "--bandwidth: it is of the method bandwidth"),
+        (["puma560_geared", "--method", "poles", "--damping-ratio", "1"], "--damping-ratio: it is of the method"),
+        (["puma560_geared", "--poles", "-6", "-5"], "--poles: it is of the method poles: give --method poles, or"),
+        (["puma560_geared", "--weights", "1", "1", "1"], "--weights: it is of the method lqr"),
     ],
 )
 def test_the_command_refuses_in_a_line(capsys: pytest.CaptureFixture[str], command: list[str], message: str) -> None:

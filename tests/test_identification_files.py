@@ -190,6 +190,17 @@ def test_links_held_fast_keep_theirs_where_bodies_can_have_the_rest(tmp_path: Pa
     assert b'<link name="ground">\n    <inertial>' in with_inertials(URDF, {"ground": heavy})
 
 
+def test_urdf_that_is_no_text_is_refused_by_its_byte(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_bytes(URDF)
+    robot = load(tmp_path / "robot.urdf").description
+    data = URDF.replace(b"a &gt; b", b"\xe9")
+    (tmp_path / "latin.urdf").write_bytes(data)
+    place = rf"latin\.urdf: byte {data.index(0xE9)} is not UTF-8; save the file as UTF-8 text$"
+    with pytest.raises(FileError, match=place):
+        write_urdf(tmp_path / "new.urdf", tmp_path / "latin.urdf", robot, robot)
+    assert not (tmp_path / "new.urdf").exists()
+
+
 def test_ros_bags_are_read(tmp_path: Path) -> None:
     types = get_typestore(Stores.LATEST)
     state, header, stamp = (

@@ -5,22 +5,27 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from comparisons import no_progress, shown
+from comparisons import comparison, no_progress, shown
 
+from adaptctl.dynamics import load
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Outcome
 from adaptctl.experiments.friction import FrictionInJoints
+from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
 from adaptctl.experiments.learning import Found, Learning
 from adaptctl.experiments.marked_errors import spans
 from adaptctl.experiments.noise_and_delay import NoiseAndDelay
 from adaptctl.experiments.payload_drop import PayloadDrop
+from adaptctl.experiments.recovery import recovery
 from adaptctl.experiments.saturation import Saturation
+from adaptctl.recording.artifacts import write_artifacts
 
 pytestmark = pytest.mark.usefixtures("untimed_lanes")
 
@@ -152,3 +157,47 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
     assert "With adaptation frozen while motors saturate, the RMS error of the run is" in page
     assert "when limits held a torque back" in page  # its own figure
     assert "<th" in page.partition("rms error after")[0].rpartition("<tr>")[2]  # a column of one table
+
+
+class EndsEarly(Saturation):
+    """Of which every run ends before the payload is dropped."""
+
+    error_bound = 1e-3
+
+
+def test_a_run_that_ends_before_the_drop_says_so_and_has_no_error_after_it(tmp_path: Path) -> None:
+    write_artifacts(tmp_path, EndsEarly(duration=9.0).compare(no_progress))
+    content = json.loads((tmp_path / "summary.json").read_text())
+    assert content["duration_run"] < 1.0
+    assert [fault["failure"] for fault in content["verdict"]["faults"]] == ["stopped"]
+    assert "freeze_over_none" in content["findings"]
+    assert "payload long gone" not in (tmp_path / "report.html").read_text()
+    assert not [name for name in content["findings"] if name.startswith("rms_error_after")]
+
+
+@pytest.mark.parametrize(
+    ("experiment", "zero", "ratio"),
+    [
+        (EndsEarly(duration=9.0), "rms_error_after.adaptive", "freeze_over_none"),
+        (NoiseAndDelay(laws=("gradient",), duration=0.2), "true_rms_error.gradient", ""),
+        (IdentifyThenAdapt(duration=2.5), "first_error.adaptive", "zero_over_identified"),
+    ],
+)
+def test_an_error_of_zero_is_zero(experiment: Learning, zero: str, ratio: str) -> None:
+    """All findings are numbers, and a ratio to no error is left out."""
+    compared = experiment.compare(no_progress)
+    runs = [replace(run, rollout=replace(run.rollout, p=run.rollout.reference_p)) for run in compared.runs]
+    outcome = Outcome(compared.mechanism, tuple(runs), complete=True)
+    told = {one.name: one.value for one in experiment.findings(outcome, compared.basis)}
+    assert told
+    assert all(math.isfinite(value) for value in told.values())
+    assert ratio not in told
+    assert told.get(zero, 0.0) == 0.0
+    assert "nan" not in (experiment.answer(outcome, Found(tuple(experiment.findings(outcome, compared.basis)))) or "")
+
+
+def test_what_has_no_samples_before_the_next_event_has_no_error_left() -> None:
+    made = comparison(load("puma560_measured")).runs[0]
+    assert recovery(made, "drop", 0.1, 2.9991, 2.9995).left is None
+    exact = replace(made, rollout=replace(made.rollout, p=made.rollout.reference_p))
+    assert recovery(exact, "drop", 0.1, 0.5, 2.9).left == 0.0

@@ -14,7 +14,7 @@ import pytest
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.adaptive import AdaptiveTracking
-from adaptctl.recording import Comparison, Failure, judged
+from adaptctl.recording import Comparison, Failure, Finding, judged
 from adaptctl.recording.artifacts import write_artifacts
 from adaptctl.recording.comparison import Leading
 from adaptctl.recording.fact import answers
@@ -122,6 +122,17 @@ def test_a_run_that_diverged_out_of_numbers_is_written_and_recorded_until_then(
     assert drawn[1 - run].duration == SHOWN.runs[1 - run].duration
     assert (tmp_path / "recording.rrd").stat().st_size > 10_000
     assert pq.read_table(tmp_path / "trace.parquet").num_rows == len(SHOWN.subject.rollout.time)
+
+
+def test_findings_that_are_no_numbers_are_null_and_in_words(tmp_path: Path) -> None:
+    """An experiment's hours are not lost for one of them."""
+    findings = (Finding("lost", np.nan, "1", "a lost one"), Finding("far", np.inf, "rad", "a far one"))
+    write_artifacts(tmp_path, replace(SHOWN, findings=findings))
+    said = json.loads((tmp_path / "summary.json").read_text())["findings"]
+    assert said == {"lost": {"value": None, "unit": "1"}, "far": {"value": None, "unit": "rad"}}
+    text = (tmp_path / "report.html").read_text()
+    assert "not a number" in text
+    assert "infinity" in text
 
 
 def test_what_is_finite_is_drawn_as_a_whole_and_errors_of_one_s_own_as_far_as_runs() -> None:

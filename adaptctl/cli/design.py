@@ -19,7 +19,7 @@ def design(
     robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
     /,
     *,
-    mass: Annotated[float, Parameter(metavar="KG", help="Mass of the point that is added.")] = 1.0,
+    mass: Annotated[float | None, Parameter(metavar="KG", help="Mass of the point that is added; else 1.")] = None,
     body: Annotated[
         str | None, Parameter(metavar="NAME", help="A body instead of a point: gripper, camera or motor.")
     ] = None,
@@ -58,10 +58,10 @@ def design(
     the mass matrix off its diagonal. Masses may be in a box about a link's joints and centre of mass, widened by
     `beyond` of its diagonal.
 
-    Raises `InputError` for unknown links and objectives, numbers out of range, `at` without `link` and positions
-    outside the link's box; `NotFoundError` for an unknown robot or body, `FileError` for a robot's file that cannot be
-    used and a folder that is not empty or cannot be written, `RankError` where the number of identifiable parameters
-    cannot be certified, `LoopError` where kinematic loops cannot be closed.
+    Raises `InputError` for unknown links and objectives, numbers out of range, `at` without `link`, a `mass` besides a
+    `body`, and positions outside the link's box; `NotFoundError` for an unknown robot or body, `FileError` for a
+    robot's file that cannot be used and a folder that is not empty or cannot be written, `RankError` where the number
+    of identifiable parameters cannot be certified, `LoopError` where kinematic loops cannot be closed.
     """
     from adaptctl.design import DesignTask, design_study
     from adaptctl.dynamics import load
@@ -70,12 +70,15 @@ def design(
 
     if at is not None and link is None:
         raise InputError("--at says where on a link: give --link too")
+    if body is not None and mass is not None:
+        raise InputError("--mass is of a point, and --body has its own: give one of them")
+    added = body or (1.0 if mass is None else mass)
     mechanism = load(robot, floating_base=floating_base)
     task = DesignTask.within_limits(mechanism, samples, seed, speed)
-    detail = None if link is None else _detail(task, link, body or mass, at, (share, beyond), energy_error)
+    detail = None if link is None else _detail(task, link, added, at, (share, beyond), energy_error)
     study = design_study(
         task,
-        body or mass,
+        added,
         links=counterweights,
         share=share,
         beyond=beyond,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 Numbers = tuple[float, ...]
 SCHEMA = "adaptctl/excitation/1"
+FASTEST = 100_000
+"""Points a second: robots take a thousand, and files of more than these do not fit."""
 
 
 def excite(
@@ -55,6 +58,7 @@ def excite(
     from adaptctl.identification.workspace import workspace
 
     mechanism = load(robot)
+    _require_rate(rate)
     limits = RobotLimits.of(mechanism, share, _each(acceleration), _each(jerk))
     residuals = positive_per_joint(_each(noise), mechanism.dof, "noise") if noise else None
     area, first = workspace(mechanism, robot, *_box(box)), start or None
@@ -94,21 +98,24 @@ def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast
     `self_collision_checked`, the argument `collisions`, True where the motions were checked for collisions between
     links; the `condition` number of the scaled regressor; `parameters` and `combinations`. For each base parameter
     there are its standard `deviation`, SI units, and `relative`, the deviation divided by the size of the value in the
-    robot's file, None where that is 0. Combinations of parameters are in words, the least excited first, with their
-    `strength` (no unit): the range plausible before the motion divided by the deviation to be expected after it.
+    robot's file. None is what is infinite: a deviation of which the motion tells nothing, the condition number then,
+    and a relative one of a value that is 0. Combinations of parameters are in words, the least excited first, with
+    their `strength` (no unit): the range plausible before the motion divided by the deviation to be expected after it.
     Nothing is raised."""
-    from math import isfinite
-
     columns = zip(predicted.model.names, predicted.deviations.tolist(), predicted.relative.tolist(), strict=True)
     return {
         "schema": SCHEMA,
         "robot": robot,
         "durations": {name: motion.duration for name, motion in motions.items()},
         "self_collision_checked": collisions,
-        "condition": predicted.condition,
-        "parameters": {n: {"deviation": s, "relative": x if isfinite(x) else None} for n, s, x in columns},
+        "condition": _finite(predicted.condition),
+        "parameters": {n: {"deviation": _finite(s), "relative": _finite(x)} for n, s, x in columns},
         "combinations": [c._asdict() for c in predicted.combinations],
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
 
 
 def _box(given: Numbers) -> tuple[Any, Any]:
@@ -118,7 +125,19 @@ def _box(given: Numbers) -> tuple[Any, Any]:
 
     if len(given) not in (0, 6):
         raise InputError(f"--box: expected six numbers, x y z from and x y z to, in m, got {len(given)}")
-    return (np.array(given[:3]), np.array(given[3:])) if given else (None, None)
+    lower, upper = np.array(given[:3]), np.array(given[3:])
+    if given and not np.all(lower < upper):
+        raise InputError(f"--box: expected numbers that rise from the first three to the last, got {list(given)}")
+    return (lower, upper) if given else (None, None)
+
+
+def _require_rate(rate: float) -> None:
+    from adaptctl.arrays import positive_number
+    from adaptctl.errors import InputError
+
+    positive_number(rate, "rate: expected a positive number of Hz")
+    if rate > FASTEST:
+        raise InputError(f"rate: expected at most {FASTEST} points a second, got {rate:g}")
 
 
 def _write(folder: Path, name: str, motion: RobotMotion, joints: list[str], rate: float) -> None:

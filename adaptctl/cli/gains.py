@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from adaptctl.control import GainDesign
 
 SCHEMA = "adaptctl/gains/1"
+OWNERS = {"bandwidth": "bandwidth", "damping_ratio": "bandwidth", "poles": "poles", "weights": "lqr"}
+"""The method that each flag is of."""
 
 
 def gains(
@@ -21,16 +23,21 @@ def gains(
     method: Annotated[
         Literal["bandwidth", "poles", "lqr"], Parameter(help="How the error's poles are chosen.")
     ] = "bandwidth",
-    bandwidth: Annotated[float, Parameter(help="Where both poles lie, 1/s.")] = 8.0,
-    damping_ratio: Annotated[float, Parameter(help="1 for two equal real poles.")] = 1.0,
+    bandwidth: Annotated[float | None, Parameter(help="Method bandwidth: where both poles lie, 1/s; else 8.")] = None,
+    damping_ratio: Annotated[
+        float | None,
+        Parameter(help="Method bandwidth: 1, if not given, for two equal real poles."),
+    ] = None,
     poles: Annotated[
-        tuple[complex, complex],
-        Parameter(metavar="S S", help="Method poles: two poles, 1/s, real or conjugate, such as -6+2j -6-2j."),
-    ] = (-8.0, -12.0),
+        tuple[complex, complex] | None,
+        Parameter(metavar="S S", help="Method poles: two, 1/s, real or conjugate, such as -6+2j -6-2j; else -8 -12."),
+    ] = None,
     weights: Annotated[
-        tuple[float, float, float],
-        Parameter(metavar="P V A", help="Method lqr: weights of the squares of error, error rate and acceleration."),
-    ] = (4096.0, 0.0, 1.0),
+        tuple[float, float, float] | None,
+        Parameter(
+            metavar="P V A", help="Method lqr: weights of squares of error, rate and acceleration; else 4096 0 1."
+        ),
+    ] = None,
     period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
     delay: Annotated[int, Parameter(help="Control periods from measurement to torque.")] = 0,
     floating_base: Annotated[
@@ -43,20 +50,23 @@ def gains(
     Weights and poles are for the error of each joint, in rad (m if prismatic) and s. Raises `GainError` where the
     control period is too long for the gains (the JSON object's `sampled_gain` is above its `largest_sampled_gain`),
     `InputError` for numbers out of range, poles that are not real or conjugate or not stable, `floating_base` with a
-    robot that is no URDF file, and a typical inertia of a joint that is not positive; `FileError` for a robot's file
-    that cannot be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed.
+    robot that is no URDF file, a flag of another `method`, and a typical inertia of a joint that is not positive;
+    `FileError` for a robot's file that cannot be used, `NotFoundError` for an unknown robot, `LoopError` where
+    kinematic loops cannot be closed.
     """
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
 
+    _require_own(method, bandwidth=bandwidth, damping_ratio=damping_ratio, poles=poles, weights=weights)
     mechanism = load(robot, floating_base=floating_base)
     match method:
         case "bandwidth":
-            design = GainDesign.from_bandwidth(mechanism, bandwidth, damping_ratio, period=period, delay=delay)
+            wanted = (8.0 if bandwidth is None else bandwidth, 1.0 if damping_ratio is None else damping_ratio)
+            design = GainDesign.from_bandwidth(mechanism, *wanted, period=period, delay=delay)
         case "poles":
-            design = GainDesign.from_poles(mechanism, poles, period=period, delay=delay)
+            design = GainDesign.from_poles(mechanism, poles or (-8.0, -12.0), period=period, delay=delay)
         case "lqr":
-            design = GainDesign.from_lqr(mechanism, *weights, period=period, delay=delay)
+            design = GainDesign.from_lqr(mechanism, *(weights or (4096.0, 0.0, 1.0)), period=period, delay=delay)
     design.require_carried()
     if json:
         print_json(as_builtins(design))
@@ -64,6 +74,18 @@ def gains(
         from adaptctl.cli.gains_report import report
 
         print_parts(report(design))
+
+
+def _require_own(method: str, **given: object) -> None:
+    """Raise `InputError` for a flag of another method, which would count for nothing."""
+    from adaptctl.errors import InputError
+
+    for name, value in given.items():
+        owner = OWNERS[name]
+        if value is not None and owner != method:
+            raise InputError(
+                f"--{name.replace('_', '-')}: it is of the method {owner}: give --method {owner}, or leave it"
+            )
 
 
 def as_builtins(design: GainDesign) -> dict[str, Any]:

@@ -57,11 +57,11 @@ def sweep(
     settings that make the results' column `minimise` least instead, and writes best.toml. The exit code is 0 when every
     run has its rows, whatever they say.
 
-    Raises `NotFoundError` for an unknown experiment, study or setting, `InputError` for values of a wrong form, a
-    `shard` that is not from 1 to 100000, more than 20000 runs without `yes`, a folder that holds another sweep or other
-    files, TLS files of which some are not given, and a scheduler that cannot be reached, `FileError` for files that
-    cannot be read or written, `MissingExtraError` without the extra `sweep` or `search`, `KeyboardInterrupt` on Ctrl-C,
-    which leaves what a sweep has computed in its folder.
+    Raises `NotFoundError` for an unknown experiment, study or setting, `InputError` for values of a wrong form,
+    `samples` of a grid, a `shard` that is not from 1 to 100000, more than 20000 runs without `yes`, a folder that holds
+    another sweep or other files, TLS files of which some are not given, and a scheduler that cannot be reached,
+    `FileError` for files that cannot be read or written, `MissingExtraError` without the extra `sweep` or `search`,
+    `KeyboardInterrupt` on Ctrl-C, which leaves what a sweep has computed in its folder.
     """
     from adaptctl.sweeps.cluster import Cluster
     from adaptctl.sweeps.folder import Folder
@@ -79,6 +79,8 @@ def sweep(
         "precision": precision,
     }
     study = SweepStudy.named(target, settings, **options)
+    if samples and study.sampling == "grid":
+        raise InputError("samples: a grid draws none: give --sampling latin-hypercube or sobol")
     if search:
         return _search(study, minimise, search, out)
     _require_few(study.count, yes)

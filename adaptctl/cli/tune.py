@@ -62,12 +62,12 @@ def as_builtins(tuning: Tuning) -> dict[str, Any]:
 
     For all there are the control `period` T (s), the diagonal of the `adaptation` gain Gamma by parameter (its unit
     squared per J), and the integration (`substeps` a period, `integrator`). Two numbers, no unit, are the greatest of
-    the sampled loop along the reference, stable below 2: `hold_number`, the largest eigenvalue of T (M + T B)^-1 K,
-    with the mass matrix M, viscous friction B and damping K, and `adaptation_number`, that of T K^-1 Y Gamma Y', with
-    the parameters' regressor Y and its transpose Y'. Each run of `verified` has its `name`, `learns`, True where it
-    stayed near the reference and errors fell to a third, root mean square errors (rad, m) over the `first` second, the
-    `last` two, and these with adaptation `off`, the `largest` error, and `limited`, the fraction, 0 to 1, of the run's
-    second half with a torque at its limit; None for infinite. `notes` are sentences.
+    the sampled loop along the reference, stable below 2: `hold_number`, the damping number, the largest eigenvalue of
+    T (M + T B)^-1 K, with the mass matrix M, viscous friction B and damping K, and `adaptation_number`, that of
+    T K^-1 Y Gamma Y', with the parameters' regressor Y and its transpose Y'. Each run of `verified` has its `name`,
+    `learns`, True where it stayed near the reference and errors fell to a third, root mean square errors (rad, m) over
+    the `first` second, the `last` two, and these with adaptation `off`, the `largest` error, and `limited`, the
+    fraction, 0 to 1, of the run's second half with a torque at its limit; None for infinite. `notes` are sentences.
     """
     mechanism, reference = tuning.mechanism, tuning.reference
     joints = [

@@ -10,7 +10,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives, MotorEntry
 from adaptctl.identification.reading.table import LogTable
-from adaptctl.identification.units import POSITION, TIME, TORQUE, VELOCITY, Units
+from adaptctl.identification.units import POSITION, TIME, TORQUE, VELOCITY, Units, require_fitting
 
 KNOWN = (
     {"position": "position.{joint}", "torque": "effort.{joint}", "velocity": "velocity.{joint}"},
@@ -40,9 +40,10 @@ def joint_columns(
     "{joint}_position" with "{joint}_torque", and "time"; velocities are left out where the log has none. `units` gives
     symbols, such as "deg" or "N m", by the same four keys; where they are not given, the units that the log itself
     states are taken. Raises `InputError` for other keys, for columns of time, positions or torques that are not found,
-    for units that are unknown, stated nowhere or of different factors to SI units among the columns of one kind, and
-    for units of torque that are none (A, mA, %, 1), which need torque constants; `FileError`, a subclass of it, for
-    given names of columns that do not exist.
+    for one column of two joints, for units that are unknown, stated nowhere, of different factors to SI units among the
+    columns of one kind, or of joints of the other kind (deg where a joint slides, mm where one turns), and for units of
+    torque that are none (A, mA, %, 1), which need torque constants; `FileError`, a subclass of it, for given names of
+    columns that do not exist.
     """
     given, stated = _checked("columns", columns), _checked("units", units)
     joints = [joint.name for joint in mechanism.primary_joints]
@@ -61,7 +62,10 @@ def joint_columns(
         for j, joint in enumerate(joints)
     )
     r = len(joints)
-    checked = _units(log, {"time": [time], **found}, stated)
+    _require_own(found, joints)
+    symbols = _units(log, {"time": [time], **found}, stated)
+    require_fitting(symbols, {joint.name: joint.kind.turns for joint in mechanism.primary_joints})
+    checked = _checked_units(log, symbols)
     return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
 
 
@@ -69,6 +73,9 @@ def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
     for name in given or {}:
         if name not in WHAT:
             raise InputError(f"{what}: expected {', '.join(WHAT)}, got {name!r}")
+    for name, text in (given or {}).items():
+        if not isinstance(text, str):
+            raise InputError(f"{what}: {name}: expected a text, got {text!r}")
     return dict(given or {})
 
 
@@ -113,9 +120,19 @@ def _one_of(symbols: list[str], what: str, source: str) -> str:
     return symbols[0]
 
 
-def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> Units:
-    """Units as stated, by the caller or by the log itself. Raises `InputError` naming all that are not, and for
-    torques that are only proportional to one."""
+def _require_own(names: dict[str, list[str]], joints: list[str]) -> None:
+    """Raise `InputError` where two joints have one column."""
+    for what, columns in names.items():
+        for j, name in enumerate(columns):
+            if (i := columns.index(name)) < j:
+                raise InputError(
+                    f"columns: {what}: {name!r} is of joint {joints[i]!r} and of {joints[j]!r}; in a pattern {{joint}} "
+                    "stands for a joint's name, {} for its number from 1, {0} from 0"
+                )
+
+
+def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> dict[str, str]:
+    """Units' symbols as stated, by the caller or by the log itself. Raises `InputError` naming all that are not."""
     units = dict(stated)
     for what, columns in names.items():
         own = sorted({log.units.get(name, "") for name in columns})
@@ -127,6 +144,11 @@ def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]
             f"{log.source}: the units of {', '.join(missing)} are stated nowhere, and they are not guessed: give "
             f"--units {' '.join(f'{what}={examples[what]}' for what in missing)}, or what they are"
         )
+    return units
+
+
+def _checked_units(log: LogTable, units: dict[str, str]) -> Units:
+    """Units of their symbols. Raises `InputError` for torques that are only proportional to one."""
     checked = Units.checked(units["time"], units["position"], units["torque"], units.get("velocity"))
     if checked.torque is None:
         raise InputError(

@@ -45,7 +45,9 @@ class FrictionModel:
     def named(cls, words: str) -> FrictionModel:
         """The friction model, a `FrictionModel`, with the terms that `words` names, separated by commas: some of
         "viscous", "coulomb", "square_root", "stribeck", "offset" and "load"; none for an empty text. Raises
-        `InputError` for another name."""
+        `InputError` for another name, and for what is no text."""
+        if not isinstance(words, str):
+            raise InputError(f"friction: expected a text such as viscous,coulomb, got {words!r}")
         names = [name.strip() for name in words.split(",") if name.strip()]
         known = {kind.value: kind for kind in DriveParameter if kind.is_friction}
         if unknown := [name for name in names if name not in (*known, "load")]:

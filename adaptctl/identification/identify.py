@@ -77,17 +77,18 @@ def identify(
 
     Raises `FileError` for files that cannot be read or used, `NotFoundError` for an unknown built-in robot, `LoopError`
     for kinematic loops that cannot be closed, `MissingExtraError` for ROS bags without rosbags, and `InputError` for no
-    logs, drives of other joints, missing or unknown columns or units and those given beside `drives`, unknown names in
-    `skip` or `friction`, a `rate`, `cutoff` or `weight` that is not positive and finite, a `cutoff` that the logs do
-    not allow, a link without mass, linear constraints on the robot's parameters, payloads of unknown links or with an
-    inertia that no body has, torque constants that the logs do not determine, and logs that are at rest, too short or
-    slow, or not this robot's; `RankError` where the robot's rank, the number of its identifiable parameters, cannot be
-    certified, `SingularityError` near a singularity of kinematic loops, and `AdaptctlError` where no consistent
-    estimate is found.
+    logs, a log given twice or both to fit and to validate on, drives of other joints, missing or unknown columns or
+    units and those given beside `drives`, unknown names in `skip` or `friction`, a `rate`, `cutoff` or `weight` that is
+    not positive and finite, a `cutoff` that the logs do not allow, a link without mass, linear constraints on the
+    robot's parameters, payloads of unknown links or with an inertia that no body has, torque constants that the logs do
+    not determine, and logs that are at rest, too short or slow, or not this robot's; `RankError` where the robot's
+    rank, the number of its identifiable parameters, cannot be certified, `SingularityError` near a singularity of
+    kinematic loops, and `AdaptctlError` where no consistent estimate is found.
     """
     given = _paths(logs)
     if not given:
         raise InputError("logs: expected at least one log, got none")
+    _require_different(given, _paths(validate))
     if drives is not None and (columns or units):
         raise InputError(f"columns, units: expected none, as the drives name theirs, got {columns or units!r}")
     if rate is not None:
@@ -120,6 +121,19 @@ def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
     if not isinstance(given, Iterable):
         raise InputError(f"logs: expected files, got {given!r}")
     return list(given)
+
+
+def _require_different(logs: Sequence[str | Path], others: Sequence[str | Path]) -> None:
+    """Raise `InputError` for a log that would count twice, or be judged by itself."""
+    fitted = [Path(log).resolve() for log in logs]
+    judged = [Path(log).resolve() for log in others]
+    for what, given, places in (("logs", logs, fitted), ("validate", others, judged)):
+        for i, place in enumerate(places):
+            if place in places[:i]:
+                raise InputError(f"{what}: {given[i]} is given twice; give each log once")
+    for other, place in zip(others, judged, strict=True):
+        if place in fitted:
+            raise InputError(f"validate: {other} is one of the logs that are fitted; give another, or none")
 
 
 def _require_settings(cutoff: float | None, weight: float | None) -> None:

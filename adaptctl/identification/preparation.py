@@ -111,6 +111,8 @@ def prepare(
 
 
 def _require_known(skip: Collection[str]) -> None:
+    if isinstance(skip, str):
+        raise InputError(f"skip: expected a list of names, got the text {skip!r}")
     if unknown := [name for name in skip if name not in STEPS]:
         raise InputError(f"skip: expected {', '.join(STEPS)}, got {unknown[0]!r}")
 
@@ -180,12 +182,15 @@ def _speed(log: JointLog) -> Array:
 
 
 def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
-    """Logged velocities against differentiated positions, by regression through zero."""
+    """Logged velocities against differentiated positions, by regression through zero; of a joint at rest there are
+    none to compare."""
     if any(log.velocity is None for log in logs):
         return "no logged velocities to compare with"
     logged = np.concatenate([log.velocity for log in logs if log.velocity is not None])
     found = np.concatenate(speeds)
-    ratios = (logged * found).sum(axis=0) / np.square(found).sum(axis=0)
+    rests = (np.abs(found).max(axis=0) <= SLOW) & (np.abs(logged).max(axis=0) <= SLOW)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(rests, 1.0, (logged * found).sum(axis=0) / np.square(found).sum(axis=0))
     for joint, ratio in zip(mechanism.primary_joints, ratios.tolist(), strict=True):
         if not abs(ratio - 1.0) <= AGREEMENT:
             raise InputError(

@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, per_joint
+from adaptctl.arrays import Array, checked, per_joint, positive_number
 from adaptctl.control.excitation.exciting_reference import MotionLimits, exciting_reference
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
@@ -43,15 +43,18 @@ class RobotLimits:
     ) -> RobotLimits:
         """The limits, a `RobotLimits`, of a `mechanism`: `share`, a fraction (unitless, not checked), of its own speed
         and torque limits, and limits of `acceleration` (rad/s^2, or m/s^2 for a prismatic joint) and `jerk` (rad/s^3 or
-        m/s^3) as given. These are one number for all r joints or (r,), None for no limit. Raises `InputError` for
-        another shape, `NonFiniteError` for NaN."""
+        m/s^3) as given. These are one number for all r joints or (r,), infinite or None for no limit. Raises
+        `InputError` for another shape and what is not positive, `NonFiniteError` for NaN."""
         speeds = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
         bends = _each(acceleration, mechanism.dof, "acceleration")
         return cls(share * speeds, bends, _each(jerk, mechanism.dof, "jerk"), share * mechanism.effort_limits)
 
 
 def _each(limit: ArrayLike | None, dof: int, what: str) -> Array:
-    return np.full(dof, np.inf) if limit is None else per_joint(limit, dof, what)
+    values = np.full(dof, np.inf) if limit is None else per_joint(limit, dof, what)
+    if not np.all(values > 0.0):
+        raise InputError(f"{what}: expected positive numbers, got {values.tolist()}")
+    return values
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,12 +150,13 @@ def exciting_motion(
     is True if all of n positions (n, r) are allowed, such as free of collisions: the reference is made smaller until it
     is True. None allows all.
 
-    Raises `InputError` for a fade that is not above 0 and below half the duration, harmonics and iterations other than
-    whole numbers of at least 1, a seed other than one of at least 0, a share not above 0 and up to 1, poses of a wrong
-    shape, outside the joints' ranges, not allowed, or whose gravity torques are beyond the torque limits, and where no
-    motion is found; `NonFiniteError` for poses not finite, `RankError` where the number of identifiable parameters
-    cannot be certified.
+    Raises `InputError` for a duration that is not positive and finite, a fade that is not above 0 and below half the
+    duration, harmonics and iterations other than whole numbers of at least 1, a seed other than one of at least 0, a
+    share not above 0 and up to 1, poses of a wrong shape, outside the joints' ranges, not allowed, or whose gravity
+    torques are beyond the torque limits, and where no motion is found; `NonFiniteError` for poses not finite,
+    `RankError` where the number of identifiable parameters cannot be certified.
     """
+    positive_number(duration, "duration: expected a positive number of seconds")
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))

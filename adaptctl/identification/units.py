@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from adaptctl.errors import InputError
@@ -11,6 +12,9 @@ TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3}
 VELOCITY = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3}
 TORQUE = {"N m": 1.0, "mN m": 1e-3, "N": 1.0}
+TURNING = {"position": ("rad", "deg", "rev"), "velocity": ("rad/s", "deg/s", "rpm"), "torque": ("N m", "mN m")}
+SLIDING = {"position": ("m", "mm"), "velocity": ("m/s", "mm/s"), "torque": ("N",)}
+"""Units of revolute and of prismatic joints."""
 OTHER_TORQUE = ("A", "mA", "%", "1")
 """Units of quantities that are only proportional to a torque."""
 
@@ -36,9 +40,29 @@ class Units:
         return cls(
             _factor("time", time, TIME),
             _factor("position", position, POSITION),
-            None if torque in OTHER_TORQUE else _factor("torque", torque.replace("Nm", "N m"), TORQUE, OTHER_TORQUE),
+            None if torque in OTHER_TORQUE else _factor("torque", _spaced(torque), TORQUE, OTHER_TORQUE),
             None if velocity is None else _factor("velocity", velocity, VELOCITY),
         )
+
+
+def require_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> None:
+    """Raise `InputError`, naming the joint, where a unit cannot be that of a joint's column: one of angles for a joint
+    that slides, or one of lengths for one that turns. `symbols` has the units' symbols by "position", "velocity" and
+    "torque", other keys do not count, and `turns` by joint whether it turns. SI units are those of joints of both kinds
+    where some slide: one column of a message has rad or m, whichever is its joint's."""
+    for what, symbol in symbols.items():
+        for joint, turning in turns.items():
+            own, others = (TURNING, SLIDING) if turning else (SLIDING, TURNING)
+            foreign = _spaced(symbol) in others.get(what, ())
+            if foreign and (_spaced(symbol) != others[what][0] or all(turns.values())):
+                *first, last = own[what]
+                expected = f"{', '.join(first)} or {last}" if first else last
+                kind = "turns" if turning else "slides"
+                raise InputError(f"unit of {what}: joint {joint!r} {kind}: expected {expected}, got {symbol!r}")
+
+
+def _spaced(torque: str) -> str:
+    return torque.replace("Nm", "N m")
 
 
 def _factor(what: str, symbol: str, known: dict[str, float], others: tuple[str, ...] = ()) -> float:

@@ -49,11 +49,10 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     Either all are written, each over an existing file of its name, or none, where one cannot be written or `progress`
     raises. `progress(what, share)` is called with the name of the file being written and the fraction of the work that
     is done, 0 to 1; the default does nothing. Of a run whose numbers overflowed to NaN or infinity, the report and the
-    summary say so: its numbers in the summary are null, and its recording ends before them.
+    summary say so: its numbers in the summary are null, findings too, and its recording ends before them.
 
-    Raises `FileError` where a file cannot be written or the folder cannot be made, and for findings that are NaN or
-    infinite; `InputError` for a basis of another mechanism, and `NonFiniteError`, a subclass of it, for a run whose
-    first positions are NaN or infinite.
+    Raises `FileError` where a file cannot be written or the folder cannot be made; `InputError` for a basis of another
+    mechanism, and `NonFiniteError`, a subclass of it, for a run whose first positions are NaN or infinite.
     """
     from adaptctl.recording.figures import write_figures
     from adaptctl.recording.report import write_report

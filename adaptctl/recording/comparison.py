@@ -162,8 +162,8 @@ class Setting:
 class Finding:
     """Scalar result of an experiment, besides those that are computed of every run. `name` is its key in summary.json;
     where it is about one run it ends in a dot and the run's name. `value` is in `unit`, "1" for a number without a
-    unit; `meaning` is in words. Nothing is checked at construction, but `write_artifacts` raises `FileError` for a
-    value of NaN or infinity."""
+    unit; `meaning` is in words. A value of NaN or infinity is null in summary.json and in words in the report; what a
+    run did not reach has no finding. Nothing is checked at construction."""
 
     name: str
     """the key in summary.json"""

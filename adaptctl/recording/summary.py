@@ -16,8 +16,8 @@ SCHEMA = "adaptctl/summary/1"
 
 def write_summary(path: str | Path, comparison: Comparison) -> None:
     """Write the summary of a `comparison` of runs, as the function `summary` makes it, to the file `path` as JSON,
-    whole or not at all. Raises `FileError` where it cannot be written and for findings that are NaN or infinite,
-    `InputError` for parameter estimates with the basis of another mechanism."""
+    whole or not at all. Raises `FileError` where it cannot be written, `InputError` for parameter estimates with
+    the basis of another mechanism."""
     write_json(path, summary(comparison))
 
 
@@ -63,7 +63,7 @@ def summary(comparison: Comparison) -> dict[str, Any]:
         "rank": comparison.space.rank,
         "parameters": _parameters(comparison),
         "runs": {run.name: _run(run, comparison) for run in comparison.runs},
-        "findings": {finding.name: {"value": finding.value, "unit": finding.unit} for finding in comparison.findings},
+        "findings": {one.name: {"value": _finite(one.value), "unit": one.unit} for one in comparison.findings},
         "settings": {setting.name: setting.value for setting in comparison.settings},
         "wall_time": subject.rollout.wall_time,
         "realtime_factor": realtime_factor(subject),

@@ -161,7 +161,6 @@ class _Scene:
         own = plant.mechanism.inertial_parameters if parameters is None else parameters
         self.parameters = np.array(own)
         if parameters is not None:
-            _ = tuple(arm.links())
             set_parameters(arm, description, description.with_parameters(parameters))
         for i in arm.actuators:
             for name in (*_OFF, *_SILENT):

@@ -63,7 +63,7 @@ class SweepReport:
         """Mapping from the names of swept settings to lists of the names of the controllers whose results the setting
         does not change; settings that change the results of all are left out. It is found from runs that differ in that
         setting alone, as a grid has: their status is equal, and their columns `rms_error` and `largest_error`, of joint
-        positions, differ by at most 1e-9 of their size. Nothing is raised."""
+        positions, differ by at most 1e-9 of their size; failed runs are left out. Nothing is raised."""
         found: dict[str, list[str]] = {}
         for setting in self.study.swept:
             idle = [name for name in self.controllers if _is_idle(self.of_controller(name), setting, self.study.swept)]
@@ -97,7 +97,7 @@ class SweepReport:
             value = row[entry.name]
             default = " ".join(map(str, entry.default)) if isinstance(entry.default, tuple) else entry.default
             if value != default:
-                words += _flags(entry.name.replace("_", "-"), value)
+                words += _flag(entry.name.replace("_", "-"), value, isinstance(entry.default, tuple))
         return shlex.join([*words, "--out", f"results/{self.study.experiment}-replay"])
 
     def maps(self, name: str) -> Iterator[SettingsMap]:
@@ -152,11 +152,11 @@ class SweepReport:
         return "\n".join(lines)
 
 
-def _flags(name: str, value: Any) -> list[str]:
-    """Words of a command that give a setting its value."""
+def _flag(name: str, value: object, many: bool) -> list[str]:
+    """Words of a command line that give a setting its value."""
     if isinstance(value, bool):
         return [f"--{name}" if value else f"--no-{name}"]
-    return [f"--{name}", *str(value).split()]
+    return [f"--{name}", *(str(value).split() if many else (str(value),))]
 
 
 def _error(row: dict[str, Any]) -> float | None:
@@ -182,9 +182,9 @@ def write_report(path: Path) -> Path:
 
 
 def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str]) -> bool:
-    """True if rows that differ in a setting alone have the same results, and there are such."""
+    """True if rows that differ in a setting alone have the same results, and there are such; failed ones have none."""
     groups: dict[Any, list[tuple[Any, ...]]] = {}
-    for row in rows:
+    for row in (row for row in rows if row["status"] != "failed"):
         others = tuple(row[name] for name in swept if name != setting)
         groups.setdefault(others, []).append(tuple(row[x] for x in ("status", "rms_error", "largest_error")))
     pairs = [(group[0], other) for group in groups.values() for other in group[1:]]

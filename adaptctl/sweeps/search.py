@@ -87,15 +87,16 @@ def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
     ]
     lines += ["", "[settings]"]
     for name, value in found.settings.items():
-        text = " ".join(map(str, value)) if isinstance(value, tuple) else value
-        lines.append(f"{name} = [{_toml(text)}]")
+        lines.append(f"{name} = [{_toml(value)}]")
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _toml(value: str | float | bool) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return toml_string(value) if isinstance(value, str) else repr(value)
+def _toml(value: Any) -> str:
+    """A setting's value in TOML."""
+    text = " ".join(map(str, value)) if isinstance(value, tuple) else value
+    if isinstance(text, str):
+        return toml_string(text)
+    return repr(text).lower() if isinstance(text, bool) else repr(text)
 
 
 def _first_controller(study: SweepStudy, settings: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:

@@ -29,11 +29,11 @@ Sampling = Literal["grid", "latin-hypercube", "sobol"]
 class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
     """Content of a study's file (TOML), which says which runs of an experiment a sweep makes. `experiment` is the name
     of an experiment or measurement; `question`, what its runs answer; `settings`, the values of its settings by name,
-    each a number, a text such as "0..5:11" or "4,8", or a list, whose texts may have commas; `controllers`, the names
-    of the controllers that run, all where empty. `sampling` is "grid", the default, for all combinations of values, or
-    "latin-hypercube" or "sobol" for `samples` draws by `sampling_seed`; `precision`, "double" by default, is that of
-    runs that are simulated together. `schema` is the file format's name. Types are checked where a file is read, not at
-    construction."""
+    each a number, true or false, a text such as "0..5:11" or "4,8", or a list, whose texts may have commas;
+    `controllers`, the names of the controllers that run, all where empty. `sampling` is "grid", the default, for all
+    combinations of values, or "latin-hypercube" or "sobol" for `samples` draws by `sampling_seed`; `precision`,
+    "double" by default, is that of runs that are simulated together. `schema` is the file format's name. Types are
+    checked where a file is read, not at construction."""
 
     schema: Literal["adaptctl/study/1"]
     experiment: str

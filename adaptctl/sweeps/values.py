@@ -105,6 +105,12 @@ def _one(entry: Field[Any], text: str) -> Any:
     return int(number) if isinstance(default, int) else number
 
 
+def _truth(entry: Field[Any], text: str) -> bool:
+    if text.lower() not in ("true", "false"):
+        raise InputError(f"{entry.name}: expected true or false, got {text!r}")
+    return text.lower() == "true"
+
+
 def _number(entry: Field[Any], text: str) -> float:
     try:
         number = float(text)

@@ -72,7 +72,7 @@ def carried_gains(
 
 
 def _largest_damping(inverse: Array, period: float, hold: float, affordable: Array) -> Array:
-    """Largest K (r,): joints grow alike, and where the hold number is passed only those that take part in it shrink."""
+    """Largest K (r,): joints grow alike, and where `hold` is passed only those that take part in it shrink."""
     typical = np.median(1.0 / np.diagonal(inverse, axis1=1, axis2=2), axis=0)
     damping = np.minimum(hold / period * typical, affordable)
     for k in range(SHRINKS):

@@ -29,11 +29,11 @@ class Proposal:
     checked.
 
     `carried` has the tracking gains, bandwidth and damping, and what limits them; `gain` (P,) is the diagonal of the
-    adaptation gain on all P parameters, in their units squared per J. `hold` is the upper bound of the hold number T
-    lambda_max((M + T B)^-1 K), which the gains are below where torques limit them, and `adaptation` the adaptation
-    number T lambda_max(K^-1 Y Gamma Y'); both are stable below 2. T is the control period, M the mass matrix, B viscous
-    friction, K the damping, Y the torque regressor and Y' its transpose, Gamma the adaptation gain, lambda_max the
-    largest eigenvalue.
+    adaptation gain on all P parameters, in their units squared per J. `hold` is the upper bound of the damping
+    number T lambda_max((M + T B)^-1 K), which the gains are below where torques limit them, and `adaptation` the
+    adaptation number T lambda_max(K^-1 Y Gamma Y'); both are stable below 2. T is the control period, M the mass
+    matrix, B viscous friction, K the damping, Y the torque regressor and Y' its transpose, Gamma the adaptation gain,
+    lambda_max the largest eigenvalue.
     """
 
     carried: CarriedGains
@@ -110,18 +110,18 @@ class Proposals:
 
     @lru_cache(maxsize=8)  # noqa: B019  # a search asks for the same few again and again, and they take longest
     def carried(self, bandwidth: float, hold: float) -> CarriedGains:
-        """The largest tracking gains, a `CarriedGains`, with a bandwidth of at most `bandwidth` (1/s) and a hold number
-        of at most `hold`, no unit, at random positions near the reference and within the torque limits. The hold number
-        is T lambda_max((M + T B)^-1 K), stable below 2: T is the control period, M the mass matrix, B viscous friction,
-        K the damping and lambda_max the largest eigenvalue. The last 8 results are kept. Raises `InputError` for joints
-        that move nothing that has inertia, and where M is not positive definite."""
+        """The largest tracking gains, a `CarriedGains`, with a bandwidth of at most `bandwidth` (1/s) and a damping
+        number of at most `hold`, no unit, at random positions near the reference and within the torque limits. The
+        damping number is T lambda_max((M + T B)^-1 K), stable below 2: T is the control period, M the mass matrix, B
+        viscous friction, K the damping and lambda_max the largest eigenvalue. The last 8 results are kept. Raises
+        `InputError` for joints that move nothing that has inertia, and where M is not positive definite."""
         return carried_gains(self.mechanism, self.limits, self.postures, self.off, self.period, bandwidth, hold)
 
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
-        """Proposal of gains, a `Proposal`, with a bandwidth of at most `bandwidth` (1/s), a hold number of at most
+        """Proposal of gains, a `Proposal`, with a bandwidth of at most `bandwidth` (1/s), a damping number of at most
         `hold` and an adaptation number of `adaptation`, both without a unit and stable below 2.
 
-        The hold number is T lambda_max((M + T B)^-1 K), the adaptation number T lambda_max(K^-1 Y Gamma Y'): T is the
+        The former is T lambda_max((M + T B)^-1 K), the adaptation number T lambda_max(K^-1 Y Gamma Y'): T is the
         control period, M the mass matrix, B viscous friction, K the damping, Y the torque regressor and Y' its
         transpose, lambda_max the largest eigenvalue. `shares` says what the adaptation gain Gamma is in proportion to:
         "ranges", the squares of the parameters' prior ranges (greatest plausible errors), "links", these but scaled so

@@ -29,12 +29,12 @@ class Tuning:
     `torque_limits` (r,) are in N m (N); `torque_share` (r,) is the largest fraction of them that the reference asks
     for, no unit.
 
-    `hold_number` is the upper bound that K was made for of T lambda_max((M + T B)^-1 K) at random positions near the
-    reference, with the mass matrix M, the viscous friction B and lambda_max the largest eigenvalue; K is below it where
-    torque limits are tighter. A `HoldNumber` differs: it is found, not asked for, counts Lambda too, takes friction
-    into account exactly, and comes from a local search over a set of positions. `adaptation_number` is T
-    lambda_max(K^-1 Y Gamma Y'), the greatest over samples of the reference, with the regressor Y (r, P) and its
-    transpose Y'. Both have no unit and are stable below 2.
+    `hold_number` is the upper bound that K was made for of the damping number T lambda_max((M + T B)^-1 K) at random
+    positions near the reference, with the mass matrix M, the viscous friction B and lambda_max the largest eigenvalue;
+    K is below it where torque limits are tighter. The hold number of a `HoldNumber` is another: it is found, not asked
+    for, counts Lambda too, takes friction into account exactly, and comes from a local search over a set of positions.
+    `adaptation_number` is T lambda_max(K^-1 Y Gamma Y'), the greatest over samples of the reference, with the regressor
+    Y (r, P) and its transpose Y'. Both have no unit and are stable below 2.
 
     `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the `Verification` runs with these
     gains, none for a mechanism of more than 100 links, for which no native code is made, and `notes` sentences on what

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.arrays import positive_number, real_number, whole_number
 from adaptctl.control.gains.hold import require_period
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 ROUNDING = 0.02
 """Distance that discretisation may carry two equal real poles into the complex plane before they count as complex."""
+TINY = float(np.finfo(np.float64).tiny)
+"""Below this numbers have fewer digits."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class ErrorFeedback:
         stiffness, rate = (real_number(getattr(self, name), f"gains: {name}") for name in ("stiffness", "rate"))
         if not (0.0 < stiffness < math.inf and 0.0 < rate < math.inf):
             raise InputError(f"gains: expected positive numbers, got {stiffness:g} 1/s^2 and {rate:g} 1/s")
-        if max(abs(pole) for pole in self.sampled_poles) >= 1.0:
+        if self.rate * self.period >= 2.0 or self.stiffness * self.period >= 2.0 * self.rate:  # Jury (1961)
             raise GainError(
                 f"gains: {self.stiffness:.3g} 1/s^2 and {self.rate:.3g} 1/s cannot be carried by a hold of "
                 f"{self.period:g} s: the rate can be at most {2.0 / self.period:.4g} 1/s, the stiffness at most "
@@ -60,13 +63,19 @@ class ErrorFeedback:
         The closed loop, sampled every T_c, has the poles exp(s T_c) for the two roots s of s^2 + 2 zeta omega s +
         omega^2 = 0, so that at its samples e decays as in continuous time with the poles s. As T_c goes to zero the
         gains go to omega^2 and 2 zeta omega. Raises `InputError` unless all three numbers are positive and finite, and
-        where round-off leaves no such poles or gains, as for a damping ratio of 1e8.
+        where such poles or gains are beyond double precision, as for a bandwidth of 1e-200 rad/s.
         """
         given = real_number(bandwidth, "bandwidth"), real_number(damping_ratio, "damping ratio")
         if not all(0.0 < number < math.inf for number in given):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
-        root = cmath.sqrt(damping_ratio**2 - 1.0)
-        return cls.from_poles([bandwidth * (-damping_ratio + sign * root) for sign in (1.0, -1.0)], period)
+        require_period(period)
+        try:
+            return cls.from_poles([bandwidth * root for root in _roots(damping_ratio)], period)
+        except InputError as error:
+            raise InputError(
+                f"bandwidth of {bandwidth:g} rad/s and damping ratio of {damping_ratio:g}: gains beyond double "
+                f"precision: expected a bandwidth nearer to 1 over the period of {period:g} s, a ratio nearer to 1"
+            ) from error
 
     @classmethod
     def from_poles(cls, poles: Sequence[complex], period: float) -> ErrorFeedback:
@@ -83,19 +92,15 @@ class ErrorFeedback:
             given = np.asarray(poles, dtype=np.complex128)
         except (TypeError, ValueError, OverflowError):
             given = np.empty(0, dtype=np.complex128)  # no numbers: refused as not two
-        conjugate = (
-            given.shape == (2,) and abs(given.sum().imag) + abs(given.prod().imag) < 1e-9 * abs(given).max() ** 2
-        )
-        if not conjugate or np.any(given.real >= 0.0):
+        if given.shape != (2,) or not np.all(np.isfinite(given) & (given.real <= -TINY)) or not _is_conjugate(given):
             raise InputError(
                 f"poles: expected two in the left half-plane, real or conjugate, got {printable(repr(poles))}"
             )
-        import control
-
         require_period(period)
-        A, B = _held_double_integrator()
-        gains = np.asarray(control.acker(A, B, np.exp(given * period)), dtype=np.float64).ravel()
-        return cls(float(gains[0]) / period**2, float(gains[1]) / period, period)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is too large is refused as a gain
+            first, second = -np.expm1(given * period) / period  # 1 - z, not z: slow poles keep their digits
+        both = float((first * second).real)
+        return cls(both, float((first + second).real) - 0.5 * both * period, period)
 
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
@@ -125,7 +130,7 @@ class ErrorFeedback:
         Q, R = np.diag([1.0, velocity / position * natural**2]), np.eye(1)
         try:
             gains = np.asarray(control.dlqr(A, B, Q, R)[0], dtype=np.float64).ravel()
-        except (ValueError, np.linalg.LinAlgError) as error:
+        except (ValueError, TypeError, np.linalg.LinAlgError) as error:  # python-control's errors are of either kind
             raise InputError(f"weights: too far apart for a control period of {period:g} s ({error})") from error
         return cls(float(gains[0]) * natural**2, float(gains[1]) * natural, period)
 
@@ -142,20 +147,25 @@ class ErrorFeedback:
     @property
     def poles(self) -> tuple[complex, complex]:
         """The two continuous-time poles (1/s) that correspond to the sampled error loop: log(z)/T_c, T_c being the
-        control period and z each of the loop's two poles in the z plane. A continuous-time loop with these poles has
-        the same samples. They are in the order of z, the greater first or, of a conjugate pair, that of positive
-        imaginary part."""
-        first, second = (cmath.log(pole) / self.period for pole in self.sampled_poles)
+        control period and z each of the loop's two poles in the z plane, 2.2e-308 for a z of 0, such as that of a loop
+        at rest after two samples. A continuous-time loop with these poles has the same samples. They are in the order
+        of z, the greater first or, of a conjugate pair, that of positive imaginary part."""
+        first, second = (cmath.log(pole or TINY) / self.period for pole in self.sampled_poles)
         return first, second
 
     def faster(self, factor: float) -> ErrorFeedback:
         """Linear error feedback, an `ErrorFeedback`, at the same control period, whose continuous-time poles (1/s) are
-        those of this one times a `factor` (no unit). Raises `InputError` unless the factor is positive and finite."""
+        those of this one times a `factor` (no unit). Raises `InputError` unless the factor is positive and finite, and
+        where it leaves gains beyond double precision."""
         positive_number(factor, "factor: expected a positive finite number")
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
         conjugate = abs(first.imag) > 0.0
-        return self.from_poles([first, first.conjugate()] if conjugate else [first, 2.0 * mean - first], self.period)
+        poles = [first, first.conjugate()] if conjugate else [first, 2.0 * mean - first]
+        try:
+            return self.from_poles(poles, self.period)
+        except InputError as error:
+            raise InputError(f"factor: {factor:g} leaves gains beyond double precision ({error})") from error
 
     @property
     def bandwidth(self) -> float:
@@ -210,6 +220,18 @@ class ErrorFeedback:
         C = np.array([[self.stiffness * self.period**2, self.rate * self.period]])
         opened = control.ss(A, B, C, 0.0, self.period)
         return opened if delay == 0 else opened * _late(delay, self.period)
+
+
+def _roots(damping_ratio: float) -> tuple[complex, complex]:
+    """The two roots s of s^2 + 2 zeta s + 1 = 0, the slower first, without a difference of numbers that are alike."""
+    fast = -damping_ratio - cmath.sqrt(damping_ratio - 1.0) * cmath.sqrt(damping_ratio + 1.0)
+    return 1.0 / fast, fast
+
+
+def _is_conjugate(poles: NDArray[np.complex128]) -> bool:
+    """True if two poles in the left half-plane are real or a conjugate pair, to round-off."""
+    poles = poles / np.abs(poles.view(np.float64)).max()
+    return bool(abs(poles.sum().imag) + abs(poles.prod().imag) < 1e-9)
 
 
 def _held_double_integrator() -> tuple[Any, Any]:

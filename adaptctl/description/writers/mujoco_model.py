@@ -98,15 +98,16 @@ def set_parameters(arm: MujocoArm, before: Description, after: Description) -> N
     """Change the MuJoCo model of `arm` in place to the inertias, rotor inertias, viscous and Coulomb friction of the
     description `after`. `before` describes the model as it is; a link whose inertia is the same in both keeps it.
 
-    The body at a link's last joint gets the link's inertia less that of the other bodies fixed to it, which stay. The
-    method `links` of `arm` must have been called before: `KeyError` is raised otherwise where an inertia differs.
-    Before anything is changed, raises `InputError` where that difference has no positive mass, and for loops, motor
-    shafts that turn with several joints and other friction terms in `after`, `ValueError` for descriptions with other
-    numbers of links than the model's.
+    The body at a link's last joint gets the link's inertia less that of the other bodies fixed to it, which stay.
+    Before anything is changed, raises `InputError` where that difference has no positive mass, for loops, motor shafts
+    that turn with several joints and other friction terms in `after`, and for what the method `links` of `arm`, which
+    is called unless it was before, refuses; `ValueError` for descriptions with other numbers of links than the model's.
     """
     import mujoco
 
     _require_plain_joints(after)
+    if not arm.carriers:
+        arm.links()
     links = list(zip(arm.joints, before.links, after.links, strict=True))
     bodies = {
         int(arm.model.jnt_bodyid[j]): _body_of(arm, i, new)

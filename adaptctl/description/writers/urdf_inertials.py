@@ -17,7 +17,7 @@ from adaptctl.description.readers.urdf import link_inertia
 from adaptctl.description.readers.xml_elements import parsed
 from adaptctl.description.writers.edits import edited, end_of_tag
 from adaptctl.errors import FileError, InputError
-from adaptctl.files import read_bytes, write_bytes
+from adaptctl.files import decoded, read_bytes, write_bytes
 
 
 def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
@@ -26,13 +26,14 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
 
     A moving link's inertia includes that of all links fixed to it. These keep theirs, and it gets the rest, as long as
     a rigid body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError` for a file
-    that cannot be read or written, and for a first moment or an inertia without mass, which URDF cannot hold;
-    `KeyError` for a link that the file does not have, `ValueError` for descriptions with different numbers of links and
-    for a file that is not UTF-8.
+    that cannot be read or written or is not UTF-8, and for a first moment or an inertia without mass, which URDF cannot
+    hold; `KeyError` for a link that the file does not have, `ValueError` for descriptions with different numbers of
+    links.
     """
     data = read_bytes(original)
+    text = decoded(original, data)
     try:
-        robot = parsed(data.decode("utf-8-sig"), "robot")
+        robot = parsed(text, "robot")
         elements = {element.attrib["name"]: element for element in robot.findall("link")}
         fixed = _fixed_below(robot)
         changed: dict[str, Array | None] = {}

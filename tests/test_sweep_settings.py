@@ -1,0 +1,100 @@
+"""Sweeps of settings that are true or false, or texts with blanks: kept, read back, and run again."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pytest
+
+from adaptctl.cli.main import main
+from adaptctl.errors import InputError
+from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.sweeps.folder import table
+from adaptctl.sweeps.report import SweepReport
+from adaptctl.sweeps.rows import rows_of
+from adaptctl.sweeps.search import BestSettings, write_settings
+from adaptctl.sweeps.study import SweepStudy
+from adaptctl.sweeps.values import as_span, parsed
+
+FIELDS = {entry.name: entry for entry in fields(AdaptiveTracking)}
+SHORT = {"robot": "puma560_measured", "duration": "0.02"}
+
+
+def study(**settings: str) -> SweepStudy:
+    return SweepStudy.named("adaptive", SHORT | settings, controllers=("adaptive",))
+
+
+def rows(made: SweepStudy) -> list[dict[str, Any]]:
+    return list(rows_of(made.experiment, list(made.runs()), made.controllers))
+
+
+def test_true_and_false_are_values() -> None:
+    assert parsed(FIELDS["snap"], "true, false") == (True, False)
+    assert parsed(FIELDS["snap"], ["False", "True"]) == (False, True)
+    assert as_span(FIELDS["snap"], (False, True)) is None
+
+
+@pytest.mark.parametrize("text", ["1", "0..1", "yes", "", "true,true", "nan"])
+def test_what_is_neither_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"^snap: expected (true or false|different values)"):
+        parsed(FIELDS["snap"], text)
+
+
+def test_a_table_has_settings_that_are_true_or_false() -> None:
+    made = study(snap="true,false", seed="0,1")
+    found = table(made, rows(made), made.count)
+    assert found.schema.field("snap").type == pa.bool_()
+    assert found.column("snap").to_pylist() == [True, True, False, False]
+    assert set(found.column("floating_base").to_pylist()) == {False}
+    assert set(found.column("status").to_pylist()) == {"done"}
+
+
+def test_a_sweep_of_any_arm_is_kept_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["sweep", "adaptive", "--out", str(tmp_path / "out"), "--jobs", "1", "--seed", "0,1"]
+    for _ in range(2):
+        assert main([*words, *(word for name, value in SHORT.items() for word in (f"--{name}", value))]) == 0
+    assert "of 2 runs" in capsys.readouterr().out
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_draws_pick_true_or_false() -> None:
+    made = SweepStudy.named("adaptive", SHORT | {"snap": "false,true"}, sampling="sobol", samples=8)
+    assert {run["snap"] for run in made.runs()} == {False, True}
+    assert all(isinstance(run["snap"], bool) for run in made.runs())
+
+
+def test_best_settings_are_read_back_whatever_they_are(tmp_path: Path) -> None:
+    best = BestSettings({"snap": True, "robot": "my arm.urdf", "seed": 3}, "adaptive", 0.1, 5)
+    write_settings(tmp_path / "best.toml", study(), best)
+    again = SweepStudy.named(str(tmp_path / "best.toml"), {})
+    assert again.settings == {"snap": (True,), "robot": ("my arm.urdf",), "seed": (3,)}
+
+
+def test_a_run_is_shown_again_with_all_its_settings(tmp_path: Path) -> None:
+    made = study(snap="true")
+    row = rows(made)[0] | {"robot": "my arm.urdf"}
+    words = shlex.split(SweepReport(made, table(made, [row], 1)).replay(row))  # type: ignore[arg-type]
+    assert "--snap" in words
+    assert "True" not in words
+    assert words[words.index("--robot") + 1] == "my arm.urdf"
+    words[words.index("my arm.urdf")] = "puma560_measured"
+    assert main([*words[1:-1], str(tmp_path / "replay")]) in (0, 1)
+
+
+def test_runs_that_all_fail_do_not_tell_of_a_setting() -> None:
+    made = SweepStudy.named("adaptive", SHORT | {"bandwidth": "4,8"}, controllers=("nosuch",))
+    failed = rows(made)
+    assert {row["status"] for row in failed} == {"failed"}
+    text = SweepReport(made, table(made, failed, made.count)).text()  # type: ignore[arg-type]
+    assert "there is no controller 'nosuch'" in text
+    assert "changes no result" not in text
+
+
+def test_a_number_of_draws_is_for_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", "adaptive", "--out", str(tmp_path / "out"), "--seed", "0,1", "--samples", "3"]) == 2
+    assert "samples: a grid draws none: give --sampling latin-hypercube or sobol" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
