@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -101,7 +102,7 @@ def not_drawn(folder: Path, shown: Comparison) -> None:
 
 
 def not_finite(folder: Path, shown: Comparison) -> None:
-    write_artifacts(folder, replace(shown, findings=(Finding("bad", np.nan, "m", "bad"),)))
+    write_artifacts(folder, replace(shown, duration=np.nan))
 
 
 def stopped(folder: Path, shown: Comparison) -> None:
@@ -129,6 +130,11 @@ def test_a_failure_names_the_place_that_was_asked_for(shown: Comparison, tmp_pat
     with pytest.raises(FileError) as told:
         not_finite(tmp_path / "out", shown)
     assert str(told.value).startswith(f"{tmp_path / 'out' / 'summary.json'}: expected a finite number, got nan")
+
+
+def test_a_finding_that_is_no_number_is_null(shown: Comparison, tmp_path: Path) -> None:
+    write_artifacts(tmp_path, replace(shown, findings=(Finding("bad", np.nan, "m", "bad"),)))
+    assert json.loads((tmp_path / "summary.json").read_text())["findings"] == {"bad": {"value": None, "unit": "m"}}
 
 
 def test_a_folder_in_the_place_of_a_file_is_said_before_any_is_written(shown: Comparison, tmp_path: Path) -> None:
