@@ -268,7 +268,7 @@ def test_a_motion_that_runs_away_raises_what_the_loop_raises() -> None:
 
 
 def test_an_interrupted_run_keeps_what_was_computed() -> None:
-    env, controller = environment(SMALL, duration=10.0), ComputedTorque(arm(SMALL), 8.0)
+    env, controller = environment(SMALL, duration=12.5), ComputedTorque(arm(SMALL), 8.0)
     whole, told = simulate(env, controller), list[float]()
 
     def interrupt(share: float) -> None:
@@ -277,10 +277,10 @@ def test_an_interrupted_run_keeps_what_was_computed() -> None:
             signal.raise_signal(signal.SIGINT)
 
     part = simulate(env, controller, progress=interrupt)
-    assert told == [0.2, 0.8]
-    assert (part.complete, len(part.time), part.info["time"]) == (False, 8000, 8.0)
-    np.testing.assert_array_equal(part.p, whole.p[:8000])
-    np.testing.assert_array_equal(part.estimate, whole.estimate[:8000])
+    assert told == [0.16, 0.8]
+    assert (part.complete, len(part.time), part.info["time"]) == (False, 10_000, 10.0)
+    np.testing.assert_array_equal(part.p, whole.p[:10_000])
+    np.testing.assert_array_equal(part.estimate, whole.estimate[:10_000])
 
     def at_once(t: Any) -> ReferencePoint:
         if np.size(t) == 1001:

@@ -154,7 +154,7 @@ class _NativeRun:
     @property
     def _stretch(self) -> int:
         """Control periods of the next native call, at most: few at first, for a run may soon be over."""
-        return min(LONGEST, max(CHUNK, 3 * self.count))
+        return min(LONGEST, max(CHUNK, 4 * self.count))
 
     @property
     def _first(self) -> int:
@@ -247,7 +247,7 @@ class _NativeRun:
         """True only if all torques just recorded and the state after them are finite, and so the states before."""
         torque = self.sample.torque[self._first : self._first + count]
         with np.errstate(over="ignore", invalid="ignore"):
-            return math.isfinite(torque.sum()) and math.isfinite(self.arms.state.blocks.sum())
+            return bool(np.isfinite(torque).all()) and math.isfinite(self.arms.state.blocks.sum())
 
     def _times(self) -> Array:
         """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
