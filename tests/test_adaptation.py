@@ -391,3 +391,9 @@ def test_a_function_v_that_a_run_cannot_tell_is_refused() -> None:
 
     with pytest.raises(InputError, match="depends on more than the estimate"):
         lyapunov(controller, Told(), mechanism)
+
+
+def test_a_projection_is_projected_again() -> None:
+    """Its own function is still a sum over single parameters, so tighter bounds may be laid around it."""
+    inner = Projection(Gradient(np.ones(3)), -2.0 * np.ones(3), 2.0 * np.ones(3))
+    assert Projection(inner, -np.ones(3), np.ones(3)).of is inner
