@@ -39,9 +39,10 @@ class LinearController(Controller[LinearState]):
 
     The signals are measured positions and velocities, then the reference's positions, velocities and accelerations, of
     r joints, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 for a prismatic joint). Torques are in N m (N). `A` is (n, n),
-    `B` (n, 5 r), `C` (r, n), `D` (r, 5 r). The torque that the inverse dynamics of the mechanism `feedforward` asks for
-    on the reference is added, none for None. Raises `InputError` on wrong shapes, for numbers that are not finite, and
-    for a `feedforward` that is no tree of r joints.
+    `B` (n, 5 r), `C` (r, n), `D` (r, 5 r); x is zero at first. They must be designed for the control period at which
+    the loop runs, which is not checked. The torque that the inverse dynamics of the mechanism `feedforward` asks for on
+    the reference is added, none for None. Raises `InputError` on wrong shapes, for numbers that are not finite, and for
+    a `feedforward` that is no tree of r joints.
 
     Guarantees what the linear design does, near the motion that it was made for.
 

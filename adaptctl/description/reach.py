@@ -76,9 +76,10 @@ def chain_reach(links: Sequence[Link], index: int) -> float:
 
 
 def reach_behind(links: Sequence[Link]) -> Array:
-    """The greatest distances (n,), m, from the joints of n `links` to the end of a chain of links that each joint
-    moves, summed from joint to joint. A link ends at its frame's origin or, where that is within 1e-6 m of its joint,
-    at its centre of mass. The links are a tree in depth-first order (parents first), which is not checked."""
+    """The greatest distances (n,), m, from each joint of n `links` to the far end of any chain of links that it moves,
+    summed from joint to joint, a prismatic joint's travel not included. A link ends at its frame's origin or, where
+    that is within 1e-6 m of its joint, at its centre of mass. The links are a tree in depth-first order (parents
+    first), which is not checked."""
     longest = np.array([_length(link) for link in links])
     for i in reversed(range(len(links))):
         if (parent := links[i].parent) != GROUND:

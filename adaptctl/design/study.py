@@ -59,10 +59,11 @@ class DesignStudy:
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
         """The cheapest and the dearest position on every link for a point mass, that of the study's `body`, one
-        `LinkCost` for each of `within`, in that order. They are found among 9 positions along each edge of the link's
-        box: positions (3,), m in the link's frame, and relative changes (unitless) of the root mean square energy,
-        kinetic plus potential, about its mean over the task's states. Raises `InputError` for a body without mass and a
-        task with constant energy, `NonFiniteError` for bounds so far that the energy overflows."""
+        `LinkCost` for each of its `within`, the bounds (`PlaceBounds`) of links' boxes for the mass, in that order.
+        They are found among 9 positions along each edge of the link's box: positions (3,), m in the link's frame, and
+        relative changes (unitless) of the root mean square energy, kinetic plus potential, about its mean over the
+        task's states. Raises `InputError` for a body without mass and a task with constant energy, `NonFiniteError` for
+        bounds so far that the energy overflows."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property

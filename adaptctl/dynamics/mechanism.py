@@ -152,7 +152,7 @@ class Mechanism:
 
     @property
     def is_plain_tree(self) -> bool:
-        """True for a tree whose bodies have ten free parameters each: no loops, no constraints on parameters."""
+        """True for a tree with no loops, couplings of joints or constraints, whose bodies have ten free parameters."""
         return self.description.loops is None
 
     @property

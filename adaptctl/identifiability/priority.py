@@ -90,7 +90,8 @@ class Priority:
 
     def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
         """Zero-based indices (P,) of the parameters in the order of removal, the first removed first: their positions
-        in `parameter_names`, the names of all P inertial parameters, without friction.
+        in `parameter_names`, the names of all P inertial parameters, without friction. Those that the priority does not
+        name come between its `order` and its `keep`, in the default order (Sheu and Walker 1991, Table 4).
 
         Raises `NotFoundError` for names of the priority that are not among them, `InputError` for those given twice,
         and where one of `parameter_names` is there twice, is friction or anything else but an inertial parameter or a

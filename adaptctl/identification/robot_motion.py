@@ -231,8 +231,9 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
 
 
 def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
-    """A copy of a `motion`, a `RobotMotion`, on the same path at another pace: `slower` (unitless), by which it is
-    slower than its reference, replaces its own factor. The number is not checked."""
+    """A copy of a `motion`, a `RobotMotion`, on the same path at another pace: `slower` (unitless), the factor by which
+    times are longer than its reference's, replaces its own: at 2 the motion takes twice as long. The number is not
+    checked."""
     return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
 
 

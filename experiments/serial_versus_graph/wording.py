@@ -63,8 +63,9 @@ def facts(result: SideBySide) -> Iterator[Fact]:
 
 
 def rows(result: SideBySide) -> list[Row]:
-    """Rows, a `Row` each, of the table that compares the arms in `result`: those of Table 13 of Sheu and Walker (1991),
-    then floating-point operations, times of a control tick, and tracking errors (mm, mrad). Nothing is checked."""
+    """Rows of the table that compares the arms in `result`, a `Row` each, with a label and a text for each arm: those
+    of Table 13 of Sheu and Walker (1991), which count parameters and operations, then floating-point operations of a
+    control tick, its time (ns), and RMS tracking errors (mm, mrad). Nothing is checked."""
     found = []
     for what, value in QUESTIONS:
         found.append(Row(what, ()) if value is None else Row(what, tuple(value(side) for side in result.sides)))

@@ -74,8 +74,8 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True always: the wrapped adaptation law's Lyapunov function is a sum over the single parameters' errors, and
-        the projection clips each parameter by itself."""
+        """True, as the adaptation law's Lyapunov function is a sum of one term for each parameter, so that parameters
+        may be clipped one by one: construction refuses a law of which that does not hold, as one with a gain (k, k)."""
         return True
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:

@@ -53,10 +53,10 @@ def margins(loop: control.LTI) -> Margins:
 
     Of several crossings the tightest counts: `gain` is the least factor above 1, and `gain_reduction` the largest of at
     most 1, that brings a crossing of the negative real axis to -1; `phase` is the least lag, and `delay` the least lag
-    over frequency, of the crossings of gain 1. Without such a crossing `gain`, `phase` and `delay` are infinite,
-    `gain_reduction` 0 and `crossover` NaN. Crossings are sought on python-control's frequency response from 1e-6 of
-    half the sampling rate up to half the sampling rate, included, where a sampled loop often crosses;
-    `control.stability_margins` of version 0.10 looks only below it.
+    over frequency, which is at the frequency `crossover` (rad/s), of the crossings of gain 1. Without such a crossing
+    `gain`, `phase` and `delay` are infinite, `gain_reduction` 0 and `crossover` NaN. Crossings are sought on
+    python-control's frequency response from 1e-6 of half the sampling rate up to half the sampling rate, included,
+    where a sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.
     """
     _require_sampled(loop)
     angles = np.concatenate((np.geomspace(LOWEST * np.pi, np.pi, POINTS)[:-1], [np.pi]))

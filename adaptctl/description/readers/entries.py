@@ -88,7 +88,8 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     def drive(self) -> Drive:
         """The rotor inertia and friction of a joint as a `Drive`, built from the terms that a TOML file's entry gives
-        (SI units); terms left out are None, not modelled. Raises `InputError` for a term that is not finite or above
+        (SI units), with the other joints that its motor shaft turns with, `turns_with`, by name and ratio of shaft to
+        joint speed; terms left out are None, not modelled. Raises `InputError` for a term that is not finite or above
         1e20 in size, for rotor inertia, viscous or Coulomb friction below 0, and for a ratio of `turns_with` that is 0
         or not finite."""
         terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
