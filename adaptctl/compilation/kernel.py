@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -176,9 +177,9 @@ class Kernel:
         shapes = [(samples, *shape) for shape in self.outputs]
         results = [*map(_room, shapes)] if given is None else self._taking(given, shapes)
         strides = [array.strides[0] // array.itemsize if array.ndim > 1 else 0 for array in arrays]
-        sources, targets = ([array.ctypes.data for array in some] for some in (arrays, results))
+        sources, targets = map(_address, arrays), map(_address, results)
         table = np.array([*sources, *strides, *targets], dtype=np.int64)
-        first, second = table.ctypes.data, len(arrays) * table.itemsize
+        first, second = _address(table), len(arrays) * table.itemsize
         if not self._batch(samples, first, first + second, first + 2 * second):
             self._blame(arrays, results)
         return self._layout.contain(
@@ -294,6 +295,14 @@ class Given(NamedTuple):
         except (TypeError, ValueError) as error:
             raise InputError(f"{self.kernel}: argument {name!r}: expected real numbers ({error})") from error
         return array
+
+
+def _address(array: NDArray[Any]) -> int:
+    """The address of an array's numbers: by its buffer, if it has one to write to, which takes a third of the time."""
+    if not (array.flags.carray and array.size):
+        return array.ctypes.data
+    buffer: Any = array
+    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))
 
 
 def _room(shape: tuple[int, ...]) -> Array:
