@@ -84,10 +84,10 @@ class Form(NamedTuple):
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
-        """Index of a bound array, that of the column of index `column`, in the tuple of objects that the built-in
-        function keeps. That tuple has first the fallback that the function calls for unusual arguments, at 0, then the
-        types of tuples, then the bound arrays. Not checked: for a column that comes from an argument the index means
-        nothing."""
+        """Index of a bound array, one that is fixed when the built-in function is made and not passed at a call, from
+        which the native code reads the column of index `column`, in the tuple of objects that the function keeps. That
+        tuple has first the fallback that the function calls for unusual arguments, at 0, then the types of tuples, then
+        the bound arrays. Not checked: for a column that comes from an argument the index means nothing."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
     @property

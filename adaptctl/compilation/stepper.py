@@ -177,9 +177,9 @@ class Ensemble:
 
     def signals(self, steps: int) -> Signals:
         """Uninitialised buffers, a `Signals`, for the signals of `steps` steps, to be filled by column and step before
-        `record_into` reads them: `shared`, the columns that are the same for all members, has axes (steps, 1, n), and
-        `driven`, those of each member, (steps, members, n); n is a column's length. Raises `InputError` for steps that
-        are no whole number of at least 0."""
+        `record_into` reads them, a `LaneArray` each, with a column (..., n) by each name, n its length: `shared`, the
+        columns that are the same for all members, (steps, 1, n), and `driven`, those of each member, (steps, members,
+        n), in the step's type of number. Raises `InputError` for steps that are no whole number of at least 0."""
         columns = self.stepper.columns
         shared = LaneArray(columns[Source.SHARED], 1, 1, (steps,), self.stepper.dtype, np.empty)
         return Signals(shared, self._array(columns[Source.DRIVEN], steps, made=np.empty))

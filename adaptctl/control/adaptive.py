@@ -133,9 +133,9 @@ class AdaptiveController(Controller[AdaptiveState]):
     def start(self, p: Array, v: Array) -> AdaptiveState:
         """The internal state before the first control period, an `AdaptiveState`: the initial estimate, zero torque,
         and 0 s as the time since the last period, so that nothing is learned from it. Arms are at positions p in rad (m
-        for a prismatic joint) and velocities v in rad/s (m/s), (..., r) for r primary (independent) joints. Raises
-        `InputError` on a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a
-        singularity of the kinematic loops."""
+        for a prismatic joint) and velocities v in rad/s (m/s), (..., r) for r primary (independent) joints; v is for
+        adaptation laws that filter motions, and not checked. Raises `InputError` on a wrong shape of p,
+        `NonFiniteError` on NaN or infinity in it, `SingularityError` near a singularity of the kinematic loops."""
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law
