@@ -142,6 +142,12 @@ def write_json(path: str | Path, value: object) -> None:
     write_text(path, json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
 
 
+def finite_or_none(value: float | None) -> float | None:
+    """A number as JSON can hold it, which has neither NaN nor infinity: `value` as a float, or None where it is one of
+    those or None. Nothing is raised."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
 def toml_string(text: str) -> str:
     """The basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON. Nothing
     is raised."""

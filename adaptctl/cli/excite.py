@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -102,20 +101,18 @@ def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast
     and a relative one of a value that is 0. Combinations of parameters are in words, the least excited first, with
     their `strength` (no unit): the range plausible before the motion divided by the deviation to be expected after it.
     Nothing is raised."""
+    from adaptctl.files import finite_or_none
+
     columns = zip(predicted.model.names, predicted.deviations.tolist(), predicted.relative.tolist(), strict=True)
     return {
         "schema": SCHEMA,
         "robot": robot,
         "durations": {name: motion.duration for name, motion in motions.items()},
         "self_collision_checked": collisions,
-        "condition": _finite(predicted.condition),
-        "parameters": {n: {"deviation": _finite(s), "relative": _finite(x)} for n, s, x in columns},
+        "condition": finite_or_none(predicted.condition),
+        "parameters": {n: {"deviation": finite_or_none(s), "relative": finite_or_none(x)} for n, s, x in columns},
         "combinations": [c._asdict() for c in predicted.combinations],
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
 
 
 def _box(given: Numbers) -> tuple[Any, Any]:

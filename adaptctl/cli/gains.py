@@ -103,6 +103,8 @@ def as_builtins(design: GainDesign) -> dict[str, Any]:
     searched, `largest_sampled_gain`, the most that is allowed, and `fastest`, the factor by which poles may be faster,
     None for infinite; no units.
     """
+    from adaptctl.files import finite_or_none
+
     mechanism, cascade = design.mechanism, design.damped_enough
     joints = [
         {
@@ -115,10 +117,10 @@ def as_builtins(design: GainDesign) -> dict[str, Any]:
             "damping_ratio": float(design.damping_ratio[i]),
             "slotine_li_bandwidth": float(design.gains.bandwidth[i]) if cascade else None,
             "slotine_li_damping": float(design.gains.damping[i]) if cascade else None,
-            "gain_margin": _finite(design.margins[i].gain),
-            "phase_margin": _finite(design.margins[i].phase),
-            "delay_margin": _finite(design.margins[i].delay),
-            "crossover": _finite(design.margins[i].crossover),
+            "gain_margin": finite_or_none(design.margins[i].gain),
+            "phase_margin": finite_or_none(design.margins[i].phase),
+            "delay_margin": finite_or_none(design.margins[i].delay),
+            "crossover": finite_or_none(design.margins[i].crossover),
         }
         for i, joint in enumerate(mechanism.primary_joints)
     ]
@@ -131,11 +133,5 @@ def as_builtins(design: GainDesign) -> dict[str, Any]:
         "joints": joints,
         "sampled_gain": design.sampled_gain,
         "largest_sampled_gain": design.largest_sampled_gain,
-        "fastest": _finite(design.fastest),
+        "fastest": finite_or_none(design.fastest),
     }
-
-
-def _finite(value: float) -> float | None:
-    from math import isfinite
-
-    return value if isfinite(value) else None

@@ -277,7 +277,7 @@ class Description:
         order. Raises `InputError` for another number of drives, for one that is no `Drive`, and for one that turns with
         unknown joints."""
         several = isinstance(drives, Iterable) and not isinstance(drives, str)
-        each: list[Any] = list(drives) if several else [drives] * len(self.links)  # type: ignore[arg-type]
+        each: list[Any] = list(drives) if several else [drives] * len(self.links)  # type: ignore[arg-type]  # told by `several`
         if len(each) != len(self.links):
             raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
         if odd := [drive for drive in each if not isinstance(drive, Drive)]:

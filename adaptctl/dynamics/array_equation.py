@@ -99,17 +99,19 @@ class ArrayEquation:
         """Name of the mechanism whose equation this is, which its error messages begin with."""
         return self._name
 
-    @property
-    def sizes(self) -> Mapping[str, int]:
-        """Lengths of the equation's arguments, such as r for positions of r joints, by the arguments' names in their
-        order."""
-        return self._lengths()
-
     def is_native(self, states: int) -> bool:
         """True if the equation runs as native code by now. Asking counts as one call at so many `states`, a whole
         number, and compiles the equation where calls/50 + states/25000, summed over all calls, comes to 1 by it;
         mechanisms of too many links are never compiled. Raises what tracing the equation raises."""
         return self._kernel is not None or self._compiled(states) is not None
+
+    def arrays_of(self, *arguments: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
+        """The `arguments` as arrays of floats (..., size), size an argument's own, and the shape of their samples, to
+        which their leading axes broadcast. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        `ValueError` for another number of arguments."""
+        pairs = zip(self._lengths().items(), arguments, strict=True)
+        arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
+        return list(arrays.values()), same_samples(**arrays)
 
     def on_rows(self, *arrays: Array) -> Array:
         """The vectors (k, m) that an equation of a vector of length m has at k arguments at once, in native code if the
@@ -133,11 +135,8 @@ class ArrayEquation:
             with suppress(InputError):  # which is raised below, in this equation's words
                 made: Array = self._kernel.map(*arguments, out=out)
                 return made
-        pairs = zip(self._lengths().items(), arguments, strict=True)
-        arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
-        samples = same_samples(**arrays)
+        (p, *rest), samples = self.arrays_of(*arguments)
         kernel = self._kernel if self._kernel is not None else self._compiled(math.prod(samples))
-        p, *rest = arrays.values()
         given = [p if self._configured is None else self._configured(p), *rest]
         if kernel is not None and samples:
             return self._mapped(kernel, given, samples, out)

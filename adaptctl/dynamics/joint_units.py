@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from adaptctl.dynamics.mechanism import Mechanism
 
 
@@ -14,11 +16,17 @@ def position_units(mechanism: Mechanism) -> tuple[str, ...]:
 def position_unit(mechanism: Mechanism) -> str:
     """Unit, as text, of a position error over all primary (independent) joints of a mechanism: "rad", "m" where all are
     prismatic, or "rad or m" where joints are of both kinds. Nothing is raised."""
-    return " or ".join(sorted(set(position_units(mechanism)), reverse=True))
+    return either(position_units(mechanism))
 
 
 def error_unit(mechanism: Mechanism) -> str:
     """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own: "mrad",
     "mm" where all primary (independent) joints are prismatic, or "mrad or mm" where they are of both kinds. Nothing is
     raised."""
-    return " or ".join(f"m{unit}" for unit in sorted(set(position_units(mechanism)), reverse=True))
+    return either(f"m{unit}" for unit in position_units(mechanism))
+
+
+def either(units: Iterable[str]) -> str:
+    """Unit, as text, of a number that takes all of several joints together: the different ones among the joints'
+    `units`, joined by "or", those of angles and torques first, as in "rad or m". Nothing is raised."""
+    return " or ".join(sorted(set(units), reverse=True))

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, same_samples, writable
+from adaptctl.arrays import Array, writable
 from adaptctl.dynamics.array_equation import ArrayEquation
 
 STATES = 64
@@ -51,16 +51,13 @@ class RowByRow:
         """The matrices (..., r, m) at `arguments` (..., size) in SI units, size an argument's own, whose leading axes
         are samples and broadcast. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
         `SingularityError` near a singularity of kinematic loops, `ValueError` for another number of arguments."""
-        sizes, name = self._whole.sizes, self._whole.name
-        pairs = zip(sizes.items(), arguments, strict=True)
-        arrays = {what: checked(values, size, f"{name}: {what}") for (what, size), values in pairs}
-        samples = same_samples(**arrays)
+        arrays, samples = self._whole.arrays_of(*arguments)
         count = math.prod(samples)
-        if not self._row.is_native(count * self._rows) and count != 1:
+        if not count or (not self._row.is_native(count * self._rows) and count != 1):
             return self._whole.call(*arguments)
-        if not samples or not count:
-            return self._rows_at(*arrays.values()) if not samples else self._whole.call(*arguments)
-        given = [np.broadcast_to(x, (*samples, x.shape[-1])).reshape(count, x.shape[-1]) for x in arrays.values()]
+        if not samples:
+            return self._rows_at(*arrays)
+        given = [np.broadcast_to(x, (*samples, x.shape[-1])).reshape(count, x.shape[-1]) for x in arrays]
         first = self._rows_at(*(x[:STATES] for x in given))
         found = np.empty((count * self._rows, first.shape[1]))
         found[: len(first)] = first

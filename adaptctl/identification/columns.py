@@ -10,7 +10,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives, MotorEntry
 from adaptctl.identification.reading.table import LogTable
-from adaptctl.identification.units import POSITION, TIME, TORQUE, VELOCITY, Units, require_fitting
+from adaptctl.identification.units import POSITION, TIME, TORQUE, VELOCITY, Units, require_fitting, spaced
 
 KNOWN = (
     {"position": "position.{joint}", "torque": "effort.{joint}", "velocity": "velocity.{joint}"},
@@ -114,7 +114,7 @@ def _require(log: LogTable, what: str, names: list[str]) -> None:
 
 def _one_of(symbols: list[str], what: str, source: str) -> str:
     """One of several units of the same factor to SI units, such as rad and m. Raises `InputError` for others."""
-    factors = {FACTORS[what].get(symbol.replace("Nm", "N m"), symbol) for symbol in symbols}
+    factors = {FACTORS[what].get(spaced(symbol), symbol) for symbol in symbols}
     if len(factors) > 1:
         raise InputError(f"{source}: its columns of {what} are in {', '.join(symbols)}: convert them to SI units")
     return symbols[0]

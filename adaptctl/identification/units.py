@@ -40,7 +40,7 @@ class Units:
         return cls(
             _factor("time", time, TIME),
             _factor("position", position, POSITION),
-            None if torque in OTHER_TORQUE else _factor("torque", _spaced(torque), TORQUE, OTHER_TORQUE),
+            None if torque in OTHER_TORQUE else _factor("torque", spaced(torque), TORQUE, OTHER_TORQUE),
             None if velocity is None else _factor("velocity", velocity, VELOCITY),
         )
 
@@ -53,16 +53,17 @@ def require_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> No
     for what, symbol in symbols.items():
         for joint, turning in turns.items():
             own, others = (TURNING, SLIDING) if turning else (SLIDING, TURNING)
-            foreign = _spaced(symbol) in others.get(what, ())
-            if foreign and (_spaced(symbol) != others[what][0] or all(turns.values())):
+            foreign = spaced(symbol) in others.get(what, ())
+            if foreign and (spaced(symbol) != others[what][0] or all(turns.values())):
                 *first, last = own[what]
                 expected = f"{', '.join(first)} or {last}" if first else last
                 kind = "turns" if turning else "slides"
                 raise InputError(f"unit of {what}: joint {joint!r} {kind}: expected {expected}, got {symbol!r}")
 
 
-def _spaced(torque: str) -> str:
-    return torque.replace("Nm", "N m")
+def spaced(symbol: str) -> str:
+    """A unit's `symbol`, a text, as tables of factors have it: "Nm" becomes "N m". Nothing is raised."""
+    return symbol.replace("Nm", "N m")
 
 
 def _factor(what: str, symbol: str, known: dict[str, float], others: tuple[str, ...] = ()) -> float:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from adaptctl.files import write_json
+from adaptctl.files import finite_or_none, write_json
 from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.recording.judgement import judged
 
@@ -53,17 +52,17 @@ def summary(comparison: Comparison) -> dict[str, Any]:
         "duration_run": subject.duration,
         "control_period": subject.rollout.control_period,
         **_errors(subject),
-        "final_rms_error_adaptation_off": _finite(baseline.final_rms_error) if baseline else None,
-        "lyapunov_initial": _finite(lyapunov[0]),
-        "lyapunov_final": _finite(lyapunov[-1]),
+        "final_rms_error_adaptation_off": finite_or_none(baseline.final_rms_error) if baseline else None,
+        "lyapunov_initial": finite_or_none(lyapunov[0]),
+        "lyapunov_final": finite_or_none(lyapunov[-1]),
         "lyapunov_max_increase": subject.lyapunov_max_increase,
-        "peak_torque_share": _finite(comparison.peak_torque_shares.max()),
+        "peak_torque_share": finite_or_none(comparison.peak_torque_shares.max()),
         "clipped_steps": comparison.limited_steps(subject),
         "truth_known": comparison.truth_known,
         "rank": comparison.space.rank,
         "parameters": _parameters(comparison),
         "runs": {run.name: _run(run, comparison) for run in comparison.runs},
-        "findings": {one.name: {"value": _finite(one.value), "unit": one.unit} for one in comparison.findings},
+        "findings": {one.name: {"value": finite_or_none(one.value), "unit": one.unit} for one in comparison.findings},
         "settings": {setting.name: setting.value for setting in comparison.settings},
         "wall_time": subject.rollout.wall_time,
         "realtime_factor": realtime_factor(subject),
@@ -82,7 +81,9 @@ def _parameters(comparison: Comparison) -> dict[str, dict[str, float | None]]:
         return {}
     rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
     known = comparison.truth_known
-    return {name: {"true": float(true) if known else None, "estimate": _finite(found)} for name, true, found in rows}
+    return {
+        name: {"true": float(true) if known else None, "estimate": finite_or_none(found)} for name, true, found in rows
+    }
 
 
 def _errors(run: ControllerRun) -> dict[str, float | None]:
@@ -91,11 +92,7 @@ def _errors(run: ControllerRun) -> dict[str, float | None]:
         "first_rms_error": run.first_rms_error,
         "final_rms_error": run.final_rms_error,
     }
-    return {name: _finite(error) for name, error in errors.items()}
-
-
-def _finite(value: float | None) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None
+    return {name: finite_or_none(error) for name, error in errors.items()}
 
 
 def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:

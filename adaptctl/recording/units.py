@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import either
 
 
 def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
@@ -14,7 +15,7 @@ def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
 def torque_error_unit(mechanism: Mechanism) -> str:
     """Unit, as text, of a torque error over all primary (independent) joints of a mechanism: "N·m", "N" where all are
     prismatic, or "N·m or N" where joints are of both kinds. Nothing is raised."""
-    return " or ".join(sorted(set(torque_units(mechanism)), reverse=True))
+    return either(torque_units(mechanism))
 
 
 def coupling_unit(mechanism: Mechanism) -> str:

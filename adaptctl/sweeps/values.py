@@ -98,9 +98,7 @@ def _one(entry: Field[Any], text: str) -> Any:
     if isinstance(default, str):
         return text
     if isinstance(default, bool):
-        if text.lower() not in ("true", "false"):
-            raise InputError(f"{entry.name}: expected true or false, got {text!r}")
-        return text.lower() == "true"
+        return _truth(entry, text)
     number = _number(entry, text)
     return int(number) if isinstance(default, int) else number
 

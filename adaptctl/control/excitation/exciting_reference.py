@@ -283,8 +283,7 @@ def exciting_reference(
     complete = True
     try:
         options = {"maxiter": iterations, "maxfun": 100 * iterations * search.size}
-        # the stubs of SciPy have no variant for this call
-        minimize(best.cost, best.x, method="L-BFGS-B", callback=best.iterated, options=options)  # type: ignore[call-overload]
+        minimize(best.cost, best.x, method="L-BFGS-B", callback=best.iterated, options=options)  # type: ignore[call-overload]  # in no stub
     except KeyboardInterrupt:
         complete = False
     reference, condition, torque_share = search.within(best.x)
