@@ -13,10 +13,11 @@ from adaptctl.dynamics.parameter_layout import ParameterLayout
 from adaptctl.dynamics.recursion import energy
 from adaptctl.dynamics.recursion.articulated_bodies import accelerations
 from adaptctl.dynamics.recursion.drive import DriveTerm
+from adaptctl.dynamics.recursion.held_axes import angles, held_placements
 from adaptctl.dynamics.recursion.mass_matrix import mass_matrix
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, motions
 from adaptctl.dynamics.recursion.newton_euler import joint_torques, powers, torque_regressor
-from adaptctl.dynamics.recursion.segment import Placement, Segment, placements, segments
+from adaptctl.dynamics.recursion.segment import Placement, Segment, segments
 from adaptctl.scalars import ZERO, Column, Scalar, Vec
 
 ARTICULATED = 6.5
@@ -177,7 +178,7 @@ class TreeEquations(Equations):
         reference velocities `v_r` (n,), rad/s (m/s), and reference accelerations `a_r` (n,), rad/s^2 (m/s^2), by the
         forward recursion of Newton and Euler's equations over the links. Arguments are not checked: vectors too short
         raise `IndexError`."""
-        places = placements(self.segments, p)
+        places = held_placements(self.segments, angles(self.segments, p))
         drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
@@ -187,7 +188,8 @@ class TreeEquations(Equations):
         numbers raise `TypeError` or, where only a few lack, pass until the motion is asked for torques; too many may
         pass."""
         rest = iter(numbers)
-        places = [link.placed(tuple(islice(rest, link.coordinates))) for link in self.segments]
+        coordinates = [tuple(islice(rest, link.coordinates)) for link in self.segments]
+        places = held_placements(self.segments, coordinates)
         links = [LinkMotion.of(tuple(islice(rest, 12))) for _ in self.segments]
         return TreeMotion(self.layout, places, links, tuple(rest))
 
@@ -203,7 +205,8 @@ class TreeEquations(Equations):
         for values (P,) of the P inertial and friction `parameters` in SI units, in the order of
         `Mechanism.parameter_names`, by composite rigid bodies (Walker and Orin 1982). Arguments are not checked:
         vectors too short raise `IndexError` or `ValueError`."""
-        rows = mass_matrix(placements(self.segments, p), self.layout.tens(parameters))
+        places = held_placements(self.segments, angles(self.segments, p))
+        rows = mass_matrix(places, self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
                 for other, part in term.on_joints(share):

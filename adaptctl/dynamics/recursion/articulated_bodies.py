@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from adaptctl.dynamics.recursion.held_axes import held_parameters
 from adaptctl.dynamics.recursion.mass_matrix import body
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved
 from adaptctl.dynamics.recursion.newton_euler import joint_power, lifted
@@ -142,7 +143,7 @@ def _freed(
     torque: Column,
 ) -> list[_Joint]:
     """Free joints with the articulated bodies behind them, from the tips inward."""
-    tens = [parameters.of[10 * i : 10 * i + 10] for i in range(len(places))]
+    tens = [held_parameters(place, parameters.of[10 * i : 10 * i + 10]) for i, place in enumerate(places)]
     bodies = [_articulated(ten) for ten in tens]
     loads = [wrench(motion, ten) for motion, ten in zip(unaccelerated, tens, strict=True)]
     joints: list[_Joint] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from adaptctl.dynamics.recursion.held_axes import held_parameters
 from adaptctl.dynamics.recursion.motion import GROUND
 from adaptctl.dynamics.recursion.newton_euler import joint_power, lifted
 from adaptctl.dynamics.recursion.segment import Placement
@@ -75,7 +76,7 @@ def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Sc
     Arguments are not checked: too few parameters raise `ValueError`.
     """
     n = len(places)
-    composite = [body(parameters.of[10 * i : 10 * i + 10]) for i in range(n)]
+    composite = [body(held_parameters(places[i], parameters.of[10 * i : 10 * i + 10])) for i in range(n)]
     rows: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
     for i in reversed(range(n)):
         for j, entry in _column(places, i, composite[i]):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from adaptctl.dynamics.recursion.held_axes import held_parameters, per_parameter
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved, twists
 from adaptctl.dynamics.recursion.segment import Placement
 from adaptctl.dynamics.recursion.wrench import Wrench, power, wrench
@@ -19,7 +20,9 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
     m^2, about the link frame's origin). Arguments are not checked: too few parameters raise `IndexError` or
     `ValueError`.
     """
-    loads = [wrench(motion, parameters.of[10 * i : 10 * i + 10]) for i, motion in enumerate(moving)]
+    tens = (parameters.of[10 * i : 10 * i + 10] for i in range(len(places)))
+    held = map(held_parameters, places, tens)
+    loads = [wrench(motion, ten) for motion, ten in zip(moving, held, strict=True)]
     torques: list[Scalar] = [0.0] * len(places)
     for i in reversed(range(len(places))):
         place = places[i]
@@ -65,7 +68,8 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
     for i, place in enumerate(places):
         joints.append(joint_twists(place, i, joints))
         for j, twist in joints[i].items():
-            rows[j] |= {10 * i + k: y for k, y in zip(kept[i], power(moving[i], twist, kept[i]), strict=True)}
+            found = _kept_powers(place, moving[i], twist, kept[i])
+            rows[j] |= {10 * i + k: y for k, y in zip(kept[i], found, strict=True)}
     return [Column(row.get(column, 0.0) for column in columns) for row in rows]
 
 
@@ -100,6 +104,14 @@ def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column,
     negative indices are not refused.
     """
     kept = kept_by_link(columns, len(places))
-    sliding = zip(moving, twists(places, s), kept, strict=True)
-    found = [dict(zip(keep, power(motion, twist, keep), strict=True)) for motion, twist, keep in sliding]
+    of_links = map(_kept_powers, places, moving, twists(places, s), kept)
+    found = [dict(zip(keep, powers, strict=True)) for keep, powers in zip(kept, of_links, strict=True)]
     return Column(found[column // 10][column % 10] for column in columns)
+
+
+def _kept_powers(place: Placement, motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> Sequence[Scalar]:
+    """The powers per unit of the kept parameters of a link in its own axes."""
+    if place.turn is None or not keep:
+        return power(motion, twist, keep)
+    own = per_parameter(place, power(motion, twist, range(10)))
+    return [own[k] for k in keep]

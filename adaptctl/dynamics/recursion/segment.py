@@ -81,13 +81,22 @@ class Placement:
     `segment` is the link's geometry; `coordinates` are the cosine and sine of its joint angle, or its joint's
     displacement, m; `turns` are the rotations (3, 3) that one after the other turn coordinates in the parent's axes
     into the link's; and `shift` (3,) leads from the joint's origin before its own motion to the link's origin, in the
-    link's axes, m. Nothing is checked.
+    link's axes, m. Both links' axes may be others, in which their vectors are held (`held_placements`): `turn` is the
+    rotation (3, 3) that turns coordinates in the axes held into those in the link's own, None, the default, where they
+    are the same. Nothing is checked.
     """
 
-    __slots__ = ("coordinates", "segment", "shift", "turns")
+    __slots__ = ("coordinates", "segment", "shift", "turn", "turns")
 
-    def __init__(self, segment: Segment, coordinates: Sequence[Scalar], turns: Sequence[Mat], shift: Vec) -> None:
-        self.segment, self.coordinates, self.turns, self.shift = segment, coordinates, turns, shift
+    def __init__(
+        self,
+        segment: Segment,
+        coordinates: Sequence[Scalar],
+        turns: Sequence[Mat],
+        shift: Vec,
+        turn: AxisRotation | None = None,
+    ) -> None:
+        self.segment, self.coordinates, self.turns, self.shift, self.turn = segment, coordinates, turns, shift, turn
 
     def down(self, u: Vec) -> Vec:
         """The components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,); in the
@@ -131,14 +140,29 @@ class AxisRotation(Mat):
         rows[i][i], rows[i][j], rows[j][i], rows[j][j] = cosine, sine, -sine, cosine
         super().__init__(*(Vec(*row) for row in rows))
 
+    @property
+    def T(self) -> AxisRotation:
+        """The transpose (3, 3), which turns back: the rotation about the same axis by the opposite angle."""
+        return AxisRotation(self.axis, self.cosine, -self.sine)
+
+
+def axis_rotation(a: Vec, c: Scalar, s: Scalar) -> AxisRotation | None:
+    """The rotation (3, 3) that turns coordinates of a vector into those in axes turned about the unit axis `a` (3,) by
+    an angle of cosine `c` and sine `s`, as an `AxisRotation`; None where `a` is neither a coordinate axis nor the
+    opposite of one. Nothing is checked."""
+    if not (all(isinstance(x, float) for x in a) and sorted(map(abs, a)) == [0.0, 0.0, 1.0]):
+        return None
+    axis, sign = next((k, x) for k, x in enumerate(a) if x != 0.0)
+    return AxisRotation(axis, c, sign * s)
+
 
 def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
     """The rotation matrix (3, 3) that turns coordinates of a vector into those in axes turned about the unit axis `a`
     (3,) by an angle of cosine `c` and sine `s`: the transpose of Rodrigues' formula. About a coordinate axis, or its
     opposite, it is an `AxisRotation`. Nothing is checked."""
-    if all(isinstance(x, float) for x in a) and sorted(map(abs, a)) == [0.0, 0.0, 1.0]:
-        axis, sign = next((k, x) for k, x in enumerate(a) if x != 0.0)
-        return AxisRotation(axis, c, sign * s)
+    along = axis_rotation(a, c, s)
+    if along is not None:
+        return along
 
     def entry(u: Scalar, v: Scalar, on_diagonal: float, k: Scalar) -> Scalar:
         return u * v + (on_diagonal - u * v) * c + k * s
