@@ -103,13 +103,14 @@ class SlotineLi(AdaptiveController):
         s = v - v_r
 
         def gradient(sliding: Column) -> Column:  # Y_r's, of the regressor at the last tick
-            return equations.remembered(memory.motion).powers(sliding, self.model.columns)
+            before = equations.motion_memory.numbers(memory.motion)
+            return equations.remembered(before).powers(sliding, self.model.columns)
 
         passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0], damping)
         estimate, learning = self._learned(memory, passed)
         motion = equations.motion(q, v, v_r, a_r)
         torque = motion.torque(self._parameters(estimate)) - damping * s
-        kept = motion.numbers if self._motion_size else Column(())
+        kept = equations.motion_memory.of_motion(motion.numbers) if self._motion_size else Column(())
         return torque, AdaptiveState(estimate, q, kept, s, *self._held(torque), learning, more)
 
     def reference_velocity(
@@ -152,7 +153,7 @@ class SlotineLi(AdaptiveController):
 
     @property
     def _motion_size(self) -> int:
-        return 0 if self.adaptation_law is None else self.model.mechanism.equations.motion_size
+        return 0 if self.adaptation_law is None else len(self.model.mechanism.equations.motion_memory.kept)
 
     @property
     def _coordinates(self) -> int:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
+from adaptctl.caching import cached_property
+from adaptctl.dynamics.motion_memory import MotionMemory
 from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.scalars import Column, Scalar
@@ -180,6 +182,13 @@ class Equations(ABC):
         """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: 14 a link (13 if
         prismatic), one for each rotor or friction term of a drive and, with loops, the derivative of each dependent
         joint with respect to each primary one."""
+
+    @cached_property
+    def motion_memory(self) -> MotionMemory:
+        """What a controller that will need a motion again remembers of it, a `MotionMemory`: which of the numbers from
+        which it can be rebuilt are neither constants of the mechanism nor equal to others."""
+        sizes = {"q": self.joints, "v": self.dof, "v_r": self.dof, "a_r": self.dof}
+        return MotionMemory.of(lambda q, v, v_r, a_r: self.motion(q, v, v_r, a_r).numbers, sizes)
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
