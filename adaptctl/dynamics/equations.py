@@ -54,11 +54,11 @@ class Motion(ABC):
         """The scalars in SI units from which this motion can be rebuilt, a `Column` of length `Equations.motion_size`.
 
         With loops they are first the derivatives of the dependent joints with respect to each primary one in turn; then
-        of every link in turn the cosine and sine of its joint's angle (or its displacement); then of every link its
-        twelve `LinkMotion.numbers`, in the link's axes: six products of angular velocities (xx, xy, yy, xz, yz, zz),
-        then x, y, z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or
-        friction term of a drive its torque per unit of the parameter. `Equations.remembered` rebuilds the motion from
-        them.
+        of every link in turn the cosine and sine of the angle by which it is turned, its joint's or a sum with those of
+        parallel joints before it (or its joint's displacement); then of every link its twelve `LinkMotion.numbers`, in
+        the axes in which its vectors are held: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x, y,
+        z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or friction
+        term of a drive its torque per unit of the parameter. `Equations.remembered` rebuilds the motion from them.
         """
 
 
@@ -185,8 +185,9 @@ class Equations(ABC):
 
     @cached_property
     def motion_memory(self) -> MotionMemory:
-        """What a controller that will need a motion again remembers of it, a `MotionMemory`: which of the numbers from
-        which it can be rebuilt are neither constants of the mechanism nor equal to others."""
+        """The choice of numbers that a controller remembers of a motion that it will need again, a `MotionMemory`: of
+        those from which the motion can be rebuilt (`Motion.numbers`), all that are neither constants of the mechanism
+        nor equal to others."""
         sizes = {"q": self.joints, "v": self.dof, "v_r": self.dof, "a_r": self.dof}
         return MotionMemory.of(lambda q, v, v_r, a_r: self.motion(q, v, v_r, a_r).numbers, sizes)
 

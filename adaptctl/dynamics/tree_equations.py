@@ -87,9 +87,10 @@ class TreeMotion(Motion):
         """The scalars in SI units from which this motion can be rebuilt, a `Column` of length
         `TreeEquations.motion_size`.
 
-        They are of every link in turn the cosine and sine of its joint's angle (or its displacement); then of every
-        link its twelve `LinkMotion.numbers`, in the link's axes; then of every rotor or friction term of the drives its
-        torque per unit of the parameter. The twelve are six products of angular velocities (xx, xy, yy, xz, yz, zz),
+        They are of every link in turn the cosine and sine of the angle by which it is turned, its joint's or a sum with
+        those of parallel joints before it (or its joint's displacement); then of every link its twelve
+        `LinkMotion.numbers`, in the axes in which its vectors are held (`held_placements`); then of every rotor or
+        friction term of the drives its torque per unit of the parameter. The twelve are six products of angular velocities (xx, xy, yy, xz, yz, zz),
         then x, y, z of the angular acceleration and of the origin's acceleration less gravity's.
         `TreeEquations.remembered` rebuilds the motion from them.
         """

@@ -16,9 +16,9 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
 def continued(links: Sequence[Segment]) -> list[float]:
-    """How each of a tree's n links turns on about its parent's joint: n numbers, 1.0 where its own joint's axis is
-    parallel to that of its parent's joint, -1.0 where it is antiparallel, else 0.0. `links` has the links' geometry,
-    parents before children. Axes that are parallel but for round-off do not count. Nothing is checked."""
+    """Senses in which a tree's n links turn on about their parents' joints: n numbers, 1.0 where a link's joint is
+    parallel to its parent's joint, -1.0 where it is antiparallel, else 0.0. `links` has the links' geometry, parents
+    before children. Joints that are parallel but for round-off do not count. Nothing is checked."""
     return [_sense(link, links[link.parent]) if link.parent != GROUND else 0.0 for link in links]
 
 
