@@ -10,8 +10,9 @@ from adaptctl.scalars import Column
 
 
 class MotionMemory(NamedTuple):
-    """Of the m numbers from which a mechanism's motion can be rebuilt (`Motion.numbers`), those to be remembered: the
-    others are constants of the mechanism, such as zeros of links that move in a plane, or equal to one of these.
+    """The choice of numbers to be remembered among the m from which a mechanism's motion can be rebuilt
+    (`Motion.numbers`). Those left out are constants of the mechanism, such as zeros of links that move in a plane, or
+    equal to one that is kept.
 
     `kept` has the zero-based indices of the numbers to be remembered; `known` maps the index of each number that is a
     constant to it; `same` (m,) has for every number the index, among those kept, of its equal, 0 for constants. Made by
@@ -24,8 +25,9 @@ class MotionMemory(NamedTuple):
 
     @classmethod
     def of(cls, numbers: Callable[..., Column], sizes: Mapping[str, int]) -> MotionMemory:
-        """The `MotionMemory` of a mechanism, found by tracing `numbers` once: a callable that returns the m numbers of a
-        motion, a `Column` (m,), from Columns whose names and lengths are `sizes`. Raises what the callable raises."""
+        """The `MotionMemory` of a mechanism, found by tracing `numbers` once: a callable that returns the m numbers of
+        a motion, a `Column` (m,), from Columns whose names and lengths are `sizes`. Raises what the callable
+        raises."""
         found = trace(numbers, sizes, name="motion").outputs
         known = {i: float(x) for i, x in enumerate(found) if isinstance(x, float)}
         first: dict[Any, int] = {}

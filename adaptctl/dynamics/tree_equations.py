@@ -90,9 +90,9 @@ class TreeMotion(Motion):
         They are of every link in turn the cosine and sine of the angle by which it is turned, its joint's or a sum with
         those of parallel joints before it (or its joint's displacement); then of every link its twelve
         `LinkMotion.numbers`, in the axes in which its vectors are held (`held_placements`); then of every rotor or
-        friction term of the drives its torque per unit of the parameter. The twelve are six products of angular velocities (xx, xy, yy, xz, yz, zz),
-        then x, y, z of the angular acceleration and of the origin's acceleration less gravity's.
-        `TreeEquations.remembered` rebuilds the motion from them.
+        friction term of the drives its torque per unit of the parameter. The twelve are six products of angular
+        velocities (xx, xy, yy, xz, yz, zz), then x, y, z of the angular acceleration and of the origin's acceleration
+        less gravity's. `TreeEquations.remembered` rebuilds the motion from them.
         """
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
