@@ -1,4 +1,4 @@
-"""Matrices of long mechanisms, row by row: those of the equations, from the first call to the last."""
+"""Regressors of long mechanisms, row by row: those of the equations, from the first call to the last."""
 
 from __future__ import annotations
 
@@ -31,19 +31,17 @@ def short() -> Iterator[None]:
     """Mechanisms of any length count as long, and more than four states as many."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(row_by_row, "STATES", 4)
-        for name in ("LONGEST_MATRIX", "LONGEST_REGRESSOR"):
-            patch.setattr(array_equations, name, 0)
+        patch.setattr(array_equations, "MOST_PAIRS", 0)
         yield
 
 
 def asked(arm: Mechanism, p: Array, v: Array, v_r: Array, a: Array) -> dict[str, Array]:
-    """Every matrix."""
+    """Every regressor."""
     some = [len(arm.parameter_names) - 1, 3, 3]
     return {
         "torque_regressor": arm.torque_regressor(p, v, a),
         "some": arm.torque_regressor(p, v, a, columns=some),
         "slotine_li_regressor": arm.slotine_li_regressor(p, v, v_r, a),
-        "mass_matrix": arm.mass_matrix(p),
     }
 
 
@@ -87,14 +85,13 @@ def test_they_check_and_fill_what_they_are_given(calls: int) -> None:
             arm.torque_regressor(np.zeros((2, 5)), np.zeros((3, 5)), fine)
         with pytest.raises(NonFiniteError):
             arm.torque_regressor(fine, np.full(5, 1e200), fine)
-        assert arm.mass_matrix(np.zeros((0, 5))).shape == (0, 5, 5)
         assert arm.torque_regressor(*np.zeros((3, 4, 0, 5))).shape == (4, 0, 5, 50)
         for samples in ((), (3,)):
-            p, out = np.full((*samples, 5), 0.2), np.empty((*samples, 5, 5))
-            assert arm.mass_matrix(p, out=out) is out
-            np.testing.assert_array_equal(out, arm.mass_matrix(p))
+            p, out = np.full((*samples, 5), 0.2), np.empty((*samples, 5, 50))
+            assert arm.torque_regressor(p, p, p, out=out) is out
+            np.testing.assert_array_equal(out, arm.torque_regressor(p, p, p))
         with pytest.raises(InputError, match="out: expected an array of float64"):
-            arm.mass_matrix(fine, out=np.empty((5, 4)))
+            arm.torque_regressor(fine, fine, fine, out=np.empty((5, 4)))
 
 
 @pytest.mark.parametrize("n", [1, 2, 7])

@@ -9,6 +9,7 @@ from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.instructions import Instructions
 from adaptctl.compilation.invariants import NONE, Invariants, arguments
 from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.layout import Layout
 from adaptctl.compilation.routine import Routine
 from adaptctl.compilation.sines_at_once import SinesAtOnce, asked_at_once
 
@@ -21,6 +22,10 @@ FAR = 40
 """Expressions without a use of a value after which it is loaded again, where it is in memory: kept, it would take a
 register that others need, or be written to the stack a second time. (Measured from 20 to 200: 8 % of a step of many
 arms, little between 30 and 80.)"""
+
+
+MANY = 64
+"""Zeros in a part of a result for which one instruction that clears it pays."""
 
 
 class FunctionBody:
@@ -82,6 +87,19 @@ class FunctionBody:
         self._text.store(pointer, k, self._operand(value))
         if isinstance(value, Expression):
             self._stored.setdefault(value.index, (pointer, k))
+
+    def constants(self, layout: Layout, values: Sequence[Any]) -> None:
+        """Append the instructions that write the constants among a routine's results, `values` in the order of the
+        `layout`, into memory at the pointers "%out0" and so on. Of parts that are mostly zeros, all are cleared at
+        once. Nothing is checked."""
+        for part, place in enumerate(layout.places):
+            known = {k: x for k, x in enumerate(values[place]) if isinstance(x, float)}
+            zeros = [k for k, x in known.items() if x == 0.0]
+            if len(zeros) > max(MANY, layout.sizes[part] // 2):
+                self._text.clear(f"%out{part}", layout.sizes[part])
+                known = {k: x for k, x in known.items() if x != 0.0}
+            for k, x in known.items():
+                self.store(f"%out{part}", k, x)
 
     def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
         value = self._lanes.value

@@ -51,3 +51,8 @@ class Instructions:
         `pointer`, another register's name. Nothing is checked."""
         self.add(f"{pointer}.{k} = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"store {self.lanes.value} {value}, ptr {pointer}.{k}, align {self.lanes.size}")
+
+    def clear(self, pointer: str, size: int) -> None:
+        """Append the instruction that writes zeros into memory at a `pointer`, a register's name: `size` values, each
+        of one number for each SIMD lane (arms computed at once). Nothing is checked."""
+        self.add(f"call void @llvm.memset.p0.i64(ptr {pointer}, i8 0, i64 {size * self.lanes.alignment}, i1 false)")

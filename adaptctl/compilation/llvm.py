@@ -73,7 +73,8 @@ def _function(
         return _piece(routine, parts[0], symbol, symbols, lanes, same, uniform)
     inner = {f"{symbol}.piece{k}": part for k, part in enumerate(parts)}
     functions = [
-        _piece(routine, part, name, symbols, lanes, same, uniform, shared=True) for name, part in inner.items()
+        _piece(routine, part, name, symbols, lanes, same, uniform, shared=True, first=part is parts[0])
+        for name, part in inner.items()
     ]
     passed = 1 + max((place for part in parts for place in part.kept.values()), default=0)
     pointers = [*_pointers(routine, same), "ptr %passed"]
@@ -93,16 +94,17 @@ def _piece(
     uniform: Container[int] = (),
     *,
     shared: bool = False,
+    first: bool = True,
     inlining: str = "noinline",
 ) -> str:
-    """The function of a piece, which shares memory with others, or of a whole routine."""
+    """The function of a piece, which shares memory with others, or of a whole routine; the first writes constants."""
     body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform)
+    if first:
+        body.constants(routine.layout, routine.outputs)
     wanted: dict[int, list[tuple[str, int]]] = {i: [("%passed", place)] for i, place in piece.kept.items()}
     for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
         if isinstance(value, Expression):
             wanted.setdefault(value.index, []).append((f"%out{part}", k))
-        else:
-            body.store(f"%out{part}", k, value)
     for expression in piece.expressions:
         body.compute(expression)
         for pointer, k in wanted.get(expression.index, ()):  # at once: registers are few

@@ -22,10 +22,6 @@ CALLS, STATES = 50, 25_000
 """Calls and states after which an equation is compiled: until then, with seven links, NumPy has taken about as long as
 LLVM would."""
 
-LONGEST_MATRIX, LONGEST_REGRESSOR = 48, 24
-"""Links up to which mass matrices and whole regressors are compiled, whose operations grow with the square of the
-links: LLVM takes 1 s and 4 s for these. What grows with the links alone it compiles in 1.7 s for a hundred."""
-
 
 class OnArrays(Protocol):
     """Protocol of an equation of a mechanism on arrays: `call` takes arrays (..., size) whose leading axes are samples,

@@ -10,11 +10,16 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.description import Description
-from adaptctl.dynamics.array_equation import LONGEST_MATRIX, LONGEST_REGRESSOR, ArrayEquation, OnArrays
+from adaptctl.dynamics.array_equation import ArrayEquation, OnArrays
 from adaptctl.dynamics.equations import Equations
+from adaptctl.dynamics.recursion.segment import depths
 from adaptctl.dynamics.row_by_row import RowByRow
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
+
+MOST_PAIRS = 600
+"""Pairs of a joint and a link that it moves up to which a whole regressor is compiled: those of a chain of 34 links, or
+of most humanoids. LLVM takes 5 s for so many, and 6 s for the mass matrix of a chain of 100 links."""
 
 REGRESSORS = "torque_regressor", "slotine_li_regressor"
 """Names of the regressors that are evaluated on some columns alone."""
@@ -78,11 +83,13 @@ class ArrayEquations:
     def __init__(self, mechanism: ArrayMechanism) -> None:
         self._mechanism = mechanism
         self._on_columns: dict[tuple[str, tuple[int, ...]], OnArrays] = {}
-        self._links = len(mechanism.description.links)
         self.energy_regressor = self.of(lambda q, v: mechanism.equations.energy_regressor(q, v), "v")
 
         def torque(q: Column, v: Column, a: Column, parameters: Column) -> Column:
             return mechanism.equations.inverse_dynamics(q, v, v, a, parameters)
+
+        def inertia(q: Column, parameters: Column) -> list[Column]:
+            return [Column(row) for row in mechanism.equations.mass_matrix(q, parameters)]
 
         def accelerations(q: Column, v: Column, torque: Column, parameters: Column) -> Column:
             mechanism.require_mass()
@@ -90,7 +97,7 @@ class ArrayEquations:
 
         self.inverse_dynamics = self.of(torque, "v", "a", "parameters")
         self.forward_dynamics = self.of(accelerations, "v", "torque", "parameters")
-        self.mass_matrix = self._inertia()
+        self.mass_matrix = self.of(inertia, "parameters")
         self._powers = self.of(self._all_powers, "v", "v_r", "a_r", "s")
         self.torque_regressor, self.slotine_li_regressor = (self._regressor(name, None) for name in REGRESSORS)
 
@@ -140,6 +147,8 @@ class ArrayEquations:
     def _regressor(self, name: str, columns: tuple[int, ...] | None) -> OnArrays:
         """A regressor of all parameters, or of some; a long mechanism's row by row."""
         mechanism, r = self._mechanism, self._mechanism.dof
+        long = sum(depths(link.parent for link in mechanism.description.links)) > MOST_PAIRS
+        longest = 0 if long else LARGEST_COMPILED
 
         def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
             equations = mechanism.equations
@@ -150,31 +159,12 @@ class ArrayEquations:
             return p, v, *(reference if len(reference) == 2 else (v, *reference)), units
 
         if name == "slotine_li_regressor":
-            whole = self.of(rows, "v", "v_r", "a_r", longest=LONGEST_REGRESSOR)
+            whole = self.of(rows, "v", "v_r", "a_r", longest=longest)
         else:
-            whole = self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", longest=LONGEST_REGRESSOR)
-        if self._links <= LONGEST_REGRESSOR:
-            return whole
-        return RowByRow(whole, self._powers, arranged, r, columns)
+            whole = self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", longest=longest)
+        return RowByRow(whole, self._powers, arranged, r, columns) if long else whole
 
     def _all_powers(self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column) -> Column:
         """Y' s, of which each row of Y is that of a unit vector s."""
         equations = self._mechanism.equations
         return equations.motion(q, v, v_r, a_r).powers(s, range(equations.parameters))
-
-    def _inertia(self) -> OnArrays:
-        """The mass matrix; a long mechanism's row by row, each the torque that one joint's acceleration needs."""
-        mechanism, r = self._mechanism, self._mechanism.dof
-
-        def inertia(q: Column, parameters: Column) -> list[Column]:
-            return [Column(row) for row in mechanism.equations.mass_matrix(q, parameters)]
-
-        def torque(q: Column, a: Column, parameters: Column) -> Column:
-            equations, rest = mechanism.equations.weightless(), Column.zeros(r)
-            at_rest = equations.inverse_dynamics(q, rest, rest, rest, parameters)  # drives' constant friction
-            return equations.inverse_dynamics(q, rest, rest, a, parameters) - at_rest
-
-        whole = self.of(inertia, "parameters", longest=LONGEST_MATRIX)
-        if self._links <= LONGEST_MATRIX:
-            return whole
-        return RowByRow(whole, self.of(torque, "a", "parameters"), lambda units, p, D: (p, units, D), r)

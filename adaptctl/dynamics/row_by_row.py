@@ -1,8 +1,8 @@
-"""Matrices of long mechanisms on arrays, computed row by row: a regressor's rows are the powers, per unit of each
-parameter, at unit velocities of single joints, a mass matrix's the torques for unit accelerations of single joints.
+"""Regressors of long mechanisms on arrays, computed row by row: a row has the powers, per unit of each parameter, at
+unit velocity of one joint.
 
-The operations of whole matrices grow with the square of the number of links, so that LLVM takes seconds to minutes to
-compile them. Those of a row grow with the number alone: it is compiled in a second or two, and is evaluated for several
+The operations of the whole matrix grow with the square of the number of links, so that LLVM takes many seconds to
+compile it. Those of a row grow with the number alone: it is compiled in a second or two, and is evaluated for several
 joints at once in SIMD registers.
 """
 

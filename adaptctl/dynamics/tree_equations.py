@@ -15,9 +15,9 @@ from adaptctl.dynamics.recursion.articulated_bodies import accelerations
 from adaptctl.dynamics.recursion.drive import DriveTerm
 from adaptctl.dynamics.recursion.held_axes import angles, held_placements
 from adaptctl.dynamics.recursion.mass_matrix import mass_matrix
-from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, motions
+from adaptctl.dynamics.recursion.motion import LinkMotion, motions
 from adaptctl.dynamics.recursion.newton_euler import joint_torques, powers, torque_regressor
-from adaptctl.dynamics.recursion.segment import Placement, Segment, segments
+from adaptctl.dynamics.recursion.segment import Placement, Segment, depths, segments
 from adaptctl.scalars import ZERO, Column, Scalar, Vec
 
 ARTICULATED = 6.5
@@ -254,11 +254,9 @@ class TreeEquations(Equations):
     @cached_property
     def _is_long(self) -> bool:
         """True where articulated bodies cost less; a rotor that turns with several joints is no such body's."""
-        depths: list[int] = []
-        for link in self.segments:
-            depths.append(1 + (depths[link.parent] if link.parent != GROUND else 0))
+        deep = depths(link.parent for link in self.segments)
         coupled = any(len(term.arms) > 1 for term in self.layout.drives if not term.kind.is_friction)
-        return sum(depths) >= ARTICULATED * len(depths) and not coupled
+        return sum(deep) >= ARTICULATED * len(deep) and not coupled
 
     def weightless(self) -> TreeEquations:
         """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential

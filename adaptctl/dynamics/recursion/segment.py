@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -117,6 +117,15 @@ def segments(description: Description) -> tuple[Segment, ...]:
     """Geometry of every link of the mechanism that a `description` gives, a `Segment` each, lengths in m, in the links'
     order, parents before children. Nothing is checked."""
     return tuple(Segment.of(link) for link in description.links)
+
+
+def depths(parents: Iterable[int]) -> list[int]:
+    """Numbers of joints between each of a tree's n links and the ground, from the zero-based indices of the links'
+    `parents`, -1 for the ground, parents before children: n integers of at least 1. Nothing is checked."""
+    found: list[int] = []
+    for parent in parents:
+        found.append(1 + (found[parent] if parent >= 0 else 0))
+    return found
 
 
 def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
