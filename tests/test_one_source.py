@@ -91,7 +91,7 @@ def inputs(name: str, given: tuple[str, ...], samples: int) -> list[Array]:
         "q": mechanism.configuration(p),
         "D": np.broadcast_to(mechanism.inertial_parameters, (samples, len(mechanism.inertial_parameters))),
         "beta": rng.normal(size=(samples, len(model.columns))),
-        "motion": rng.normal(size=(samples, mechanism.equations.motion_size)),
+        "motion": rng.normal(size=(samples, len(mechanism.equations.motion_memory.kept))),
         "elapsed": np.full((samples, 1), 1e-3),
     }
     return [known[x] if x in known else rng.normal(size=(samples, mechanism.dof)) for x in given]

@@ -25,7 +25,7 @@ arms, little between 30 and 80.)"""
 
 
 MANY = 64
-"""Zeros in a part of a result for which one instruction that clears it pays."""
+"""Zeros in a part of a result above which the part is cleared at once."""
 
 
 class FunctionBody:
@@ -90,12 +90,11 @@ class FunctionBody:
 
     def constants(self, layout: Layout, values: Sequence[Any]) -> None:
         """Append the instructions that write the constants among a routine's results, `values` in the order of the
-        `layout`, into memory at the pointers "%out0" and so on. Of parts that are mostly zeros, all are cleared at
-        once. Nothing is checked."""
+        `layout`, into memory at the pointers "%out0" and so on. Parts of which more than half, and more than MANY (64),
+        are zeros are cleared at once. Nothing is checked."""
         for part, place in enumerate(layout.places):
             known = {k: x for k, x in enumerate(values[place]) if isinstance(x, float)}
-            zeros = [k for k, x in known.items() if x == 0.0]
-            if len(zeros) > max(MANY, layout.sizes[part] // 2):
+            if sum(x == 0.0 for x in known.values()) > max(MANY, layout.sizes[part] // 2):
                 self._text.clear(f"%out{part}", layout.sizes[part])
                 known = {k: x for k, x in known.items() if x != 0.0}
             for k, x in known.items():

@@ -6,4 +6,4 @@ same (`native_or_floats`); what only native code can do, such as lanes of many a
 """
 
 LARGEST_COMPILED = 100
-"""Links up to which equations are compiled."""
+"""Links up to which equations are compiled. LLVM takes 6 s for the mass matrix of a chain of so many."""

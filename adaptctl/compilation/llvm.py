@@ -73,15 +73,16 @@ def _function(
         return _piece(routine, parts[0], symbol, symbols, lanes, same, uniform)
     inner = {f"{symbol}.piece{k}": part for k, part in enumerate(parts)}
     functions = [
-        _piece(routine, part, name, symbols, lanes, same, uniform, shared=True, first=part is parts[0])
-        for name, part in inner.items()
+        _piece(routine, part, name, symbols, lanes, same, uniform, shared=True) for name, part in inner.items()
     ]
     passed = 1 + max((place for part in parts for place in part.kept.values()), default=0)
     pointers = [*_pointers(routine, same), "ptr %passed"]
     head = f"define internal void @{symbol}({', '.join(pointers[:-1])}) noinline {lanes.attributes} {{"
+    body = FunctionBody((), symbols, lanes, {})
+    body.constants(routine.layout, routine.outputs)  # not in the pieces, each of which would write them all
     memory = f"%passed = alloca [{passed} x {lanes.value}], align {lanes.alignment}"
     calls = [f"call void @{name}({', '.join(pointers)})" for name in inner]
-    return "\n".join([*functions, head, memory, *calls, "ret void\n}"])
+    return "\n".join([*functions, head, memory, *body.lines, *calls, "ret void\n}"])
 
 
 def _piece(
@@ -94,12 +95,11 @@ def _piece(
     uniform: Container[int] = (),
     *,
     shared: bool = False,
-    first: bool = True,
     inlining: str = "noinline",
 ) -> str:
-    """The function of a piece, which shares memory with others, or of a whole routine; the first writes constants."""
+    """The function of a piece, which shares memory with others, or of a whole routine, which writes constants too."""
     body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform)
-    if first:
+    if not shared:
         body.constants(routine.layout, routine.outputs)
     wanted: dict[int, list[tuple[str, int]]] = {i: [("%passed", place)] for i, place in piece.kept.items()}
     for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):

@@ -110,7 +110,7 @@ class SlotineLi(AdaptiveController):
         estimate, learning = self._learned(memory, passed)
         motion = equations.motion(q, v, v_r, a_r)
         torque = motion.torque(self._parameters(estimate)) - damping * s
-        kept = equations.motion_memory.of_motion(motion.numbers) if self._motion_size else Column(())
+        kept = equations.motion_memory.chosen(motion.numbers) if self._motion_size else Column(())
         return torque, AdaptiveState(estimate, q, kept, s, *self._held(torque), learning, more)
 
     def reference_velocity(

@@ -1,8 +1,8 @@
-"""Lengths along a mechanism's links: where a link's joint is, where the link ends, how far a chain reaches."""
+"""Lengths along a mechanism's links: where a joint is and a link ends, how far and over how many joints it reaches."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -61,6 +61,15 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
     part_of_joint = bool(points) and farthest <= SHORTEST
     beyond = np.linalg.norm(end - joint) > farthest + SHORTEST
     return points if part_of_joint or (points and not beyond) else [*points, end]
+
+
+def depths(parents: Iterable[int]) -> list[int]:
+    """Numbers of joints from the ground to each of a tree's n links, integers of at least 1, from the zero-based
+    indices of the links' `parents`, -1 the ground, parents before children. Nothing is checked."""
+    found: list[int] = []
+    for parent in parents:
+        found.append(1 if parent == GROUND else 1 + found[parent])
+    return found
 
 
 def chain_reach(links: Sequence[Link], index: int) -> float:

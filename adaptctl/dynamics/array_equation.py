@@ -51,7 +51,7 @@ class ArrayEquation:
     `sizes`, a callable without arguments that returns the arguments' sizes by name, first that of the positions p (r,)
     of the r primary (independent) joints, rad (m if prismatic); `configured`, a callable that makes of p the
     configuration (..., n) of the spanning tree's n joints, which `function` then takes for p, None where that is p
-    itself; `links`, the number n of links; and `longest`, the most links with which it is compiled, 100 by default.
+    itself; `links`, the number n of links; and `compiled`, False for an equation that is never compiled.
 
     It runs in Python at first. Once calls/50 + samples/25000, summed over all calls, is 1 it is compiled and runs as
     native code, with several samples at once in SIMD registers. Both agree to round-off. `call` and `into` raise
@@ -61,12 +61,12 @@ class ArrayEquation:
 
     __slots__ = (
         "__weakref__",
+        "_compiles",
         "_configured",
         "_function",
         "_kernel",
         "_lengths",
         "_links",
-        "_longest",
         "_name",
         "_work",
         "call",
@@ -80,11 +80,11 @@ class ArrayEquation:
         sizes: Callable[[], Mapping[str, int]],
         links: int,
         *,
-        longest: int = LARGEST_COMPILED,
+        compiled: bool = True,
         configured: Callable[[Array], Array] | None = None,
     ) -> None:
         self._name, self._function, self._lengths = name, function, sizes
-        self._links, self._longest, self._configured = links, longest, configured
+        self._links, self._compiles, self._configured = links, compiled, configured
         self._kernel: Kernel | None = None
         self._work = 0.0
         self.call: Callable[..., Array] = self._generally
@@ -169,7 +169,7 @@ class ArrayEquation:
     def _compiled(self, states: int) -> Kernel | None:
         """Native code, if it pays by now."""
         self._work += 1.0 / CALLS + states / STATES
-        if self._work < 1.0 or self._links > self._longest:
+        if self._work < 1.0 or not self._compiles or self._links > LARGEST_COMPILED:
             return None
         from adaptctl.compilation import compile_function
 

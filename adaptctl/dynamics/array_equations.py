@@ -8,18 +8,17 @@ from typing import Protocol
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.description import Description
+from adaptctl.description.reach import depths
 from adaptctl.dynamics.array_equation import ArrayEquation, OnArrays
 from adaptctl.dynamics.equations import Equations
-from adaptctl.dynamics.recursion.segment import depths
 from adaptctl.dynamics.row_by_row import RowByRow
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
 MOST_PAIRS = 600
 """Pairs of a joint and a link that it moves up to which a whole regressor is compiled: those of a chain of 34 links, or
-of most humanoids. LLVM takes 5 s for so many, and 6 s for the mass matrix of a chain of 100 links."""
+of most humanoids. LLVM takes 5 s for so many."""
 
 REGRESSORS = "torque_regressor", "slotine_li_regressor"
 """Names of the regressors that are evaluated on some columns alone."""
@@ -120,7 +119,7 @@ class ArrayEquations:
         self,
         function: Callable[..., Column | list[Column]],
         *arguments: str,
-        longest: int = LARGEST_COMPILED,
+        compiled: bool = True,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
         """An equation of this mechanism on arrays, an `ArrayEquation`, from a `function` of `Column` objects (vectors
@@ -130,8 +129,8 @@ class ArrayEquations:
 
         The equation's `call` takes the positions p (..., r) of the r primary (independent) joints in place of q, then
         the further arguments, and returns an array (..., m) or (..., m, k). An argument named in `sizes` has that size,
-        `parameters` otherwise P (the number of parameters), any other r. Mechanisms of more than `longest` links, 100
-        by default, are never compiled. Nothing is checked or run before the equation is called.
+        `parameters` otherwise P (the number of parameters), any other r. It is never compiled where `compiled` is
+        False, True by default, nor for more than 100 links. Nothing is checked or run before the equation is called.
         """
         mechanism = self._mechanism
         configured = None if mechanism.description.loops is None else mechanism.configuration
@@ -141,28 +140,29 @@ class ArrayEquations:
             return {name: known.get(name, mechanism.dof) for name in ("p", *arguments)}
 
         return ArrayEquation(
-            mechanism.name, function, lengths, len(mechanism.description.links), longest=longest, configured=configured
+            mechanism.name,
+            function,
+            lengths,
+            len(mechanism.description.links),
+            compiled=compiled,
+            configured=configured,
         )
 
     def _regressor(self, name: str, columns: tuple[int, ...] | None) -> OnArrays:
         """A regressor of all parameters, or of some; a long mechanism's row by row."""
-        mechanism, r = self._mechanism, self._mechanism.dof
+        mechanism = self._mechanism
         long = sum(depths(link.parent for link in mechanism.description.links)) > MOST_PAIRS
-        longest = 0 if long else LARGEST_COMPILED
 
         def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
             equations = mechanism.equations
             chosen = range(equations.parameters) if columns is None else columns
             return equations.torque_regressor(q, v, v_r, a_r, chosen)
 
-        def arranged(units: Array, p: Array, v: Array, *reference: Array) -> tuple[Array, ...]:
-            return p, v, *(reference if len(reference) == 2 else (v, *reference)), units
-
         if name == "slotine_li_regressor":
-            whole = self.of(rows, "v", "v_r", "a_r", longest=longest)
+            whole = self.of(rows, "v", "v_r", "a_r", compiled=not long)
         else:
-            whole = self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", longest=longest)
-        return RowByRow(whole, self._powers, arranged, r, columns) if long else whole
+            whole = self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", compiled=not long)
+        return RowByRow(whole, self._powers, mechanism.dof, columns) if long else whole
 
     def _all_powers(self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column) -> Column:
         """Y' s, of which each row of Y is that of a unit vector s."""

@@ -53,14 +53,8 @@ class ConstrainedMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units from which this motion can be rebuilt, a `Column` of length
-        `ConstrainedEquations.motion_size`: those of the same motion without constraints on parameters, in their order.
-
-        These are, with loops, first the derivatives of the dependent joints with respect to each primary one in turn;
-        then of every link the cosine and sine of its joint's angle (or its displacement), of every link its twelve
-        `LinkMotion.numbers`, and of every rotor or friction term of a drive its torque per unit of the parameter.
-        `ConstrainedEquations.remembered` rebuilds the motion from them.
-        """
+        """The scalars in SI units from which `ConstrainedEquations.remembered` rebuilds this motion, a `Column`: those
+        of the same motion without constraints on parameters, in their order (`Motion.numbers`)."""
         return self.whole.numbers
 
 
@@ -164,12 +158,6 @@ class ConstrainedEquations(Equations):
         Arguments are not checked: too few numbers raise `TypeError` or `IndexError`, or pass until torques are asked
         for; too many may pass."""
         return ConstrainedMotion(self, self.whole.remembered(numbers))
-
-    @property
-    def motion_size(self) -> int:
-        """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: that of the equations
-        without constraints on parameters."""
-        return self.whole.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under a torque (r,),

@@ -51,14 +51,14 @@ class Motion(ABC):
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """The scalars in SI units from which this motion can be rebuilt, a `Column` of length `Equations.motion_size`.
+        """The scalars in SI units from which `Equations.remembered` rebuilds this motion, a `Column`.
 
         With loops they are first the derivatives of the dependent joints with respect to each primary one in turn; then
         of every link in turn the cosine and sine of the angle by which it is turned, its joint's or a sum with those of
-        parallel joints before it (or its joint's displacement); then of every link its twelve `LinkMotion.numbers`, in
-        the axes in which its vectors are held: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x, y,
-        z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or friction
-        term of a drive its torque per unit of the parameter. `Equations.remembered` rebuilds the motion from them.
+        parallel joints before it (or its joint's displacement, m); then of every link its twelve `LinkMotion.numbers`,
+        in the axes in which its vectors are held: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x,
+        y, z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or
+        friction term of a drive its torque per unit of the parameter.
         """
 
 
@@ -78,7 +78,7 @@ class Equations(ABC):
 
     Subclasses: `TreeEquations`, of a tree; `LoopEquations`, of a tree with closures; `ConstrainedEquations`, of either
     under linear constraints, by which all parameters are D0 + N z: in these, D and P stand for the free parameters z
-    and their number. A subclass defines `dof`, `links`, `parameters`, `motion_size`, `closed`, `projected`, `rates`,
+    and their number. A subclass defines `dof`, `links`, `parameters`, `closed`, `projected`, `rates`,
     `energy_regressor`, `potential_regressor`, `motion`, `remembered`, `mass_matrix`, `damping` and `weightless`; torque
     regressors, torques and accelerations follow from these.
     """
@@ -171,17 +171,10 @@ class Equations(ABC):
 
     @abstractmethod
     def remembered(self, numbers: Column) -> Motion:
-        """The motion at one instant, a `Motion`, rebuilt from its property `numbers` (`motion_size`,), scalars in SI
+        """The motion at one instant, a `Motion`, rebuilt from its property `numbers`, scalars in SI
         units. The sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are not
         checked: too few numbers raise `TypeError` or `IndexError` or, where only a few lack, pass until the motion is
         asked for torques; too many may pass."""
-
-    @property
-    @abstractmethod
-    def motion_size(self) -> int:
-        """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: 14 a link (13 if
-        prismatic), one for each rotor or friction term of a drive and, with loops, the derivative of each dependent
-        joint with respect to each primary one."""
 
     @cached_property
     def motion_memory(self) -> MotionMemory:

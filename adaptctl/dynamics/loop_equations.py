@@ -67,14 +67,9 @@ class LoopMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units from which this motion can be rebuilt, a `Column` of length
-        `LoopEquations.motion_size`.
-
-        They are for each of the r primary joints in turn the derivatives of the n - r dependent joints by it, then the
-        tree's `TreeMotion.numbers`: of every link the cosine and sine of its joint's angle or its displacement, of
-        every link its twelve `LinkMotion.numbers`, and of every rotor or friction term its torque per unit of the
-        parameter. `LoopEquations.remembered` rebuilds the motion from them.
-        """
+        """The scalars in SI units from which `LoopEquations.remembered` rebuilds this motion, a `Column`: for each of
+        the r primary joints in turn the derivatives of the n - r dependent joints by it, then the tree's
+        `TreeMotion.numbers`."""
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
 
 
@@ -218,19 +213,13 @@ class LoopEquations(Equations):
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
     def remembered(self, numbers: Column) -> LoopMotion:
-        """The motion at one instant, a `LoopMotion`, rebuilt from its property `numbers` (`motion_size`,), scalars in
+        """The motion at one instant, a `LoopMotion`, rebuilt from its property `numbers`, scalars in
         SI units. The sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are
         not checked: too few numbers raise `TypeError`, or pass until the motion is asked for torques; too many may
         pass."""
         rest, size = iter(numbers), len(self.closing.dependent)
         slopes = [Column(islice(rest, size)) for _ in self.closing.primary]
         return LoopMotion(Following(self.closing, slopes), self.tree.remembered(Column(rest)))
-
-    @property
-    def motion_size(self) -> int:
-        """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: the tree's, and the
-        derivative of each of the n - r dependent joints with respect to each of the r primary ones."""
-        return len(self.closing.primary) * len(self.closing.dependent) + self.tree.motion_size
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under their `torque`

@@ -14,34 +14,33 @@ class MotionMemory(NamedTuple):
     (`Motion.numbers`). Those left out are constants of the mechanism, such as zeros of links that move in a plane, or
     equal to one that is kept.
 
-    `kept` has the zero-based indices of the numbers to be remembered; `known` maps the index of each number that is a
-    constant to it; `same` (m,) has for every number the index, among those kept, of its equal, 0 for constants. Made by
-    `MotionMemory.of`; nothing is checked.
+    `kept` has the zero-based indices of the numbers to be remembered; `sources` (m,) has for every number its constant,
+    a float, or the index, an integer, of its equal among those kept. Made by `MotionMemory.of`; nothing is checked.
     """
 
     kept: tuple[int, ...]
-    known: Mapping[int, float]
-    same: tuple[int, ...]
+    sources: tuple[float | int, ...]
 
     @classmethod
     def of(cls, numbers: Callable[..., Column], sizes: Mapping[str, int]) -> MotionMemory:
         """The `MotionMemory` of a mechanism, found by tracing `numbers` once: a callable that returns the m numbers of
         a motion, a `Column` (m,), from Columns whose names and lengths are `sizes`. Raises what the callable
         raises."""
-        found = trace(numbers, sizes, name="motion").outputs
-        known = {i: float(x) for i, x in enumerate(found) if isinstance(x, float)}
-        first: dict[Any, int] = {}
-        for i, x in enumerate(found):
-            if i not in known:
-                first.setdefault(x, i)
-        place = {x: k for k, x in enumerate(first)}
-        return cls(tuple(first.values()), known, tuple(0 if i in known else place[x] for i, x in enumerate(found)))
+        kept: list[int] = []
+        places: dict[Any, int] = {}
+        sources: list[float | int] = []
+        for i, x in enumerate(trace(numbers, sizes, name="motion").outputs):
+            if not isinstance(x, float) and x not in places:
+                places[x] = len(kept)
+                kept.append(i)
+            sources.append(x if isinstance(x, float) else places[x])
+        return cls(tuple(kept), tuple(sources))
 
-    def of_motion(self, numbers: Column) -> Column:
-        """The numbers to be remembered, a `Column`, of all m `numbers` (m,) of a motion. Raises `IndexError` for too
-        few."""
+    def chosen(self, numbers: Column) -> Column:
+        """The numbers to be remembered, a `Column`, of all m `numbers` (m,) of a motion. Raises `IndexError` where one
+        of them is missing."""
         return Column(numbers[i] for i in self.kept)
 
     def numbers(self, remembered: Column) -> Column:
         """All m numbers of a motion, a `Column` (m,), from those `remembered`. Raises `IndexError` for too few."""
-        return Column(self.known[i] if i in self.known else remembered[k] for i, k in enumerate(self.same))
+        return Column(x if isinstance(x, float) else remembered[x] for x in self.sources)

@@ -1,15 +1,15 @@
 """Regressors of long mechanisms on arrays, computed row by row: a row has the powers, per unit of each parameter, at
 unit velocity of one joint.
 
-The operations of the whole matrix grow with the square of the number of links, so that LLVM takes many seconds to
-compile it. Those of a row grow with the number alone: it is compiled in a second or two, and is evaluated for several
-joints at once in SIMD registers.
+The operations of the whole matrix grow with the pairs of a joint and a link that it moves, in a chain with the square
+of its length, so that LLVM takes many seconds to compile it. Those of a row grow with the links alone: it is compiled
+in a second or two, and is evaluated for several joints at once in SIMD registers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -23,37 +23,31 @@ STATES = 64
 
 
 class RowByRow:
-    """Equation of a matrix (r, m) of a mechanism of r primary (independent) joints, evaluated on NumPy arrays row by
-    row, by native code of a single row, which compiles where that of the whole matrix would take too long. `call` and
-    `into` are those of an `ArrayEquation`.
+    """Regressor (r, k) of a mechanism of r primary (independent) joints, evaluated on NumPy arrays row by row, by
+    native code of a single row, which compiles where that of the whole matrix would take too long. `call` and `into`
+    are those of an `ArrayEquation`.
 
     Made of `whole`, the `ArrayEquation` of the matrix, which is used for several states at once until the row's native
-    code is compiled; `row`, the `ArrayEquation` of a row (m,); `arranged`, a callable that makes of unit vectors (k, r)
-    and the matrix's arguments, (size,) or (k, size) each, those of `row` for the k rows of these; `rows`, the number r;
-    and `columns`, the zero-based indices of the entries of a row that the matrix has, None, the default, for all.
-    Construction checks nothing. `call` and `into` raise `InputError` on a wrong shape, `NonFiniteError` on NaN or
-    infinity in arguments or results, `SingularityError` near a singularity of kinematic loops, and `ValueError` for
-    another number of arguments.
+    code is compiled; `powers`, the `ArrayEquation` of the powers (P,) of all P parameters at positions, velocities,
+    reference velocities and accelerations and joint rates, (r,) each; `rows`, the number r; and `columns`, the
+    zero-based indices of the k parameters, None, the default, for all P. Construction checks nothing. `call` and `into`
+    raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity in arguments or results, `SingularityError`
+    near a singularity of kinematic loops, and `ValueError` for another number of arguments.
     """
 
     def __init__(
-        self,
-        whole: ArrayEquation,
-        row: ArrayEquation,
-        arranged: Callable[..., Sequence[Array]],
-        rows: int,
-        columns: Sequence[int] | None = None,
+        self, whole: ArrayEquation, powers: ArrayEquation, rows: int, columns: Sequence[int] | None = None
     ) -> None:
-        self._whole, self._row, self._arranged, self._rows = whole, row, arranged, rows
+        self._whole, self._powers, self._rows = whole, powers, rows
         self._columns = None if columns is None else list(columns)
 
     def call(self, *arguments: ArrayLike) -> Array:
-        """The matrices (..., r, m) at `arguments` (..., size) in SI units, size an argument's own, whose leading axes
-        are samples and broadcast. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+        """The regressors (..., r, k) at `arguments` (..., r) in SI units, those of `whole`, whose leading axes are
+        samples and broadcast. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
         `SingularityError` near a singularity of kinematic loops, `ValueError` for another number of arguments."""
         arrays, samples = self._whole.arrays_of(*arguments)
         count = math.prod(samples)
-        if not count or (not self._row.is_native(count * self._rows) and count != 1):
+        if not count or (not self._powers.is_native(count * self._rows) and count != 1):
             return self._whole.call(*arguments)
         if not samples:
             return self._rows_at(*arrays)
@@ -71,7 +65,8 @@ class RowByRow:
         if states[0].ndim > 1:
             units = np.tile(units, (len(states[0]), 1))
             states = tuple(np.repeat(x, self._rows, axis=0) for x in states)
-        rows = self._row.on_rows(*self._arranged(units, *states))
+        p, v, *reference = states
+        rows = self._powers.on_rows(p, v, *(reference if len(reference) == 2 else (v, *reference)), units)
         return rows if self._columns is None else rows[:, self._columns]
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:

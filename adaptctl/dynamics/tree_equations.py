@@ -8,16 +8,17 @@ from itertools import islice
 
 from adaptctl.caching import cached_property
 from adaptctl.description import Description
+from adaptctl.description.reach import depths
 from adaptctl.dynamics.equations import Equations, Motion
 from adaptctl.dynamics.parameter_layout import ParameterLayout
 from adaptctl.dynamics.recursion import energy
 from adaptctl.dynamics.recursion.articulated_bodies import accelerations
 from adaptctl.dynamics.recursion.drive import DriveTerm
-from adaptctl.dynamics.recursion.held_axes import angles, held_placements
+from adaptctl.dynamics.recursion.held_axes import HeldAxes
 from adaptctl.dynamics.recursion.mass_matrix import mass_matrix
 from adaptctl.dynamics.recursion.motion import LinkMotion, motions
 from adaptctl.dynamics.recursion.newton_euler import joint_torques, powers, torque_regressor
-from adaptctl.dynamics.recursion.segment import Placement, Segment, depths, segments
+from adaptctl.dynamics.recursion.segment import Placement, Segment, segments
 from adaptctl.scalars import ZERO, Column, Scalar, Vec
 
 ARTICULATED = 6.5
@@ -84,15 +85,13 @@ class TreeMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units from which this motion can be rebuilt, a `Column` of length
-        `TreeEquations.motion_size`.
+        """The scalars in SI units from which `TreeEquations.remembered` rebuilds this motion, a `Column`: 14 a link (13
+        with a prismatic joint), and one for each rotor or friction term of a drive.
 
         They are of every link in turn the cosine and sine of the angle by which it is turned, its joint's or a sum with
-        those of parallel joints before it (or its joint's displacement); then of every link its twelve
-        `LinkMotion.numbers`, in the axes in which its vectors are held (`held_placements`); then of every rotor or
-        friction term of the drives its torque per unit of the parameter. The twelve are six products of angular
-        velocities (xx, xy, yy, xz, yz, zz), then x, y, z of the angular acceleration and of the origin's acceleration
-        less gravity's. `TreeEquations.remembered` rebuilds the motion from them.
+        those of parallel joints before it (or its joint's displacement, m); then of every link its twelve
+        `LinkMotion.numbers`, in the axes in which its vectors are held (`HeldAxes`); then of every rotor or friction
+        term of the drives its torque per unit of the parameter.
         """
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
@@ -179,26 +178,20 @@ class TreeEquations(Equations):
         reference velocities `v_r` (n,), rad/s (m/s), and reference accelerations `a_r` (n,), rad/s^2 (m/s^2), by the
         forward recursion of Newton and Euler's equations over the links. Arguments are not checked: vectors too short
         raise `IndexError`."""
-        places = held_placements(self.segments, angles(self.segments, p))
+        places = self._placements(p)
         drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
-        """The motion at one instant, a `TreeMotion`, rebuilt from its property `numbers` (`motion_size`,), scalars in
+        """The motion at one instant, a `TreeMotion`, rebuilt from its property `numbers`, scalars in
         SI units. The sines and the recursion over the links are not computed again. Arguments are not checked: too few
         numbers raise `TypeError` or, where only a few lack, pass until the motion is asked for torques; too many may
         pass."""
         rest = iter(numbers)
         coordinates = [tuple(islice(rest, link.coordinates)) for link in self.segments]
-        places = held_placements(self.segments, coordinates)
+        places = self._held.placements(coordinates)
         links = [LinkMotion.of(tuple(islice(rest, 12))) for _ in self.segments]
         return TreeMotion(self.layout, places, links, tuple(rest))
-
-    @property
-    def motion_size(self) -> int:
-        """Number of scalars from which a motion can be rebuilt, the length of `Motion.numbers`: 14 a link (13 with a
-        prismatic joint), and one for each rotor or friction term of a drive."""
-        return sum(link.coordinates + 12 for link in self.segments) + len(self.layout.drives)
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix (n, n) of a tree's n joints, as n rows of n scalars: symmetric, rotor inertias included, in kg
@@ -206,7 +199,7 @@ class TreeEquations(Equations):
         for values (P,) of the P inertial and friction `parameters` in SI units, in the order of
         `Mechanism.parameter_names`, by composite rigid bodies (Walker and Orin 1982). Arguments are not checked:
         vectors too short raise `IndexError` or `ValueError`."""
-        places = held_placements(self.segments, angles(self.segments, p))
+        places = self._placements(p)
         rows = mass_matrix(places, self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
@@ -250,6 +243,14 @@ class TreeEquations(Equations):
             if not term.kind.is_friction:
                 rotors[term.joint] = rotors[term.joint] + value
         return accelerations(motion.places, motion.links, self.layout.tens(parameters), rotors, Column(own))
+
+    @cached_property
+    def _held(self) -> HeldAxes:
+        return HeldAxes.of(self.segments)
+
+    def _placements(self, p: Column) -> list[Placement]:
+        """The links' poses in the axes in which their vectors are held."""
+        return self._held.placements(self._held.coordinates(p))
 
     @cached_property
     def _is_long(self) -> bool:

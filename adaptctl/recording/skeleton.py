@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.description import GROUND, Link
-from adaptctl.description.reach import SHORTEST, attachments, chain_reach, joint_line, link_end
+from adaptctl.description import Link
+from adaptctl.description.reach import SHORTEST, attachments, chain_reach, depths, joint_line, link_end
 from adaptctl.dynamics import Mechanism
 
 ROOT_RADIUS, TIP_RADIUS = 0.062, 0.026
@@ -68,10 +67,10 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
     radii grow with the reach. Nothing is raised."""
     links = mechanism.links
     ends = attachments(mechanism.description)
-    depths = _depths(links)
-    tip_link = int(np.argmax(depths))
+    deep = np.array(depths(link.parent for link in links)) - 1
+    tip_link = int(np.argmax(deep))
     tip, reach = link_end(links[tip_link]), chain_reach(links, tip_link) or 1.0
-    slimness = depths / max(float(depths.max()), 1.0)
+    slimness = deep / max(float(deep.max()), 1.0)
     radii = reach * (ROOT_RADIUS + slimness * (TIP_RADIUS - ROOT_RADIUS))
     shapes = [shape for i in range(len(links)) for shape in _link_shapes(links, i, ends[i], float(radii[i]))]
     tool = Shape(tip_link, Solid.TOOL, tip, tip, 1.15 * TIP_RADIUS * reach)
@@ -109,11 +108,3 @@ def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], rad
                 yield Shape(index, Solid.LINK, a, b, radius)
     half = (1.25 if link.joint.kind.turns else 2.5) * radius * axis
     yield Shape(index, Solid.JOINT, start - half, start + half, 1.2 * radius)
-
-
-def _depths(links: tuple[Link, ...]) -> NDArray[np.int64]:
-    """Number of links before each link (N,); parents come before their children."""
-    depths = np.zeros(len(links), dtype=np.int64)
-    for i, link in enumerate(links):
-        depths[i] = 0 if link.parent == GROUND else depths[link.parent] + 1
-    return depths

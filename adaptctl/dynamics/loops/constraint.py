@@ -71,7 +71,7 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
         place = places[i]
-        joint = origin + rotation @ place.segment.near
+        joint = origin + rotation @ place.near
         rotation = Mat(*(place.down(row) for row in (rotation.x, rotation.y, rotation.z)))
         hinges.append(Hinge(i, place.segment.turns, rotation @ place.segment.axis, joint))
         origin = joint + rotation @ place.shift

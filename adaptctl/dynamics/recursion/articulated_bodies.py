@@ -69,8 +69,10 @@ class ArticulatedBody(NamedTuple):
         link's origin and axes. The link's own joint must be free too: it is what `without` gives. `place` is the link's
         placement in its parent, `rotor` the inertia of the joint itself, kg m^2 (kg if prismatic); if that is the float
         0.0, entries that are zero but for round-off may be made exact zeros. Nothing is checked."""
-        near = place.segment.near
-        if place.segment.whole is not None and any(place.shift):  # far from right angles one way costs less than two
+        near = place.near
+        if place.segment.whole is not None and any(
+            place.segment.far
+        ):  # far from right angles one way costs less than two
             return self.turned_up(place).moved_origin(near + place.up(place.shift))
         at_joint = self.moved_origin(place.shift)
         if isinstance(rotor, float) and rotor == 0.0:

@@ -36,7 +36,7 @@ def carried_weight(place: Placement, base: Weight) -> Weight:
     """Gravity's acceleration in one link's axes, m/s^2, and the potential energy per mass at its origin, J/kg, as a
     `Weight`, from those of its parent, `base`. `place` is the link's placement in its parent. Nothing is checked."""
     own = place.down(base.gravity)
-    fall = dot(base.gravity, place.segment.near) + dot(own, place.shift)
+    fall = dot(base.gravity, place.near) + dot(own, place.shift)
     return Weight(own, base.potential - fall)
 
 

@@ -1,77 +1,94 @@
-"""Axes in which the recursions hold a link's vectors: the link's own, or those that it has at its joint's zero angle.
+"""Axes in which the recursions hold a link's vectors: the link's own, or such as its joint does not turn.
 
 A vector may be held in any axes, also in such as do not turn with its link. Where every joint on a link is parallel to
-the link's own (or none is on it), the axes of zero angle cost less: motions and wrenches pass this joint without being
-turned, the next joint turns them by the sum of both angles, and only the link's own parameters are turned.
+the link's own (or none is on it), axes before the joint's turn cost less: motions and wrenches pass this joint without
+being turned, the next joint turns them by the sum of both angles, and of the link only the parameters are turned.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from adaptctl.dynamics.recursion.motion import GROUND
-from adaptctl.dynamics.recursion.segment import Placement, Segment, axis_rotation
+from adaptctl.dynamics.recursion.segment import AxisRotation, Placement, Segment, axis_rotation
 from adaptctl.dynamics.recursion.tensors import turned_back
 from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
-def continued(links: Sequence[Segment]) -> list[float]:
-    """Senses in which a tree's n links turn on about their parents' joints: n numbers, 1.0 where a link's joint is
-    parallel to its parent's joint, -1.0 where it is antiparallel, else 0.0. `links` has the links' geometry, parents
-    before children. Joints that are parallel but for round-off do not count. Nothing is checked."""
-    return [_sense(link, links[link.parent]) if link.parent != GROUND else 0.0 for link in links]
+class HeldAxes(NamedTuple):
+    """Choice of the axes in which the vectors of a tree's n links are held, made by `HeldAxes.of`. Nothing is checked.
+
+    `links` has the links' geometry, parents before children. `senses` (n,) is 1.0 for a link whose joint is parallel to
+    its parent's joint, -1.0 where it is antiparallel, else 0.0. `unturned` (n,) is True for a link whose vectors are
+    held in axes that its joint does not turn: those that the link has with this joint at zero, and with the parallel
+    ones before it that do not turn theirs either; False for a link whose vectors are held in its own axes.
+    """
+
+    links: tuple[Segment, ...]
+    senses: tuple[float, ...]
+    unturned: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, links: Sequence[Segment]) -> HeldAxes:
+        """The choice that takes fewer operations, as `HeldAxes`, for a tree of n `links` (geometry, parents before
+        children). Vectors of a link are held before its joint's turn where the joint turns about a coordinate axis of
+        the link, all joints on the link are parallel to it, and one before it, which turns the link too, is not: links
+        that move in a plane of the ground are turned by one angle already. Joints that are parallel but for round-off
+        do not count. Nothing is checked."""
+        senses = tuple(_sense(link, links) for link in links)
+        tilted: list[bool] = []
+        for link, sense in zip(links, senses, strict=True):
+            tilted.append(link.parent != GROUND and (tilted[link.parent] or (not sense and _turns(link.parent, links))))
+        unturned = [
+            before and link.turns and axis_rotation(link.axis, 1.0, 0.0) is not None
+            for link, before in zip(links, tilted, strict=True)
+        ]
+        for link, sense in zip(links, senses, strict=True):
+            if link.parent != GROUND and not sense:
+                unturned[link.parent] = False
+        return cls(tuple(links), senses, tuple(unturned))
+
+    def coordinates(self, q: Column) -> list[tuple[Scalar, ...]]:
+        """Coordinates of the n links at a configuration `q` (n,) of their joints, rad (m if prismatic), of which the
+        method `placements` makes their poses, a list of n tuples. They are cosine and sine of the angle by which the
+        link is turned from the axes in which its parent's vectors are held, its joint's own or a sum with those of
+        parallel joints before it; or its joint's displacement, m. Too short a q raises `IndexError`."""
+        found: list[tuple[Scalar, ...]] = []
+        for i, (link, sense) in enumerate(zip(self.links, self.senses, strict=True)):
+            if not link.turns:
+                found.append((q[i],))
+                continue
+            c, s = cos(q[i]), sin(q[i])  # of the joint's own angle: they are often known, as of loops' joints
+            if link.parent != GROUND and self.unturned[link.parent]:
+                cosine, sine = found[link.parent][0], sense * found[link.parent][1]
+                c, s = c * cosine - s * sine, s * cosine + c * sine
+            found.append((c, s))
+        return found
+
+    def placements(self, coordinates: Sequence[Sequence[Scalar]]) -> list[Placement]:
+        """Poses of the n links in their parents, a `Placement` each, in the axes in which their vectors are held, from
+        the links' `coordinates`, n tuples as the method of this name gives them. Nothing is checked."""
+        found: list[Placement] = []
+        for link, own, unturned in zip(self.links, coordinates, self.unturned, strict=True):
+            before = found[link.parent].turn if link.parent != GROUND else None
+            near = link.near if before is None else before.T @ link.near
+            turn = axis_rotation(link.axis, *own) if unturned else None
+            place = link.placed(own) if turn is None else Placement(link, own, link.fixed, turn.T @ link.far)
+            found.append(Placement(link, own, place.turns, place.shift, near, turn))
+        return found
 
 
-def _sense(link: Segment, parent: Segment) -> float:
-    if not (link.turns and parent.turns):
+def _sense(link: Segment, links: Sequence[Segment]) -> float:
+    if link.parent == GROUND or not (link.turns and links[link.parent].turns):
         return 0.0
     axis = link.joint_axis if link.inward is None else link.inward.T @ link.joint_axis
-    return next((sign for sign in (1.0, -1.0) if tuple(sign * axis) == tuple(parent.axis)), 0.0)
+    return next((sign for sign in (1.0, -1.0) if tuple(sign * axis) == tuple(links[link.parent].axis)), 0.0)
 
 
-def held_still(links: Sequence[Segment]) -> list[bool]:
-    """Links of a tree of n whose vectors cost least in the axes that they have at zero angle of their joints: n truth
-    values. True are those whose joint turns about a coordinate axis of the link while all joints on it, if there are
-    any, are parallel to it. `links` has the links' geometry, parents before children. Nothing is checked."""
-    still = [link.turns and axis_rotation(link.axis, 1.0, 0.0) is not None for link in links]
-    for link, sense in zip(links, continued(links), strict=True):
-        if link.parent != GROUND and not sense:
-            still[link.parent] = False
-    return still
-
-
-def angles(links: Sequence[Segment], q: Column) -> list[tuple[Scalar, ...]]:
-    """The coordinates of a tree's n links at a configuration `q` (n,) of its joints, rad (m if prismatic), of which
-    `held_placements` makes their placements: cosine and sine of the angle by which each is turned from the axes in
-    which its parent's vectors are held, or its joint's displacement, m. That angle is its joint's own or, where its
-    parent's vectors are held in axes of zero angle, a sum of several. `links` has the links' geometry, parents before
-    children. Too short a q raises `IndexError`."""
-    still, found = held_still(links), list[tuple[Scalar, ...]]()
-    for i, (link, sense) in enumerate(zip(links, continued(links), strict=True)):
-        if not link.turns:
-            found.append((q[i],))
-            continue
-        c, s = cos(q[i]), sin(q[i])
-        if link.parent != GROUND and still[link.parent]:
-            cosine, sine = found[link.parent][0], sense * found[link.parent][1]
-            c, s = c * cosine - s * sine, s * cosine + c * sine
-        found.append((c, s))
-    return found
-
-
-def held_placements(links: Sequence[Segment], coordinates: Sequence[Sequence[Scalar]]) -> list[Placement]:
-    """Poses of a tree's n links in their parents, a `Placement` each, in the axes in which their vectors are held.
-    `links` has the links' geometry, parents before children, `coordinates` the n links' coordinates, as `angles` gives
-    them. Nothing is checked."""
-    found: list[Placement] = []
-    for link, own, still in zip(links, coordinates, held_still(links), strict=True):
-        before = found[link.parent].turn if link.parent != GROUND else None
-        near = link.near if before is None else before.T @ link.near
-        place = link.placed((1.0, 0.0) if still else own)
-        turn = axis_rotation(link.axis, *own) if still else None
-        shift = place.shift if turn is None else turn.T @ place.shift
-        found.append(Placement(link._replace(near=near), own, place.turns, shift, turn))
-    return found
+def _turns(i: int, links: Sequence[Segment]) -> bool:
+    """True if the link's joint, or one before it, turns it."""
+    return i != GROUND and (links[i].turns or _turns(links[i].parent, links))
 
 
 def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]:
@@ -85,14 +102,12 @@ def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]
     return m, *(place.turn.T @ Vec(x, y, z)), a.x.x, a.x.y, a.y.y, a.x.z, a.y.z, a.z.z
 
 
-def per_parameter(place: Placement, held: Sequence[Scalar]) -> Sequence[Scalar]:
-    """Coefficients (10,) of a link's ten inertial parameters in its own axes, from those of its ten parameters in the
-    axes in which its vectors are held, `held` (10,): such as powers or torques per unit of each, in the order of
-    `held_parameters`. `place` is the link's placement. Nothing is checked."""
-    if place.turn is None:
-        return held
+def per_own_parameter(turn: AxisRotation, held: Sequence[Scalar]) -> Sequence[Scalar]:
+    """Coefficients (10,) of a link's ten inertial parameters in its own axes, such as powers or torques per unit of
+    each, from those of its parameters in the axes in which its vectors are held, `held` (10,), in the order of
+    `held_parameters`. `turn` turns coordinates in the axes held into the link's own. Nothing is checked."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = held
     # Any tensor will do whose opposite entries add up to the coefficients of products of inertia.
-    a = turned_back(place.turn.T, Mat(Vec(xx, xy, xz), Vec(0.0, yy, yz), Vec(0.0, 0.0, zz)))
+    a = turned_back(turn.T, Mat(Vec(xx, xy, xz), Vec(0.0, yy, yz), Vec(0.0, 0.0, zz)))
     products = a.x.y + a.y.x, a.y.y, a.x.z + a.z.x, a.y.z + a.z.y
-    return m, *(place.turn @ Vec(x, y, z)), a.x.x, *products, a.z.z
+    return m, *(turn @ Vec(x, y, z)), a.x.x, *products, a.z.z

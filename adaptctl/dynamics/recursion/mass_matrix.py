@@ -38,11 +38,11 @@ def body(ten: Sequence[Scalar]) -> Body:
 
 def raised(place: Placement, link: Body) -> Body:
     """A link's rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about the origin and in the axes of
-    its parent link. `link` is that body about the origin and in the axes of the link itself, and `place` the link's
+    its parent link. `link` is that body about the origin and in the link's axes, and `place` the link's
     placement in its parent. Nothing is checked."""
     at_joint = moved_origin(link, place.shift)
     turned = Body(link.mass, place.up(at_joint.moment), symmetric_up(place, at_joint.inertia))
-    return moved_origin(turned, place.segment.near)
+    return moved_origin(turned, place.near)
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:

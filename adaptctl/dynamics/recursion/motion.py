@@ -1,4 +1,4 @@
-"""Forward recursions: how every link moves, in its own frame."""
+"""Forward recursions: how every link moves, in its axes (`Placement`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ GROUND = -1
 
 
 class Twist:
-    """A link's twist in its own axes: its angular velocity `w` (3,), rad/s, and the velocity `v` (3,) of its origin,
+    """A link's twist in its axes: its angular velocity `w` (3,), rad/s, and the velocity `v` (3,) of its origin,
     m/s. An object of this class may have the accelerations in their stead, rad/s^2 and m/s^2, or either per unit of a
     joint's velocity or acceleration. Nothing is checked."""
 
@@ -27,7 +27,7 @@ def carried(place: Placement, parent: Twist) -> Twist:
     angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes. `place` is the link's placement
     in its parent. Nothing is checked."""
     w = place.down(parent.w)
-    v = place.down(parent.v + cross(parent.w, place.segment.near))
+    v = place.down(parent.v + cross(parent.w, place.near))
     return Twist(w, v + cross(w, place.shift))
 
 
@@ -44,7 +44,7 @@ def moved(place: Placement, rate: Scalar) -> Twist:
 
 def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
     """Twists of all n links of a tree, one joint each, a `Twist` each: angular velocity, rad/s, and velocity of the
-    link's origin, m/s, in the link's own axes. `places` has the links' placements in their parents, parents before
+    link's origin, m/s, in the link's axes. `places` has the links' placements in their parents, parents before
     children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic). Arguments are not checked: too short a `rate`
     raises `IndexError`."""
     out: list[Twist] = []
@@ -84,7 +84,7 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """The motion of a link in its own axes, by the acceleration of its points less gravity's: acc + lever u, m/s^2, for
+    """The motion of a link in its axes, by the acceleration of its points less gravity's: acc + lever u, m/s^2, for
     the point at u (3,), m, from the link's origin. Its velocity terms are bilinear in two angular velocities w and r of
     the link, the actual one and one of a reference motion; for an ordinary motion r is w.
 
@@ -146,7 +146,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
     for i, place in enumerate(places):
         segment, z = place.segment, place.segment.axis
         base = out[segment.parent] if segment.parent != GROUND else ground
-        alpha, acc = place.down(base.alpha), place.down(base.acc + base.lever @ segment.near)
+        alpha, acc = place.down(base.alpha), place.down(base.acc + base.lever @ place.near)
         spin = cross(v[i] * w[i], z) if w is r else cross((0.5 * v_r[i]) * w[i] + (0.5 * v[i]) * r[i], z)
         if segment.turns:
             alpha = alpha + a_r[i] * z + spin
@@ -159,7 +159,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
-    """Angular velocities (3,), rad/s, of all n links of a tree, each in the link's own axes. `places` has the links'
+    """Angular velocities (3,), rad/s, of all n links of a tree, each in the link's axes. `places` has the links'
     placements in their parents, parents before children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic).
     Arguments are not checked: too short a `rate` raises `IndexError` where it is read."""
     out: list[Vec] = []

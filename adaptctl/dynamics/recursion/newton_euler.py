@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from adaptctl.dynamics.recursion.held_axes import held_parameters, per_parameter
+from adaptctl.dynamics.recursion.held_axes import held_parameters, per_own_parameter
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved, twists
 from adaptctl.dynamics.recursion.segment import Placement
 from adaptctl.dynamics.recursion.wrench import Wrench, power, wrench
@@ -48,7 +48,7 @@ def lifted(place: Placement, load: Wrench) -> Wrench:
     checked."""
     force = place.up(load.force)
     moment = place.up(load.moment + cross(place.shift, load.force))
-    return Wrench(force, moment + cross(place.segment.near, force))
+    return Wrench(force, moment + cross(place.near, force))
 
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
@@ -75,7 +75,7 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
 
 def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> dict[int, Twist]:
     """Twists of the link of zero-based index `i` under unit velocity of each joint that moves it, a `Twist` by joint
-    index: the columns of the link's Jacobian in its own axes, rad/rad and m/rad (m/m for a prismatic joint's velocity).
+    index: the columns of the link's Jacobian in its axes, rad/rad and m/rad (m/m for a prismatic joint's velocity).
     `place` is the link's placement in its parent. `done` has what this function returned for the links of lower index,
     in order, the parent among them; for a link on the ground it may be empty. Nothing is checked."""
     parent = place.segment.parent
@@ -113,5 +113,5 @@ def _kept_powers(place: Placement, motion: LinkMotion, twist: Twist, keep: Seque
     """The powers per unit of the kept parameters of a link in its own axes."""
     if place.turn is None or not keep:
         return power(motion, twist, keep)
-    own = per_parameter(place, power(motion, twist, range(10)))
+    own = per_own_parameter(place.turn, power(motion, twist, range(10)))
     return [own[k] for k in keep]

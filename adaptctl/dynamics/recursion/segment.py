@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +60,12 @@ class Segment(NamedTuple):
         revolute joint, 1, the displacement, for a prismatic one."""
         return 2 if self.turns else 1
 
+    @property
+    def fixed(self) -> tuple[Mat, ...]:
+        """The rotations (3, 3), up to two, that one after the other turn coordinates in the parent's axes into those in
+        the axes that the link has with its joint at zero."""
+        return tuple(step for step in (self.inward, self.outward) if step is not None)
+
     def at(self, q: Scalar) -> Placement:
         """The link's pose in its parent, a `Placement`, where its joint is at position `q`, rad (m if prismatic).
         Nothing is checked."""
@@ -80,13 +86,16 @@ class Placement:
 
     `segment` is the link's geometry; `coordinates` are the cosine and sine of its joint angle, or its joint's
     displacement, m; `turns` are the rotations (3, 3) that one after the other turn coordinates in the parent's axes
-    into the link's; and `shift` (3,) leads from the joint's origin before its own motion to the link's origin, in the
-    link's axes, m. Both links' axes may be others, in which their vectors are held (`held_placements`): `turn` is the
-    rotation (3, 3) that turns coordinates in the axes held into those in the link's own, None, the default, where they
-    are the same. Nothing is checked.
+    into the link's; `shift` (3,) leads from the joint's origin before its own motion to the link's origin, in the
+    link's axes, m; and `near` (3,) from the parent's origin to the joint's, in the parent's axes, m, None, the default,
+    for the geometry's. Nothing is checked.
+
+    In all functions on placements, a link's axes are those in which its vectors are held: its own or, in placements
+    that `HeldAxes` makes, others. `turn` is then the rotation (3, 3) that turns coordinates in the axes held into those
+    in the link's own; None, the default, where these are the same.
     """
 
-    __slots__ = ("coordinates", "segment", "shift", "turn", "turns")
+    __slots__ = ("coordinates", "near", "segment", "shift", "turn", "turns")
 
     def __init__(
         self,
@@ -94,9 +103,11 @@ class Placement:
         coordinates: Sequence[Scalar],
         turns: Sequence[Mat],
         shift: Vec,
+        near: Vec | None = None,
         turn: AxisRotation | None = None,
     ) -> None:
         self.segment, self.coordinates, self.turns, self.shift, self.turn = segment, coordinates, turns, shift, turn
+        self.near = segment.near if near is None else near
 
     def down(self, u: Vec) -> Vec:
         """The components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,); in the
@@ -117,15 +128,6 @@ def segments(description: Description) -> tuple[Segment, ...]:
     """Geometry of every link of the mechanism that a `description` gives, a `Segment` each, lengths in m, in the links'
     order, parents before children. Nothing is checked."""
     return tuple(Segment.of(link) for link in description.links)
-
-
-def depths(parents: Iterable[int]) -> list[int]:
-    """Numbers of joints between each of a tree's n links and the ground, from the zero-based indices of the links'
-    `parents`, -1 for the ground, parents before children: n integers of at least 1. Nothing is checked."""
-    found: list[int] = []
-    for parent in parents:
-        found.append(1 + (found[parent] if parent >= 0 else 0))
-    return found
 
 
 def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
