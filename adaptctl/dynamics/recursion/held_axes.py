@@ -34,14 +34,14 @@ class HeldAxes(NamedTuple):
         """The choice that takes fewer operations, as `HeldAxes`, for a tree of n `links` (geometry, parents before
         children). Vectors of a link are held before its joint's turn where the joint turns about a coordinate axis of
         the link, all joints on the link are parallel to it, and one before it, which turns the link too, is not: links
-        that move in a plane of the ground are turned by one angle already. Joints that are parallel but for round-off
-        do not count. Nothing is checked."""
+        that move in a plane of the ground are turned by one angle already. Links whose three turns are one (`whole`)
+        stay as they are, and joints that are parallel but for round-off do not count. Nothing is checked."""
         senses = tuple(_sense(link, links) for link in links)
         tilted: list[bool] = []
         for link, sense in zip(links, senses, strict=True):
             tilted.append(link.parent != GROUND and (tilted[link.parent] or (not sense and _turns(link.parent, links))))
         unturned = [
-            before and link.turns and axis_rotation(link.axis, 1.0, 0.0) is not None
+            before and link.turns and link.whole is None and axis_rotation(link.axis, 1.0, 0.0) is not None
             for link, before in zip(links, tilted, strict=True)
         ]
         for link, sense in zip(links, senses, strict=True):
