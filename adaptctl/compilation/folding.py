@@ -128,7 +128,7 @@ def cosine(x: Any) -> Any:
 
 
 def _make(op: Op, *operands: Any) -> Any:
-    traced = next(x for x in operands if isinstance(x, Expression))
+    traced = operands[0] if isinstance(operands[0], Expression) else operands[1]
     return traced.graph.make(type(traced), op, *operands)
 
 
