@@ -83,17 +83,17 @@ def independent_columns(columns: Array, tolerance: float, negligible: float) -> 
     `negligible`, in the same unit, and else no more are taken. With an infinite tolerance this is column pivoting
     (Businger and Golub 1965).
     """
-    left, taken = np.ascontiguousarray(columns.T), list[int]()
+    left, taken = columns.T.copy(), list[int]()
     directions = np.empty((min(columns.shape), len(columns)))
     for k in range(len(directions)):
         sizes = np.vecdot(left, left)
-        sizes[taken] = -1.0
         best = int((sizes > tolerance**2).argmax())
         if not sizes[best] > tolerance**2:
             best = int(sizes.argmax())
             if sizes[best] <= negligible**2:
                 break
         directions[k] = left[best] / math.sqrt(sizes[best])
-        left = left - np.multiply.outer(left @ directions[k], directions[k])
+        left -= (left @ directions[k])[:, None] * directions[k]
+        left[best] = 0.0  # of what was taken nothing is left, whatever round-off says
         taken.append(best)
     return taken, directions[: len(taken)]
