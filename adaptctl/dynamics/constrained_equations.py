@@ -153,10 +153,10 @@ class ConstrainedEquations(Equations):
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
-        """The motion at one instant, a `ConstrainedMotion`, rebuilt from its property `numbers` (`motion_size`,),
-        scalars in SI units. The sines, the recursion over the links and the loops' Jacobian are not computed again.
-        Arguments are not checked: too few numbers raise `TypeError` or `IndexError`, or pass until torques are asked
-        for; too many may pass."""
+        """The motion at one instant, a `ConstrainedMotion`, rebuilt from its property `numbers`, scalars in SI units.
+        The sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are not
+        checked: too few numbers raise `TypeError` or `IndexError`, or pass until torques are asked for; too many may
+        pass."""
         return ConstrainedMotion(self, self.whole.remembered(numbers))
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:

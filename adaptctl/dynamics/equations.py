@@ -171,10 +171,10 @@ class Equations(ABC):
 
     @abstractmethod
     def remembered(self, numbers: Column) -> Motion:
-        """The motion at one instant, a `Motion`, rebuilt from its property `numbers`, scalars in SI
-        units. The sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are not
-        checked: too few numbers raise `TypeError` or `IndexError` or, where only a few lack, pass until the motion is
-        asked for torques; too many may pass."""
+        """The motion at one instant, a `Motion`, rebuilt from its property `numbers`, scalars in SI units. The sines,
+        the recursion over the links and the loops' Jacobian are not computed again. Arguments are not checked: too few
+        numbers raise `TypeError` or `IndexError` or, where only a few lack, pass until the motion is asked for torques;
+        too many may pass."""
 
     @cached_property
     def motion_memory(self) -> MotionMemory:

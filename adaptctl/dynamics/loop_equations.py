@@ -213,10 +213,9 @@ class LoopEquations(Equations):
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
     def remembered(self, numbers: Column) -> LoopMotion:
-        """The motion at one instant, a `LoopMotion`, rebuilt from its property `numbers`, scalars in
-        SI units. The sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are
-        not checked: too few numbers raise `TypeError`, or pass until the motion is asked for torques; too many may
-        pass."""
+        """The motion at one instant, a `LoopMotion`, rebuilt from its property `numbers`, scalars in SI units. The
+        sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are not checked:
+        too few numbers raise `TypeError`, or pass until the motion is asked for torques; too many may pass."""
         rest, size = iter(numbers), len(self.closing.dependent)
         slopes = [Column(islice(rest, size)) for _ in self.closing.primary]
         return LoopMotion(Following(self.closing, slopes), self.tree.remembered(Column(rest)))

@@ -183,10 +183,9 @@ class TreeEquations(Equations):
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
-        """The motion at one instant, a `TreeMotion`, rebuilt from its property `numbers`, scalars in
-        SI units. The sines and the recursion over the links are not computed again. Arguments are not checked: too few
-        numbers raise `TypeError` or, where only a few lack, pass until the motion is asked for torques; too many may
-        pass."""
+        """The motion at one instant, a `TreeMotion`, rebuilt from its property `numbers`, scalars in SI units. The
+        sines and the recursion over the links are not computed again. Arguments are not checked: too few numbers raise
+        `TypeError` or, where only a few lack, pass until the motion is asked for torques; too many may pass."""
         rest = iter(numbers)
         coordinates = [tuple(islice(rest, link.coordinates)) for link in self.segments]
         places = self._held.placements(coordinates)

@@ -37,9 +37,11 @@ class HeldAxes(NamedTuple):
         that move in a plane of the ground are turned by one angle already. Links whose three turns are one (`whole`)
         stay as they are, and joints that are parallel but for round-off do not count. Nothing is checked."""
         senses = tuple(_sense(link, links) for link in links)
-        tilted: list[bool] = []
+        turned, tilted = list[bool](), list[bool]()  # by any joint; by one before the link's that is not parallel to it
         for link, sense in zip(links, senses, strict=True):
-            tilted.append(link.parent != GROUND and (tilted[link.parent] or (not sense and _turns(link.parent, links))))
+            above = link.parent != GROUND
+            tilted.append(above and (tilted[link.parent] or (not sense and turned[link.parent])))
+            turned.append(link.turns or (above and turned[link.parent]))
         unturned = [
             before and link.turns and link.whole is None and axis_rotation(link.axis, 1.0, 0.0) is not None
             for link, before in zip(links, tilted, strict=True)
@@ -84,11 +86,6 @@ def _sense(link: Segment, links: Sequence[Segment]) -> float:
         return 0.0
     axis = link.joint_axis if link.inward is None else link.inward.T @ link.joint_axis
     return next((sign for sign in (1.0, -1.0) if tuple(sign * axis) == tuple(links[link.parent].axis)), 0.0)
-
-
-def _turns(i: int, links: Sequence[Segment]) -> bool:
-    """True if the link's joint, or one before it, turns it."""
-    return i != GROUND and (links[i].turns or _turns(links[i].parent, links))
 
 
 def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]:
