@@ -139,7 +139,10 @@ def test_the_rule() -> None:
         assert is_native(long, "inverse_dynamics", *zeros)
         assert not is_whole(long, "torque_regressor")
         assert is_whole(random_chain(0, 34), "torque_regressor")
-        assert is_native(long, "mass_matrix", zeros[0])
+        longer = random_chain(0, 49)
+        zeros = np.zeros((3, longer.dof))
+        assert is_native(longer, "forward_dynamics", *zeros)
+        assert is_native(longer, "mass_matrix", zeros[0])
 
 
 def is_whole(mechanism: Mechanism, name: str) -> bool:

@@ -165,6 +165,7 @@ def test_regressors_are_derivatives_by_what_is_left(seed: int, links: int) -> No
     np.testing.assert_allclose(motion.torque(column(z)).of, other, rtol=0, atol=1e-10 * scale)
     np.testing.assert_allclose(powers.of, Y.T @ s, rtol=0, atol=1e-10 * scale * max(1.0, np.abs(s).max()))
     again = e.remembered(motion.numbers)
+    assert len(motion.numbers) == len(e.motion_memory.sources)
     assert again.powers(column(s), range(len(z))).of == powers.of
     asked = sorted(rng.permutation(len(z))[:4].tolist())
     np.testing.assert_array_equal(left.slotine_li_regressor(p, v, v_r, a, asked), Y[:, asked])

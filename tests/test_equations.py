@@ -61,6 +61,7 @@ def test_sizes_are_the_mechanisms(mechanism: Mechanism) -> None:
     motion = e.motion(*map(column, states(mechanism)))
     assert isinstance(e, Equations)
     assert isinstance(motion, Motion)
+    assert len(motion.numbers) == len(e.motion_memory.sources)
 
 
 def test_accelerations_are_those_of_the_shared_definition(mechanism: Mechanism) -> None:

@@ -202,6 +202,7 @@ def test_kinetic_energy_mass_matrix_and_regressors_agree(name: str, seed: int) -
     np.testing.assert_allclose(torque, Y @ D, rtol=0, atol=1e-11 * np.abs(Y @ D).max())
     np.testing.assert_allclose(powers, Y.T @ s, rtol=0, atol=1e-11 * np.abs(Y).max() * np.abs(s).max())
     again = equations(mechanism).remembered(motion.numbers)
+    assert len(motion.numbers) == len(equations(mechanism).motion_memory.sources)
     np.testing.assert_array_equal(floats(again.powers(column(s), range(len(D)))), powers)
 
 

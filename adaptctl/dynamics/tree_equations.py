@@ -198,8 +198,7 @@ class TreeEquations(Equations):
         for values (P,) of the P inertial and friction `parameters` in SI units, in the order of
         `Mechanism.parameter_names`, by composite rigid bodies (Walker and Orin 1982). Arguments are not checked:
         vectors too short raise `IndexError` or `ValueError`."""
-        places = self._placements(p)
-        rows = mass_matrix(places, self.layout.tens(parameters))
+        rows = mass_matrix(self._placements(p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
                 for other, part in term.on_joints(share):

@@ -69,15 +69,12 @@ class ArticulatedBody(NamedTuple):
         link's origin and axes. The link's own joint must be free too: it is what `without` gives. `place` is the link's
         placement in its parent, `rotor` the inertia of the joint itself, kg m^2 (kg if prismatic); if that is the float
         0.0, entries that are zero but for round-off may be made exact zeros. Nothing is checked."""
-        near = place.near
-        if place.segment.whole is not None and any(
-            place.segment.far
-        ):  # far from right angles one way costs less than two
-            return self.turned_up(place).moved_origin(near + place.up(place.shift))
+        if place.segment.whole is not None and any(place.segment.far):  # then one way costs less than two
+            return self.turned_up(place).moved_origin(place.near + place.up(place.shift))
         at_joint = self.moved_origin(place.shift)
         if isinstance(rotor, float) and rotor == 0.0:
             at_joint = at_joint.free_along(place)
-        return at_joint.turned_up(place).moved_origin(near)
+        return at_joint.turned_up(place).moved_origin(place.near)
 
     def free_along(self, place: Placement) -> ArticulatedBody:
         """This articulated-body inertia (6, 6) of a link whose joint is free and has no rotor, with round-off made

@@ -74,10 +74,11 @@ class HeldAxes(NamedTuple):
         found: list[Placement] = []
         for link, own, unturned in zip(self.links, coordinates, self.unturned, strict=True):
             before = found[link.parent].turn if link.parent != GROUND else None
-            near = link.near if before is None else before.T @ link.near
             turn = axis_rotation(link.axis, *own) if unturned else None
-            place = link.placed(own) if turn is None else Placement(link, own, link.fixed, turn.T @ link.far)
-            found.append(Placement(link, own, place.turns, place.shift, near, turn))
+            place = link.placed(own) if turn is None else Placement(link, own, link.fixed, turn.T @ link.far, turn)
+            if before is not None:
+                place.near = before.T @ link.near
+            found.append(place)
         return found
 
 

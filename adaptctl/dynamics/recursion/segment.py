@@ -86,9 +86,9 @@ class Placement:
 
     `segment` is the link's geometry; `coordinates` are the cosine and sine of its joint angle, or its joint's
     displacement, m; `turns` are the rotations (3, 3) that one after the other turn coordinates in the parent's axes
-    into the link's; `shift` (3,) leads from the joint's origin before its own motion to the link's origin, in the
-    link's axes, m; and `near` (3,) from the parent's origin to the joint's, in the parent's axes, m, None, the default,
-    for the geometry's. Nothing is checked.
+    into the link's; and `shift` (3,) leads from the joint's origin before its own motion to the link's origin, in the
+    link's axes, m. The attribute `near` (3,), the geometry's unless it is set, leads from the parent's origin to the
+    joint's, in the parent's axes, m. Nothing is checked.
 
     In all functions on placements, a link's axes are those in which its vectors are held: its own or, in placements
     that `HeldAxes` makes, others. `turn` is then the rotation (3, 3) that turns coordinates in the axes held into those
@@ -103,11 +103,10 @@ class Placement:
         coordinates: Sequence[Scalar],
         turns: Sequence[Mat],
         shift: Vec,
-        near: Vec | None = None,
         turn: AxisRotation | None = None,
     ) -> None:
         self.segment, self.coordinates, self.turns, self.shift, self.turn = segment, coordinates, turns, shift, turn
-        self.near = segment.near if near is None else near
+        self.near = segment.near
 
     def down(self, u: Vec) -> Vec:
         """The components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,); in the
