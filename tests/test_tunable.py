@@ -12,8 +12,10 @@ from every_law import ARM, GAIN, LAWS, slotine_li
 
 from adaptctl.arrays import Array
 from adaptctl.control import (
+    ComputedTorque,
     Controller,
     Guarded,
+    PDGravity,
     ReferencePoint,
     Sinusoids,
     SlotineLi,
@@ -190,3 +192,29 @@ def test_a_decay_is_the_exponential(x: float) -> None:
     left, mean = decayed(x)
     assert left == pytest.approx(np.exp(-x), rel=1e-15, abs=0)
     assert mean == pytest.approx(-np.expm1(-x) / x, rel=1e-15, abs=0)
+
+
+@pytest.mark.parametrize("kind", [ComputedTorque, PDGravity])
+def test_laws_of_other_parameters_share_code_but_for_their_zeros(kind: Any) -> None:
+    own, rng = ARM.inertial_parameters, np.random.default_rng(1)
+    gains = (6.0,) if kind is ComputedTorque else (40.0, 5.0)
+    true, rough = (kind(ARM, *gains, parameters=x) for x in (own, own * rng.uniform(0.8, 1.2, own.shape)))
+    assert true.structure == rough.structure
+    assert true._tick is rough._tick
+    for law in (true, rough):
+        alone = kind(ARM, *gains, parameters=law.parameters).fixed()
+        assert "parameters" not in alone.numbers
+        for x, y in zip(ticks(law), ticks(alone), strict=True):
+            np.testing.assert_allclose(x, y, rtol=1e-11, atol=1e-12)
+    holes = np.where(np.arange(own.size) % 3 == 0, 0.0, own)
+    fewer = kind(ARM, *gains, parameters=holes)
+    assert fewer.structure != true.structure
+    assert fewer.kernel is not None
+    assert true.kernel is not None
+    assert fewer.kernel.operations.flops < true.kernel.operations.flops
+
+
+def test_a_guarded_laws_parameters_are_compiled_in_where_they_are_fixed() -> None:
+    law = Guarded(ComputedTorque(ARM, 6.0), 50.0, stop_damping=5.0)  # type: ignore[arg-type]
+    assert law.fixed().structure != law.structure
+    assert set(law.numbers) - set(law.fixed().numbers) == {"of.parameters"}

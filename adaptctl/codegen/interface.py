@@ -77,6 +77,9 @@ class Interface:
 
     controller: Controller[Any]
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "controller", self.controller.fixed())
+
     @cached_property
     def law(self) -> Routine:
         """One tick of the controller (its work in a control period) as a traced `Routine`, from which exported code is

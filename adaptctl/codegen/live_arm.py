@@ -64,6 +64,9 @@ class LiveLoop:
     controller: Controller[Any]
     reference: Sinusoids
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "controller", self.controller.fixed())
+
     @property
     def state(self) -> dict[str, int]:
         """Lengths, by name, of the columns (vectors) that pass from one control period to the next: the plant's "q",

@@ -31,7 +31,7 @@ class ComputedTorque(ModelBased):
     finite, and for a bandwidth or damping ratio that is not positive.
     """
 
-    tunable = ("bandwidth", "damping_ratio")
+    tunable = ("bandwidth", "damping_ratio", "parameters")
 
     mechanism: Mechanism
     bandwidth: Array

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
@@ -30,6 +29,8 @@ class ModelBased(Controller[BranchState]):
     subclass is a frozen dataclass that writes the method `law(p, v, reference, memory)`, which returns the torque (r,)
     of r joints and the `BranchState` after it. It calls `self._settle()` at construction, which raises `InputError` for
     parameters of another shape or not finite."""
+
+    sparse = ("parameters",)
 
     mechanism: Mechanism
     parameters: Array | None
@@ -66,7 +67,7 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def _parameters(self) -> Column:
-        return column(np.asarray(self.parameters))
+        return column(self.parameters)
 
 
 def embedded_parameters(model: ReducedModel, parameters: ArrayLike | None) -> Array:

@@ -38,7 +38,7 @@ class PDGravity(ModelBased):
     are not finite, and for gains that are not positive.
     """
 
-    tunable = ("stiffness", "damping")
+    tunable = ("stiffness", "damping", "parameters")
 
     finite: ClassVar[Finite] = True
     """Accelerations are not used, so no torque tells that one is not finite."""

@@ -6,7 +6,7 @@ from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from itertools import accumulate
 from math import prod
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,6 +66,10 @@ class Tunable:
         native code, not compiled into it. Empty unless a class overrides this property."""
         return ()
 
+    sparse: ClassVar[tuple[str, ...]] = ()
+    """Those of the tunable arrays (n,) whose zeros are compiled in, so that their terms are never computed; a subclass
+    inherits it."""
+
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         if "tunable" not in vars(cls):
@@ -123,8 +127,22 @@ class Tunable:
         other = object.__new__(type(self))
         other.__dict__.update(self._settings())
         other.__dict__.update({name: value for name, value in numbers.items() if "." not in name})
+        for name in self.sparse:
+            if isinstance(given := other.__dict__[name], Column):
+                other.__dict__[name] = Column(
+                    x if own else 0.0 for x, own in zip(given, getattr(self, name), strict=True)
+                )
         for name, part in self.tunable_parts.items():
             other.__dict__[name] = part._having(_within(name, numbers))
+        return other
+
+    def fixed(self) -> Self:
+        """A copy of these settings with the arrays that the class names in `sparse` compiled in as a whole, so that
+        they are no arguments of the code that is made of it; parts alike."""
+        other = self._having({})
+        other.__dict__.update({name: part.fixed() for name, part in self.tunable_parts.items()})
+        if self.sparse:
+            other.__dict__["tunable"] = tuple(name for name in self.tunable if name not in self.sparse)
         return other
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
@@ -156,10 +174,15 @@ class Tunable:
         """Structure of these settings, a `Structure` to be compared and hashed: their class, the names and shapes of
         the tunable numbers (arguments of native code), and all other values. Settings of equal structure share one
         equation and its native code."""
-        parts, shapes = self.tunable_parts, tuple((name, array.shape) for name, array in self.numbers.items())
+        parts = self.tunable_parts
+        shapes = tuple((name, array.shape, self._zeros(name, array)) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)
         return Structure(self, (type(self), shapes, rest, tuple((name, of.structure) for name, of in parts.items())))
+
+    def _zeros(self, name: str, array: Array) -> bytes:
+        """The zeros of an array that are compiled in, if they are."""
+        return (array == 0.0).tobytes() if name in self.sparse else b""
 
     def _settings(self) -> Iterator[tuple[str, Any]]:
         """The attributes without those that are computed and kept."""
