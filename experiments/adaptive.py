@@ -23,7 +23,7 @@ from adaptctl.recording import Finding, Setting
 from adaptctl.simulation.mujoco_contacts import clear_of_contacts
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco
 from adaptctl.tuning import Tuning, tune
-from adaptctl.tuning.initial_error import LARGEST_ERROR
+from adaptctl.tuning.carried_gains import LARGEST_ERROR
 from adaptctl.tuning.motion_range import motion_ranges
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ from adaptctl.recording import (
     wording,
 )
 from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
-from adaptctl.tuning.rough_links import scaled_links
+from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
     import gymnasium

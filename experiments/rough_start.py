@@ -9,7 +9,7 @@ from adaptctl.control import Gains
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import ReducedModel
-from adaptctl.tuning.rough_links import scaled_links
+from adaptctl.tuning.verification import scaled_links
 
 
 class RoughStart:

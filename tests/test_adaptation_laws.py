@@ -19,7 +19,7 @@ from adaptctl.experiments.adaptation_laws import LAWS, AdaptationLaws
 from adaptctl.experiments.rough_model import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import TickCost
-from adaptctl.tuning.rough_links import scaled_links
+from adaptctl.tuning.verification import scaled_links
 
 COMMAND = ("experiment", "run", "adaptation-laws")
 SMALL = "docs/examples/two_link.toml"

@@ -22,7 +22,8 @@ from adaptctl.identifiability import certificate, right_angles
 from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT
 from adaptctl.simulation import stiffness
-from adaptctl.tuning import carried_gains, initial_error, motion_range, search, verification, workable_reference
+from adaptctl.tuning import carried_gains, motion_range, verification, workable_reference
+from adaptctl.tuning.tune import SEARCHED
 
 ROOT = Path(__file__).parent.parent
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -69,14 +70,14 @@ STATED = [
     ("identification", f"at most {percent(choice.ALLOWED_MISFIT - 1.0)} more root mean square"),
     ("identification", f"the last {percent(HELD_OUT)} of the others"),
     ("identification", f"one filter of {choice.JUDGED_AT:.0f} Hz"),
-    ("tuning", f"initial error $e_j$ ({initial_error.LARGEST_ERROR} rad or m"),
+    ("tuning", f"initial error $e_j$ ({carried_gains.LARGEST_ERROR} rad or m"),
     ("tuning", rf"${carried_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
     ("tuning", rf"$K_j \le {carried_gains.FIRST_SHARE}\,\tau_j"),
     ("tuning", f"{motion_range.AMPLITUDE} rad. A joint that asks"),
     ("tuning", "One sinusoid a joint, {} to {} Hz".format(*workable_reference.FREQUENCIES)),
     ("tuning", f"at most {percent(workable_reference.HIGHEST)}. Where it still asks"),
     ("tuning", f"in up to {stiffness.MOST} steps a period"),
-    ("tuning", f"are run for {search.DURATION:.0f} s each"),
+    ("tuning", f"are run for {SEARCHED:.0f} s each"),
     ("tuning", f"links {percent(verification.LINKS_OFF)} off, and links otherwise"),
     ("tuning", f"of runs of {verification.DURATION:.0f} s"),
     ("tuning", f"no error passed {verification.ASTRAY:.0f} rad"),

@@ -11,14 +11,17 @@ from random_trees import random_chain
 
 from adaptctl.cli.main import main
 from adaptctl.control import ComputedTorque, GainDesign, sampled_gain
-from adaptctl.control.gains.workspace import sampled_configurations
-from adaptctl.description import GROUND, Description, Joint, JointKind, Link, Pose
+from adaptctl.control.gains.workspace import Workspace, sampled_configurations
+from adaptctl.description import GROUND, Description, Joint, JointKind, Link, Pose, builtin_names
+from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import GainError, InputError
 from adaptctl.simulation import rollout
 from adaptctl.simulation.effects import ControlDelay
+from adaptctl.tuning.default_gains import DefaultGains, near_reference
+from tests.robot_files import urdf
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +110,8 @@ def said(capsys: pytest.CaptureFixture[str], *command: str) -> dict[str, Any]:
 
 
 def test_the_command_prints_the_design(capsys: pytest.CaptureFixture[str], puma: Mechanism) -> None:
-    content = said(capsys, "puma560_geared", "--bandwidth", "12", "--period", "0.002", "--delay", "1")
+    flags = "--bandwidth", "12", "--damping-ratio", "1", "--period", "0.002", "--delay", "1"
+    content = said(capsys, "puma560_geared", *flags)
     design = GainDesign.from_bandwidth(puma, 12.0, period=2e-3, delay=1)
     assert content["schema"] == "adaptctl/gains/1"
     assert content["robot"]["sha256"] == puma.description.sha256
@@ -126,18 +130,86 @@ def test_the_command_knows_three_methods(capsys: pytest.CaptureFixture[str], pum
     assert lqr["joints"][0]["stiffness"] == pytest.approx(
         GainDesign.from_lqr(puma, 900.0, 1.0, 0.5).feedback[0].stiffness
     )
-    assert main(["gains", "puma560_geared"]) == 0
+    assert main(["gains", "puma560_geared", "--damping-ratio", "1"]) == 0
     words = " ".join(capsys.readouterr().out.split())
     assert words.startswith("puma560_geared: gains from a bandwidth and a damping ratio, discretised for a control")
     assert "The period carries poles" in words
+    assert main(["gains", "puma560_geared"]) == 0
+    words = " ".join(capsys.readouterr().out.split())
+    assert words.startswith("puma560_geared: gains by rule, near a reference within the torque limits, discretised")
+    assert "joint1 its torque limit holds K low" in words
+
+
+FOREIGN = ("ur5_robot.urdf", "kinova.urdf", "xarm7.urdf", "so101.urdf")
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
+@pytest.mark.parametrize("robot", [*builtin_names(), *map(str, map(urdf, FOREIGN))])
+def test_the_commands_gains_and_tune_tell_one_k(capsys: pytest.CaptureFixture[str], robot: str) -> None:
+    """One rule answers both, also where friction holds the arm (the xArm) and where a light wrist does (the Kinova)."""
+    given = [] if robot == "puma560" else ["--bandwidth", "6"]
+    designed = said(capsys, robot, *given)
+    assert main(["tune", robot, *given, "--json"]) == 0
+    tuned = json.loads(capsys.readouterr().out)
+    for one, other in zip(designed["joints"], tuned["joints"], strict=True):
+        assert one["slotine_li_damping"] == other["damping"]
+        assert one["slotine_li_bandwidth"] == other["bandwidth"]
+        assert one["limited_by"] == other["limited_by"]
+
+
+def near(rule: DefaultGains) -> Workspace:
+    return near_reference(rule.mechanism, rule.reference, rule.initial_error)
+
+
+def test_a_design_of_gains_has_their_poles(puma: Mechanism) -> None:
+    """A joint of inertia m under K and Lambda has the poles -Lambda and -K/m; its samples are those of the loop that is
+    held, so the poles are the sampled ones to the first order in the period."""
+    rule = DefaultGains.on(puma, period=1e-4)
+    gains = rule.carried(5.0, 0.1).gains
+    design = GainDesign.of_gains(puma, gains, near(rule), period=1e-4)
+    assert design.gains.damping == pytest.approx(gains.damping, rel=0.0)
+    for i, feedback in enumerate(design.feedback):
+        slow, fast = sorted((5.0, gains.damping[i] / design.inertia[i]))
+        assert -feedback.poles[0].real == pytest.approx(slow, rel=0.05)
+        assert -feedback.poles[1].real == pytest.approx(fast, rel=0.05)
+    M = puma.mass_matrix(near(rule).samples)
+    np.testing.assert_allclose(design.inertia, np.median(np.diagonal(M, axis1=1, axis2=2), axis=0), rtol=1e-3)
+
+
+def test_viscous_friction_is_inertia_to_a_held_torque() -> None:
+    """A joint with B ends a period at (T/m) (1 - exp(-x))/x per unit of torque, x = T B/m, instead of T/m; its velocity
+    decays besides by exp(-x). The gain at which it rings is 2 (m/T) (x/2) coth(x/2)."""
+    for viscous in (0.0, 30.0, 3000.0):
+        one = random_chain(3, 1).with_drives([Drive(viscous=viscous)]) if viscous else random_chain(3, 1)
+        m, period = float(random_chain(3, 1).mass_matrix(np.zeros(1))[0, 0]), 1e-2
+        rule = DefaultGains.on(one, period=period)
+        design = GainDesign.of_gains(one, rule.carried().gains, near(rule), period=period)
+        x = period * viscous / m
+        limit = 2.0 * m / period if x == 0.0 else (1.0 + np.exp(-x)) * viscous / (1.0 - np.exp(-x))
+        assert design.inertia[0] == pytest.approx(0.5 * period * limit, rel=1e-6)
+
+
+def test_gains_are_less_where_the_torque_is_late(puma: Mechanism, capsys: pytest.CaptureFixture[str]) -> None:
+    early, late = (said(capsys, "puma560_measured", "--delay", delay) for delay in "01")
+    assert late["largest_sampled_gain"] == pytest.approx(0.5 * early["largest_sampled_gain"])
+    for one, other in zip(early["joints"][3:], late["joints"][3:], strict=True):  # the wrist, whose K the period holds
+        assert other["slotine_li_damping"] < 0.6 * one["slotine_li_damping"]
+    assert late["sampled_gain"] < late["largest_sampled_gain"]
 
 
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["puma560_measured", "--bandwidth", "1000"], "the fastest at 216.4 1/s instead of 1000"),
-        (["puma560_geared", "--bandwidth", "-1"], "bandwidth: expected positive numbers"),
-        (["puma560_geared", "--period", "0"], "control period: expected a positive time in s"),
+        (
+            ["puma560_measured", "--bandwidth", "1000", "--damping-ratio", "1"],
+            "the fastest at 216.4 1/s instead of 1000",
+        ),
+        (["puma560_geared", "--bandwidth", "-1", "--damping-ratio", "1"], "bandwidth: expected positive numbers"),
+        (["puma560_geared", "--bandwidth", "-1"], "bandwidth: expected a number above 0 and at most 1000, got -1.0"),
+        (["puma560_geared", "--bandwidth", "1001"], "bandwidth: expected a number above 0 and at most 1000"),
+        (["puma560_geared", "--period", "0"], "period: expected a number above 0 and at most 0.1, got 0.0"),
+        (["puma560_geared", "--damping-ratio", "1", "--period", "0"], "control period: expected a positive time in s"),
         (["puma560_geared", "--method", "poles", "--poles", "1", "2"], "poles: expected two in the left half-plane"),
         (["puma560_geared", "--delay", "0.5"], "--delay: expected a whole number, got '0.5'"),
         (["pumma"], "unknown robot 'pumma'"),

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from adaptctl.cli.doctor import examined
 from adaptctl.cli.main import main
-from adaptctl.cli.tables import WrappedTable
+from adaptctl.cli.output import WrappedTable
 
 ARM = "puma560_arm3"
 EXPERIMENT = ("experiment", "run", "adaptive", "--robot", ARM, "--duration", "0.05")

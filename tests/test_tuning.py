@@ -19,8 +19,8 @@ from adaptctl.identifiability import ReducedModel, essential_space, fundamental_
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.carried_gains import carried_gains
+from adaptctl.tuning.default_gains import DefaultGains
 from adaptctl.tuning.prior_gain import adaptation_number
-from adaptctl.tuning.proposal import Proposals
 from adaptctl.tuning.trial import EVERY, Trials, TrialSetting
 from adaptctl.tuning.workable_reference import judged_reference
 from tests.random_trees import random_chain, random_tree
@@ -35,9 +35,8 @@ def tuned() -> Tuning:
     return tune(PUMA)
 
 
-def proposals(tuning: Tuning, period: float = PERIOD) -> Proposals:
-    given = tuning.torque_limits, tuning.reference, tuning.initial_error
-    return Proposals.along(tuning.mechanism, *given, period, 60, 0)
+def rule(tuning: Tuning) -> DefaultGains:
+    return DefaultGains.on(tuning.mechanism, reference=tuning.reference, initial_error=tuning.initial_error)
 
 
 @pytest.mark.parametrize("name", ["puma560_measured", "semi_direct_drive", "puma560_friction"])
@@ -61,7 +60,7 @@ def test_the_reference_stays_within_the_torque_limits(tuned: Tuning) -> None:
 
 @pytest.mark.parametrize("hold", [0.1, 0.5])
 def test_gains_keep_to_the_numbers_that_are_asked(tuned: Tuning, hold: float) -> None:
-    mine = proposals(tuned)
+    mine = rule(tuned)
     found = mine.proposed(4.0, hold, 0.2, "ranges")
     K = np.diag(found.carried.gains.damping)
     numbers = PERIOD * np.linalg.eigvals(np.linalg.solve(PUMA.mass_matrix(mine.postures), K)).real
@@ -74,7 +73,7 @@ def test_gains_keep_to_the_numbers_that_are_asked(tuned: Tuning, hold: float) ->
 
 @pytest.mark.parametrize("shares", ["ranges", "links", "parameters", "mixed"])
 def test_adaptation_gains_have_the_number_that_is_asked(tuned: Tuning, shares: str) -> None:
-    mine = proposals(tuned)
+    mine = rule(tuned)
     found = mine.proposed(4.0, 0.5, 0.3, shares)  # type: ignore[arg-type]
     rates, points = found.carried.gains.bandwidth, mine.points
     v_r, a_r = points.v - rates * mine.errors, points.a + rates**2 * mine.errors
@@ -90,7 +89,7 @@ def test_adaptation_gains_have_the_number_that_is_asked(tuned: Tuning, shares: s
 def test_a_rotor_shares_with_its_link() -> None:
     """A share of its own, as large as a whole link's, made estimates of rotors ring in the humanoid of gymnasium."""
     geared = load("puma560_geared")
-    mine = proposals(tune(geared))
+    mine = rule(tune(geared))
     found, ranges = mine.proposed(4.0, 0.5, 0.3, "links"), mine.ranges
     names = list(geared.parameter_names)
     for link in geared.links:
@@ -99,7 +98,7 @@ def test_a_rotor_shares_with_its_link() -> None:
 
 
 def test_mixed_shares_are_half_of_each_kind(tuned: Tuning) -> None:
-    mine = proposals(tuned)
+    mine = rule(tuned)
     ranges, links, mixed = (mine.proposed(4.0, 0.5, 0.3, kind).gain for kind in ("ranges", "links", "mixed"))
     both = ranges + links
     np.testing.assert_allclose(mixed, both * (mixed[0] / both[0]), rtol=1e-9)
@@ -110,7 +109,7 @@ def test_a_light_wrist_does_not_weaken_the_shoulder(tuned: Tuning) -> None:
     light = PUMA.inertial_parameters.copy()
     light[50:60] *= 0.01
     other = PUMA.with_parameters(light)
-    postures = proposals(tuned).postures
+    postures = rule(tuned).postures
     given = tuned.torque_limits, postures, tuned.initial_error, PERIOD, 4.0, 0.5
     mine, its = (carried_gains(arm, *given).gains.damping for arm in (PUMA, other))
     assert its[5] < 0.2 * mine[5]
@@ -119,7 +118,7 @@ def test_a_light_wrist_does_not_weaken_the_shoulder(tuned: Tuning) -> None:
 
 def test_the_rotor_that_is_named_allows_four_times_the_damping(tuned: Tuning) -> None:
     """The free inertia grows by the rotor's: 1/(M + r e e')^-1_jj = 1/(M^-1)_jj + r."""
-    mine = proposals(tuned)
+    mine = rule(tuned)
     carried = mine.proposed(4.0, 0.5, 0.2, "ranges").carried
     assert carried.by_hold[5]
     assert tuned.limited_by[5].startswith("the control period holds K low: a rotor of ")

@@ -12,8 +12,8 @@ from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.tuning import tune
-from adaptctl.tuning.initial_error import recoverable_error
-from adaptctl.tuning.proposal import Proposals
+from adaptctl.tuning.carried_gains import recoverable_error
+from adaptctl.tuning.default_gains import DefaultGains
 from adaptctl.tuning.workable_reference import WorkableReference, workable_reference
 from tests.random_trees import random_tree
 from tests.robot_files import urdf
@@ -61,20 +61,18 @@ def test_a_gripper_whose_fingers_move_together_hides_no_posture(name: str) -> No
 def test_gains_of_an_arm_with_such_a_gripper_are_judged_off_its_reference() -> None:
     """Judged on the reference alone, the Panda was given gains that rang when links were off and torques late."""
     panda = load(urdf("panda.urdf"))
-    limits, off = finite_torque_limits(panda), np.full(8, 0.1)
-    proposals = Proposals.along(panda, limits, reference(panda).reference, off, 1e-3, 20, 0)
-    np.testing.assert_allclose(np.abs(proposals.errors), 0.1)
-    away = np.abs(proposals.postures - proposals.points.p).max(axis=0)
+    rule = DefaultGains.on(panda, reference=reference(panda).reference, initial_error=0.1)
+    np.testing.assert_allclose(np.abs(rule.errors), 0.1)
+    away = np.abs(rule.postures - rule.points.p).max(axis=0)
     assert np.all(away[:7] > 0.1)
     assert away[7] > 0.01
 
 
 def test_gains_of_a_closed_loop_are_judged_where_it_can_be() -> None:
     arm = load("semi_direct_drive_parallelogram")
-    given = finite_torque_limits(arm), reference(arm).reference, np.full(arm.dof, 0.1)
-    proposals = Proposals.along(arm, *given, 1e-3, 20, 0)
+    rule = DefaultGains.on(arm, reference=reference(arm).reference, initial_error=0.1)
     assert arm.continuation is not None
-    for p in (proposals.postures, proposals.points.p + proposals.errors):
+    for p in (rule.postures, rule.points.p + rule.errors):
         assert arm.continuation.reachable(p).all()
 
 

@@ -49,7 +49,7 @@ from adaptctl.identification import identify
 from adaptctl.recording import Live, compared_runs
 from adaptctl.simulation import ClosedLoop, Plant, Rollout, rollout, simulate, simulate_many
 from adaptctl.tuning import tune
-from adaptctl.tuning.rough_links import scaled_links
+from adaptctl.tuning.verification import scaled_links
 
 
 @cache

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import print_json, print_parts
+from adaptctl.cli.output import Words, WrappedTable, listed, print_json, print_parts, stacked, titled, words
 
 if TYPE_CHECKING:
+    from rich.console import Group, RenderableType
+
     from adaptctl.control import GainDesign
+    from adaptctl.dynamics import Mechanism
 
 SCHEMA = "adaptctl/gains/1"
+METHODS = {
+    "rule": "by rule, near a reference within the torque limits",
+    "bandwidth": "from a bandwidth and a damping ratio",
+    "poles": "by pole placement",
+    "lqr": "by LQR",
+}
 OWNERS = {"bandwidth": "bandwidth", "damping_ratio": "bandwidth", "poles": "poles", "weights": "lqr"}
 """The method that each flag is of."""
 
@@ -23,10 +34,10 @@ def gains(
     method: Annotated[
         Literal["bandwidth", "poles", "lqr"], Parameter(help="How the error's poles are chosen.")
     ] = "bandwidth",
-    bandwidth: Annotated[float | None, Parameter(help="Method bandwidth: where both poles lie, 1/s; else 8.")] = None,
+    bandwidth: Annotated[float | None, Parameter(help="Method bandwidth: largest Λ, 1/s; else 4.")] = None,
     damping_ratio: Annotated[
         float | None,
-        Parameter(help="Method bandwidth: 1, if not given, for two equal real poles."),
+        Parameter(help="Method bandwidth: place two poles of this damping ratio instead of the largest K."),
     ] = None,
     poles: Annotated[
         tuple[complex, complex] | None,
@@ -47,33 +58,51 @@ def gains(
 ) -> None:
     """Design the gains of a robot's tracking loop, and print them with their margins, or with `json` a JSON object.
 
-    Weights and poles are for the error of each joint, in rad (m if prismatic) and s. Raises `GainError` where the
-    control period is too long for the gains (the JSON object's `sampled_gain` is above its `largest_sampled_gain`),
-    `InputError` for numbers out of range, poles that are not real or conjugate or not stable, `floating_base` with a
-    robot that is no URDF file, a flag of another `method`, and a typical inertia of a joint that is not positive;
-    `FileError` for a robot's file that cannot be used, `NotFoundError` for an unknown robot, `LoopError` where
-    kinematic loops cannot be closed.
+    By default they are those that `adaptctl tune` finds: Slotine and Li's Λ and the largest K that the control period
+    and the torque limits carry near a reference; with a delay of the torque K is less. Weights and poles are for the
+    error of each joint, in rad (m if prismatic) and s. Raises `GainError` where the control period is too long for the
+    gains (the JSON object's `sampled_gain` is above its `largest_sampled_gain`), `InputError` for numbers out of range,
+    poles that are not real or conjugate or not stable, `floating_base` with a robot that is no URDF file, a flag of
+    another `method`, and a typical inertia of a joint that is not positive; `FileError` for a robot's file that cannot
+    be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed.
     """
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
 
     _require_own(method, bandwidth=bandwidth, damping_ratio=damping_ratio, poles=poles, weights=weights)
-    mechanism = load(robot, floating_base=floating_base)
+    mechanism, limited = load(robot, floating_base=floating_base), tuple[str, ...]()
     match method:
+        case "bandwidth" if damping_ratio is not None:
+            wanted = 4.0 if bandwidth is None else bandwidth
+            design = GainDesign.from_bandwidth(mechanism, wanted, damping_ratio, period=period, delay=delay)
         case "bandwidth":
-            wanted = (8.0 if bandwidth is None else bandwidth, 1.0 if damping_ratio is None else damping_ratio)
-            design = GainDesign.from_bandwidth(mechanism, *wanted, period=period, delay=delay)
+            design, limited = _by_rule(mechanism, bandwidth, period, delay)
         case "poles":
             design = GainDesign.from_poles(mechanism, poles or (-8.0, -12.0), period=period, delay=delay)
         case "lqr":
             design = GainDesign.from_lqr(mechanism, *(weights or (4096.0, 0.0, 1.0)), period=period, delay=delay)
     design.require_carried()
     if json:
-        print_json(as_builtins(design))
+        print_json(as_builtins(design, limited))
     else:
-        from adaptctl.cli.gains_report import report
+        print_parts(report(design, limited))
 
-        print_parts(report(design))
+
+def _by_rule(
+    mechanism: Mechanism, bandwidth: float | None, period: float, delay: int
+) -> tuple[GainDesign, tuple[str, ...]]:
+    """The design of the default gains, and what limits each joint's."""
+    from adaptctl.control import GainDesign
+    from adaptctl.control.gains.gain_design import largest_with_delay
+    from adaptctl.tuning.carried_gains import limitations
+    from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, near_reference
+
+    rule = DefaultGains.on(mechanism, period=period)
+    hold = HOLD * largest_with_delay(delay) / largest_with_delay(0)
+    carried = rule.carried(BANDWIDTH if bandwidth is None else bandwidth, hold)
+    place = near_reference(mechanism, rule.reference, rule.initial_error)
+    design = GainDesign.of_gains(mechanism, carried.gains, place, period=period, delay=delay)
+    return design, limitations(mechanism, carried)
 
 
 def _require_own(method: str, **given: object) -> None:
@@ -88,15 +117,17 @@ def _require_own(method: str, **given: object) -> None:
             )
 
 
-def as_builtins(design: GainDesign) -> dict[str, Any]:
+def as_builtins(design: GainDesign, limited: tuple[str, ...] = ()) -> dict[str, Any]:
     """A gain design in JSON's types. Each of the `joints` has the typical `inertia`, kg m^2 (kg if prismatic), for
     which its loop is designed, and `least_inertia`, no unit, the least inertia of the joint at any of 200 random
-    configurations while all other joints are free, divided by `inertia`; `stiffness`, 1/s^2, and `rate`, 1/s, of the
+    configurations (by the rule, at 60 positions of the reference) while all other joints are free, divided by
+    `inertia`; `stiffness`, 1/s^2, and `rate`, 1/s, of the
     feedback of the tracking error e (measured less desired), e'' = -stiffness e - rate e', with its time derivatives e'
     and e''; its natural frequency `bandwidth`, rad/s, and `damping_ratio`, no unit; the gains of Slotine and Li's law,
     `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m), None where poles are not real;
     `gain_margin` (no unit), `phase_margin` (rad), `delay_margin` (s) and `crossover` (rad/s), None for infinite or
-    none.
+    none; and `limited_by`, the sentences `limited` on what limits its gains, None for gains that are not by the
+    rule.
 
     For all joints it has `method`, `period`, s, and `delay`, in periods; `sampled_gain`, the period times the largest
     eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K, greatest over the configurations that were
@@ -121,6 +152,7 @@ def as_builtins(design: GainDesign) -> dict[str, Any]:
             "phase_margin": finite_or_none(design.margins[i].phase),
             "delay_margin": finite_or_none(design.margins[i].delay),
             "crossover": finite_or_none(design.margins[i].crossover),
+            "limited_by": limited[i] if limited else None,
         }
         for i, joint in enumerate(mechanism.primary_joints)
     ]
@@ -135,3 +167,72 @@ def as_builtins(design: GainDesign) -> dict[str, Any]:
         "largest_sampled_gain": design.largest_sampled_gain,
         "fastest": finite_or_none(design.fastest),
     }
+
+
+def report(design: GainDesign, limited: tuple[str, ...] = ()) -> Iterator[RenderableType]:
+    """Renderable parts, texts and tables of the package rich, of the report that `adaptctl gains` prints, from top to
+    bottom: the method, each joint's gains, the margins of each joint's loop, of all joints together the sampled
+    gain, the control period times the largest eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K,
+    and the sentences `limited` on what limits each joint's gains, if there are any. Nothing is raised."""
+    late = f" and a delay of {design.delay}" if design.delay else ""
+    how = f": gains {METHODS[design.method]}, discretised for a control period of {design.period:g} s{late}"
+    yield words((design.mechanism.name, "bold"), how)
+    yield titled("Gains (SI units; computed torque has ω and ζ, Slotine and Li's law Λ and K)", _gains(design))
+    yield titled("Margins of each loop alone (inertia is the least there is, over the typical)", _margins(design))
+    yield titled("All joints together", _together(design))
+    if limited:
+        names = (joint.name for joint in design.mechanism.primary_joints)
+        yield titled("What limits the gains", listed(zip(names, limited, strict=True)))
+
+
+def _gains(design: GainDesign) -> WrappedTable:
+    rows: list[list[Words]] = []
+    cascade = design.gains if design.damped_enough else None
+    for i, joint in enumerate(design.mechanism.primary_joints):
+        feedback = design.feedback[i]
+        numbers = [design.inertia[i], feedback.stiffness, feedback.rate, feedback.bandwidth, feedback.damping_ratio]
+        lags = [cascade.bandwidth[i], cascade.damping[i]] if cascade else [math.nan, math.nan]
+        rows.append([joint.name, *map(_number, (*numbers, *lags))])
+    return WrappedTable(("joint", "inertia", "stiffness", "rate", "ω", "ζ", "Λ", "K"), rows)
+
+
+def _margins(design: GainDesign) -> WrappedTable:
+    rows: list[list[Words]] = []
+    for i, joint in enumerate(design.mechanism.primary_joints):
+        of, least = design.margins[i], float(design.least_inertia[i])
+        held = of.gain * least > 1.0
+        rows.append(
+            [
+                joint.name,
+                f"× {_number(of.gain)}",
+                (f"× {_number(least)}", "" if held else "red"),
+                f"{math.degrees(of.phase):.0f}°",
+                f"{1e3 * of.delay:.3g} ms",
+                f"{of.delay / design.period:.3g}",
+                f"{_number(of.crossover)} rad/s",
+            ]
+        )
+    return WrappedTable(("joint", "gain", "inertia", "phase", "delay", "periods", "crossover"), rows)
+
+
+def _together(design: GainDesign) -> Group:
+    """Sampled gain of the whole arm, and the fastest poles that the period carries."""
+    gain = words(
+        "T_c λ_max(M⁻¹K) = ",
+        (f"{design.sampled_gain:.3g}", "bold green"),
+        f" at the worst configuration found; up to {design.largest_sampled_gain:.3g} is allowed, the rest is a margin",
+    )
+    room = "The period carries any poles." if math.isinf(design.fastest) else _room(design)
+    remark = [] if design.damped_enough else [words(("Λ and K need a damping ratio of at least 1.", "yellow"))]
+    return stacked(gain, words(room), *remark)
+
+
+def _room(design: GainDesign) -> str:
+    return (
+        f"The period carries poles {design.fastest:.3g} times as fast: the fastest at "
+        f"{design.fastest * design.highest:.4g} 1/s instead of {design.highest:.4g}."
+    )
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else "∞" if math.isinf(value) else f"{value:.4g}"

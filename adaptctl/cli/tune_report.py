@@ -8,8 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptctl.cli.output import titled
-from adaptctl.cli.tables import WrappedTable
+from adaptctl.cli.output import WrappedTable, titled
 from adaptctl.tuning import Tuning
 
 

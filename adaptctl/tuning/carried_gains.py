@@ -1,4 +1,4 @@
-"""Gains of the tracking loop as large as torque limits and control period carry, joint by joint."""
+"""Gains of the tracking loop, and initial errors, as large as torque limits and control period carry."""
 
 from __future__ import annotations
 
@@ -9,19 +9,31 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.control import Gains
+from adaptctl.control.controller import Reference
+from adaptctl.control.gains.workspace import reachable
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import column
+from adaptctl.tuning.motion_range import motion_ranges
 
 FIRST_SHARE = 0.5
 """of a torque limit, which damping asks for at the initial error"""
 ACCELERATION_SHARE = 0.3
 """of a torque limit, with which the initial error is brought back"""
 SHRINKS, GROWS, GROWTH = 150, 120, 1.08
-POSTURES, POSTURES_OF_MANY, MANY = 120, 40, 10
-"""along the reference, and where there are more than MANY joints"""
 WIDTH = 0.2
 """rad or m about the reference"""
+LARGEST_ERROR = 0.1
+"""rad or m, and of a joint's range"""
+SLOW = 1.0
+"""1/s, the least bandwidth with which an initial error is to be brought back"""
+LOAD = 0.4
+"""of a torque limit, the most that gravity may ask at the initial error unless it asks more on the reference: an arm
+whose links are heavier than they are thought to be can still hold itself there"""
+LESS, ROUNDS = 0.8, 20
+"""times the errors of all joints, while gravity asks more"""
+MORE = 4.0
+"""times as much damping, for which a rotor is named"""
 
 
 class CarriedGains(NamedTuple):
@@ -122,3 +134,51 @@ def _require_inertia(mechanism: Mechanism, M: Array) -> None:
             f"{mechanism.name}: the mass matrix is not positive definite along the reference, so no gains hold it: "
             f"{whose} inertial parameters that a rigid body can have, or the joints rotors"
         )
+
+
+def limitations(mechanism: Mechanism, carried: CarriedGains) -> tuple[str, ...]:
+    """Sentences (a tuple of r texts), one for each of the `mechanism`'s r joints, on what limits its gains, Slotine and
+    Li's bandwidth and damping. It is the control period, named with the rotor inertia that would allow four times the
+    damping, or the torque limit. `carried` has the gains and what limits each. Nothing is checked."""
+    return tuple(_limitation(mechanism, carried, j) for j in range(mechanism.dof))
+
+
+def _limitation(mechanism: Mechanism, carried: CarriedGains, j: int) -> str:
+    joint = mechanism.primary_joints[j]
+    unit = "kg m²" if joint.kind.turns else "kg"
+    if carried.by_hold[j]:
+        rotor = (MORE - 1.0) * carried.free_inertia[j]
+        kind = "a rotor" if joint.kind.turns else "a drive"
+        return f"the control period holds K low: {kind} of {rotor:.1g} {unit} would allow {MORE:g} times"
+    if carried.by_torque[j]:
+        return "its torque limit holds Λ and K low"
+    return "its torque limit holds K low"
+
+
+def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
+    """Initial tracking errors (r,), at most 0.1 rad (m if prismatic), from which the r joints of a `mechanism` can
+    return to a `reference` within its torque limits: each joint's position less the reference's at time 0. `limits`
+    (r,) are the torque limits, N m (N).
+
+    Each error is the least of three: a tenth of the joint's range of positions (of 2 rad or m without two limits), 0.1
+    rad (m), and 0.3 torque limit/inertia times 1 s^2, the inertia being the joint's entry of the mass matrix's diagonal
+    at time 0. All errors are then made smaller together, down to 0, where at the start the arm's gravity torque would
+    be more than 0.4 of a torque limit and more than without the error, or where kinematic loops could not be closed.
+    Nothing is checked.
+    """
+    start, common = reference(np.zeros(1)).p, common_error(mechanism)
+    inertia = np.diagonal(mechanism.mass_matrix(start)[0])
+    wanted = common / np.maximum(1.0, inertia * common * SLOW**2 / (ACCELERATION_SHARE * limits))
+    errors = LESS ** np.arange(ROUNDS)[:, None] * wanted
+    errors = np.concatenate((errors[reachable(mechanism, start + errors)], np.zeros_like(start)))
+    load = np.abs(mechanism.inverse_dynamics(start + errors, 0.0 * errors, 0.0 * errors)) / limits
+    fits = np.all(load <= np.maximum(LOAD, load[-1]), axis=1)
+    return np.asarray(errors[fits.argmax()])
+
+
+def common_error(mechanism: Mechanism) -> Array:
+    """Initial tracking errors (r,) of the `mechanism`'s r joints, rad (m if prismatic), before torque limits are
+    considered: a tenth of each joint's range of positions (of 2 rad or m without two limits), at most 0.1 rad (m).
+    Nothing is checked."""
+    lower, upper = motion_ranges(mechanism)
+    return np.minimum(LARGEST_ERROR, LARGEST_ERROR * (upper - lower))

@@ -21,7 +21,7 @@ from adaptctl.control import (
 )
 from adaptctl.errors import NotFoundError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.tuning.tuning import Tuning
+from adaptctl.tuning.tune import Tuning
 
 LAWS = (
     "slotine-li",

@@ -9,9 +9,9 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Gains
+from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.simulation import Rollouts
-from adaptctl.tuning.rough_links import scaled_links
 from adaptctl.tuning.trial import Trials, TrialSetting
 
 DURATION = 20.0
@@ -118,3 +118,16 @@ def measures(runs: Rollouts, limits: Array) -> tuple[Array, Array, Array, Array]
     largest = np.where(finite, runs.largest_error.max(axis=-1), np.inf)
     at_limit = (np.abs(runs.applied[len(time) // 2 :]) >= (1.0 - 1e-9) * limits).any(axis=-1)
     return first, last, largest, np.asarray(at_limit.mean(axis=0))
+
+
+def scaled_links(mechanism: Mechanism, share: float, seed: int) -> Array:
+    """All P inertial and friction parameters (P,) of a `mechanism` with rescaled links, SI units, in the order of its
+    `parameter_names`. The ten inertial ones of each body (link) are multiplied by 1 + `share` or 1 - `share`, no unit,
+    with equal probability, drawn by `seed`, a whole number of at least 0, the same for equal seeds. With a share below
+    1 a rigid body stays one; drives keep their parameters. Under linear constraints on the parameters only those that
+    are free, which `parameter_names` then has, are multiplied and returned; the others follow from them, so that a body
+    need not stay one. Nothing is checked."""
+    names, bodies = mechanism.description.parameter_names, len(mechanism.description.bodies)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], bodies)
+    scales = dict(zip(names, np.repeat(1.0 + share * signs, 10).tolist(), strict=False))
+    return np.array([scales.get(name, 1.0) for name in mechanism.parameter_names]) * mechanism.inertial_parameters

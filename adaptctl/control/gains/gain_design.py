@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +15,10 @@ from adaptctl.control.gains.gains import (
     Gains,
     positive_per_joint,
     sampled_gain,
-    typical_inertia,
 )
-from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN
+from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN, held_inertia, hold_number
 from adaptctl.control.gains.margins import Margins, margins
-from adaptctl.control.gains.workspace import everywhere
+from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError
 
@@ -32,13 +31,15 @@ class GainDesign:
     """Gain design for a `mechanism`: linear feedback of the error of each of its r joints, for a control `period` (s)
     and a `delay` of the torque in whole control periods, 0 by default.
 
-    `from_bandwidth`, `from_poles` and `from_lqr` make one; the constructor itself checks nothing. `method` is
-    "bandwidth", "poles" or "lqr"; `feedback` and `margins` have an `ErrorFeedback` and a `Margins` for each joint.
+    `from_bandwidth`, `from_poles`, `from_lqr` and `of_gains` make one; the constructor itself checks nothing. `method`
+    is "bandwidth", "poles", "lqr" or "rule"; `feedback` and `margins` have an `ErrorFeedback` and a `Margins` a joint.
     `inertia` (r,), in kg m^2 (kg if prismatic), is each joint's typical inertia, for which its loop is designed: the
     median of its entry of the mass matrix's diagonal over 200 random configurations. The margins are those of each
     joint's sampled loop alone, with the delay. `least_inertia` (r,), without a unit, is a ratio: the least inertia, in
     these configurations, that a joint has while all others are free, divided by its typical inertia. 1/`least_inertia`
-    is the factor by which the loop's gain grows there, and the loop's gain margin must be above it.
+    is the factor by which the loop's gain grows there, and the loop's gain margin must be above it. With a `workspace`,
+    a set of joint positions, its samples stand for the random configurations. `given` are Slotine and Li's gains that
+    the design was made of, None where they follow from the feedback.
     """
 
     mechanism: Mechanism
@@ -51,6 +52,36 @@ class GainDesign:
     margins: tuple[Margins, ...]
     period: float
     delay: int = 0
+    workspace: Workspace | None = None
+    given: Gains | None = None
+
+    @classmethod
+    def of_gains(
+        cls, mechanism: Mechanism, gains: Gains, workspace: Workspace, *, period: float = 1e-3, delay: int = 0
+    ) -> GainDesign:
+        """Gain design, a `GainDesign`, of Slotine and Li's `gains` given for the r joints of a `mechanism`, such as
+        those that `adaptctl.tune` finds, judged in a `workspace`, the set of joint positions for which they are meant.
+        `period` is the control period in s, 1 ms by default, `delay` that of the torque in whole periods, 0 by default.
+
+        With the bandwidth Lambda (1/s), the damping K and the inertia m of a joint its error loop has the poles
+        -Lambda and -K/m: the stiffness is Lambda K/m, the rate Lambda + K/m. m is the median of the joint's entry of
+        the diagonal of what a held torque feels as inertia (`held_inertia`) over the workspace's samples: the mass
+        matrix's, and more with viscous friction. Raises `InputError` for gains and a period that are not positive, a
+        delay other than a whole number from 0 to 1000, and where m is not positive; `GainError` where a loop alone
+        cannot be carried by a hold of the period.
+        """
+        delay = whole_number(delay, "delay", 0, 1000)
+        Lambda, K = (
+            positive_per_joint(values, mechanism.dof, what)
+            for values, what in ((gains.bandwidth, "bandwidth"), (gains.damping, "damping"))
+        )
+        inertia, least = _inertias(
+            mechanism, held_inertia(mechanism, workspace.samples, workspace.mass_matrices, period)
+        )
+        pairs = zip((Lambda * K / inertia).tolist(), (Lambda + K / inertia).tolist(), strict=True)
+        feedback = tuple(ErrorFeedback(stiffness, rate, period) for stiffness, rate in pairs)
+        found = _margins(feedback, delay)
+        return cls(mechanism, "rule", feedback, inertia, least, found, period, delay, workspace, Gains(Lambda, K))
 
     @classmethod
     def from_bandwidth(
@@ -124,7 +155,10 @@ class GainDesign:
         """Slotine and Li's gains of this design for r joints, a `Gains`. Its bandwidth Lambda (r,) in 1/s is the slower
         of the two decay rates of each joint's error loop; its damping K (r,) in N m s/rad (N s/m if prismatic) is the
         faster one times the joint's typical inertia, for which the loop is designed. Raises `InputError` where a
-        joint's poles are complex, that is, where the property `damped_enough` is False."""
+        joint's poles are complex, that is, where the property `damped_enough` is False. For a design that was made of
+        gains they are these."""
+        if self.given is not None:
+            return self.given
         rates = np.array([feedback.cascaded for feedback in self.feedback])
         return Gains(rates[:, 0], rates[:, 1] * self.inertia)
 
@@ -133,7 +167,7 @@ class GainDesign:
         """True if every joint's error loop counts as one of two real poles, so that the property `gains`, Slotine and
         Li's gains, exists. The criterion is 1/zeta^2 - 1 <= 0.02 + omega T_c, with a loop's damping ratio zeta, its
         undamped natural frequency omega (rad/s) and the control period T_c (s)."""
-        return all(feedback.is_cascade for feedback in self.feedback)
+        return self.given is not None or all(feedback.is_cascade for feedback in self.feedback)
 
     @property
     def bandwidth(self) -> Array:
@@ -160,6 +194,8 @@ class GainDesign:
         within the joints' limits finds. T_c is the control period, lambda_max the largest eigenvalue, M the mass matrix
         and K the velocity gains, the property `damping`: a torque held over T_c is stable below 2, and below 1 with a
         delay of one period. The search starts from the worst of 200 random positions."""
+        if (own := self.given) is not None:
+            return hold_number(self.mechanism, own.damping, self.period, own.bandwidth, workspace=self.workspace).value
         return sampled_gain(self.mechanism, self.damping, self.period)
 
     @property
@@ -183,6 +219,8 @@ class GainDesign:
         mass matrix M and the damping K, is allowed up to the property `largest_sampled_gain`, 1.5 without delay. The
         factor is infinite where even a deadbeat loop is allowed, 0 where none is, as where M is not positive definite.
         """
+        if self.given is not None:  # the hold number is in proportion to both gains
+            return self.largest_sampled_gain / self.sampled_gain
 
         def excess(logarithm: float) -> float:
             rates = np.array([feedback.faster(float(np.exp(logarithm))).rate for feedback in self.feedback])
@@ -229,16 +267,21 @@ def _design(
 ) -> GainDesign:
     """The design with each joint's feedback. Raises `InputError` for a wrong delay and where an inertia is none."""
     delay = whole_number(delay, "delay", 0, 1000)
-    inertia = typical_inertia(mechanism)
-    if np.any(inertia <= 0.0):
-        raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")
-    free = 1.0 / np.diagonal(np.linalg.inv(everywhere(mechanism).mass_matrices), axis1=1, axis2=2)
-    least = free.min(axis=0) / inertia
-    found = _once(lambda one: margins(one.loop(delay)), feedback)
+    found = _margins(feedback, delay)
+    inertia, least = _inertias(mechanism, everywhere(mechanism).mass_matrices)
     return GainDesign(mechanism, method, tuple(feedback), inertia, least, found, period, delay)
 
 
-def _once(of: Callable[[ErrorFeedback], Margins], feedback: Sequence[ErrorFeedback]) -> tuple[Margins, ...]:
+def _inertias(mechanism: Mechanism, M: Array) -> tuple[Array, Array]:
+    """Typical inertia (r,) of each joint in mass matrices (S, r, r), and the least with all others free, over it."""
+    inertia = np.median(np.diagonal(M, axis1=-2, axis2=-1), axis=0)
+    if np.any(inertia <= 0.0):
+        raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")
+    free = 1.0 / np.diagonal(np.linalg.inv(M), axis1=1, axis2=2)
+    return inertia, free.min(axis=0) / inertia
+
+
+def _margins(feedback: Sequence[ErrorFeedback], delay: int) -> tuple[Margins, ...]:
     """Margins of each loop, found once for equal ones."""
-    known = {one: of(one) for one in dict.fromkeys(feedback)}
+    known = {one: margins(one.loop(delay)) for one in dict.fromkeys(feedback)}
     return tuple(known[one] for one in feedback)

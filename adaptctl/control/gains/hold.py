@@ -185,7 +185,7 @@ def _feedback(
     own = M if estimate is None else mass_matrix_of(mechanism, p, estimate)
     definite = np.asarray(scaled_eigenvalues(M) > DEFINITE)[..., :1, None]
     M = np.where(definite, M, np.eye(mechanism.dof))
-    held = np.linalg.solve(_carrying(mechanism, p, M, period), period * (np.diag(damping) + own * bandwidth))
+    held = np.linalg.solve(held_inertia(mechanism, p, M, period), period * (np.diag(damping) + own * bandwidth))
     return np.where(definite, held, np.inf)
 
 
@@ -199,8 +199,10 @@ def _hold_numbers(feedback: Array) -> Array:
     return np.where(finite, each.max(axis=-1), np.inf)
 
 
-def _carrying(mechanism: Mechanism, p: Array, M: Array, period: float) -> Array:
-    """M (X/2) coth(X/2), X = T_c M^-1 B: what a held torque feels as inertia where viscous friction B acts."""
+def held_inertia(mechanism: Mechanism, p: Array, M: Array, period: float) -> Array:
+    """Inertia (..., r, r) that a torque feels that is held over the `period` T_c (s), kg m^2 (kg between prismatic
+    joints): M (X/2) coth(X/2), X = T_c M^-1 B, B being the viscous friction of the `mechanism`; without any, M itself.
+    `M` (..., r, r) are its positive definite mass matrices at positions `p` (..., r), rad (m). Nothing is checked."""
     columns, D = _viscous(mechanism)
     if not np.any(D):
         return M

@@ -1,0 +1,188 @@
+"""The rule of default gains: for one arm, one period and one bandwidth there is one answer, whoever asks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, per_joint, positive_number, whole_count
+from adaptctl.caching import cached_property
+from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.workspace import Workspace, reachable
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, require_kind
+from adaptctl.tuning.carried_gains import WIDTH, CarriedGains, carried_gains, common_error, recoverable_error
+from adaptctl.tuning.motion_range import motion_ranges
+from adaptctl.tuning.prior_gain import Shares, carried_gain, prior_ranges
+from adaptctl.tuning.workable_reference import WorkableReference, judged_reference, workable_reference
+
+BANDWIDTH, HOLD = 4.0, 0.5
+"""1/s, and T lambda_max((M + T B)^-1 K), a third of what a hold of a period may carry"""
+POSTURES, POSTURES_OF_MANY, MANY = 120, 40, 10
+"""along the reference, and where there are more than MANY joints"""
+HORIZON = 20.0
+"""s of the reference along which gains are to hold"""
+SMALLEST_ERROR = 1e-2
+"""rad or m: smaller initial errors than this are taken as this when gains are chosen"""
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """Proposal of gains for Slotine and Li's law, with the two numbers, without units, that it was made for. Nothing is
+    checked.
+
+    `carried` has the tracking gains, bandwidth and damping, and what limits them; `gain` (P,) is the diagonal of the
+    adaptation gain on all P parameters, in their units squared per J. `hold` is the upper bound of the damping
+    number T lambda_max((M + T B)^-1 K), which the gains are below where torques limit them, and `adaptation` the
+    adaptation number T lambda_max(K^-1 Y Gamma Y'); both are stable below 2. T is the control period, M the mass
+    matrix, B viscous friction, K the damping, Y the torque regressor and Y' its transpose, Gamma the adaptation gain,
+    lambda_max the largest eigenvalue.
+    """
+
+    carried: CarriedGains
+    gain: Array
+    """(P,) diagonal of Gamma"""
+    hold: float
+    adaptation: float
+
+
+@dataclass(frozen=True, eq=False)
+class DefaultGains:
+    """Rule of default gains for a `mechanism` of r joints whose torques are held over a `period` (s), near a reference;
+    the class method `on` makes one. Nothing is checked.
+
+    `limits` (r,) are the torque limits, N m (N if prismatic); `found` has the reference and what it asks of them;
+    `initial_error` (r,), rad (m), is the position less the reference's at time 0. Of S samples of the reference's first
+    20 s, `points` has its points, (S, r) each; `postures` (S, r), rad (m), are random positions near it at which
+    kinematic loops can be closed; `errors` (S, r), rad (m), are tracking errors of random sign, at least as large as
+    the initial one, 0 where loops could not be closed.
+    """
+
+    mechanism: Mechanism
+    period: float
+    limits: Array
+    """(r,) of torques"""
+    found: WorkableReference
+    initial_error: Array
+    """(r,) rad or m"""
+    points: ReferencePoint
+    """of the reference, (S, r) each"""
+    postures: Array
+    """(S, r) near them, where loops can be closed"""
+    errors: Array
+    """(S, r) of either sign"""
+
+    @classmethod
+    def on(
+        cls,
+        mechanism: Mechanism,
+        *,
+        period: float = 1e-3,
+        reference: Reference | None = None,
+        initial_error: ArrayLike | None = None,
+        seed: int = 0,
+    ) -> DefaultGains:
+        """Rule of default gains, a `DefaultGains`, for a `mechanism` of r joints and a control `period` (s), 1 ms by
+        default, on a `reference`. Unless given, the reference is drawn by `seed`, 0 by default, within 60 % of the
+        torque limits, and the `initial_error` (rad, m if prismatic; one number or (r,)) is 0.1 rad (m), and less where
+        a range or a torque limit is small.
+
+        Positions are drawn by `seed` within 0.2 rad (m), or half the joint's range if that is less, of 120 samples of
+        the reference (of 40 with more than 10 joints), and errors of the initial one's size or, if greater, a tenth of
+        the joint's range, at most 0.1 rad (m). Raises `InputError` for settings that are out of range (`period` above 0
+        and at most 0.1; `seed` a whole number of at least 0; `initial_error` finite and of r joints); for a given
+        `reference`, `NonFiniteError` where its points are not finite and `SingularityError` where kinematic loops
+        cannot be closed at its first one.
+        """
+        require_kind(mechanism, Mechanism, "tune", "as load(...) gives one")
+        period, seed = at_most("period", period, 0.1), whole_count(seed, "seed")
+        given = None if initial_error is None else _given_error(mechanism, initial_error)
+        limits = finite_torque_limits(mechanism)
+        if reference is None:
+            found = workable_reference(mechanism, limits, seed)
+        else:
+            found = judged_reference(mechanism, limits, reference)
+        error = given if given is not None else recoverable_error(mechanism, limits, found.reference)
+        rng, points = np.random.default_rng(seed), found.reference(np.linspace(0.0, HORIZON, _samples(mechanism)))
+        return cls(mechanism, period, limits, found, error, points, *_around(mechanism, points.p, error, rng))
+
+    @property
+    def reference(self) -> Reference:
+        """The reference near which gains are to hold."""
+        return self.found.reference
+
+    @cached_property
+    def ranges(self) -> Array:
+        """Prior ranges (P,) of all P inertial and friction parameters of the mechanism, their greatest plausible
+        errors, in SI units. Raises `InputError` where a joint's typical inertia, the median of its mass matrix entry
+        over 200 random positions, is not positive."""
+        return prior_ranges(self.mechanism)
+
+    def carried(self, bandwidth: float = BANDWIDTH, hold: float = HOLD) -> CarriedGains:
+        """The largest tracking gains, a `CarriedGains`, with a bandwidth of at most `bandwidth` (1/s), 4 by default,
+        and a damping number of at most `hold`, no unit, 0.5 by default, at the positions near the reference and within
+        the torque limits. The damping number is T lambda_max((M + T B)^-1 K), stable below 2: T is the control period,
+        M the mass matrix, B viscous friction, K the damping and lambda_max the largest eigenvalue. The last 8 results
+        are kept. Raises `InputError` for a bandwidth above 1000 1/s or a hold above 1.5, joints that move nothing that
+        has inertia, and where M is not positive definite."""
+        return self._carried(at_most("bandwidth", bandwidth, 1e3), at_most("hold", hold, 1.5))
+
+    @lru_cache(maxsize=8)  # noqa: B019  # a search asks for the same few again and again, and they take longest
+    def _carried(self, bandwidth: float, hold: float) -> CarriedGains:
+        off = np.maximum(np.abs(self.initial_error), SMALLEST_ERROR)
+        return carried_gains(self.mechanism, self.limits, self.postures, off, self.period, bandwidth, hold)
+
+    def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
+        """Proposal of gains, a `Proposal`, with the tracking gains `carried(bandwidth, hold)` and an adaptation number
+        T lambda_max(K^-1 Y Gamma Y') of `adaptation`, no unit and stable below 2: T is the control period, K the
+        damping, Y the torque regressor and Y' its transpose, lambda_max the largest eigenvalue. `shares` says what the
+        adaptation gain Gamma is in proportion to, as in `carried_gain`. Raises `InputError` as `carried` does, and for
+        an `adaptation` above 1."""
+        adaptation = at_most("adaptation", adaptation, 1.0)
+        mechanism, points, carried = self.mechanism, self.points, self.carried(bandwidth, hold)
+        rates, damping = carried.gains.bandwidth, carried.gains.damping
+        v_r, a_r = points.v - rates * self.errors, points.a + rates**2 * self.errors
+        regressor = mechanism.slotine_li_regressor(points.p + self.errors, points.v, v_r, a_r)
+        gain = carried_gain(mechanism, regressor, damping, self.ranges, self.period, adaptation, shares)
+        return Proposal(carried, gain, hold, adaptation)
+
+
+def near_reference(mechanism: Mechanism, reference: Reference, initial_error: Array) -> Workspace:
+    """Set of joint positions for which gains are checked, a `Workspace`: 60 positions of the `reference`, evenly spaced
+    in its first 20 s, with a margin about each of them, the size of the largest of the joints' `initial_error` (r,),
+    rad (m if prismatic). Raises `InputError` where kinematic loops of the `mechanism` can be closed at none of them."""
+    margin = float(np.max(np.abs(initial_error)))
+    return Workspace.along(mechanism, reference(np.linspace(0.0, HORIZON, 60)).p, margin)
+
+
+def at_most(name: str, value: float, most: float) -> float:
+    """The number `value`. Raises `InputError`, which calls it `name`, unless it is above 0 and at most `most`."""
+    what = f"{name}: expected a number above 0 and at most {most:g}"
+    if (number := positive_number(value, what)) > most:
+        raise InputError(f"{what}, got {value!r}")
+    return number
+
+
+def _given_error(mechanism: Mechanism, given: ArrayLike) -> Array:
+    error = per_joint(given, mechanism.dof, "initial_error")
+    if not np.all(np.isfinite(error)):
+        raise InputError(f"initial_error: expected finite numbers, got {error.tolist()}")
+    return error
+
+
+def _samples(mechanism: Mechanism) -> int:
+    return POSTURES if mechanism.dof <= MANY else POSTURES_OF_MANY
+
+
+def _around(mechanism: Mechanism, p: Array, off: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Positions near others, and tracking errors at these, (S, r) each."""
+    lower, upper = motion_ranges(mechanism)
+    width = np.minimum(WIDTH, 0.5 * (upper - lower))
+    postures = p + width * rng.uniform(-1.0, 1.0, p.shape)
+    postures = np.where(reachable(mechanism, postures)[:, None], postures, p)
+    errors = np.maximum(np.abs(off), common_error(mechanism)) * rng.choice([-1.0, 1.0], p.shape)
+    return postures, np.where(reachable(mechanism, p + errors)[:, None], errors, 0.0)
