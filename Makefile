@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test search bench gallery sdist figures check-stability check-export check-page check-pages check-learners mutants lint types docs format licences audit lock clean
+.PHONY: architecture help demo test search golden bench gallery sdist figures check-stability check-export check-page check-pages check-learners mutants lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -23,6 +23,9 @@ test: $(STAMP) ## the tests, and every example of README.md and docs/
 
 search: $(STAMP) ## the tests that draw their cases, on cases drawn anew each time
 	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile=search $$(grep -l '^from hypothesis import' tests/test_*.py)
+
+golden: $(STAMP) ## what is kept in tests/golden against what is so now; ten minutes (PARTS="robots exports"; UPDATE=1 to keep it)
+	$(BIN)/python tests/golden/capture.py $(PARTS) $(if $(UPDATE),--update)
 
 bench: $(STAMP) ## speed against its peers, in three minutes; docs/speed.md and README.md's plot then show it
 	$(BIN)/python -m benchmarks

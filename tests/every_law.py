@@ -34,6 +34,7 @@ from adaptctl.control import (
     Subspace,
     TaskSpaceSlotineLi,
 )
+from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 
 ARM = random_chain(3, 3)
@@ -43,16 +44,26 @@ TRUE = np.asarray(ARM.inertial_parameters)
 GAIN = np.linspace(0.5, 2.0, K)
 WIDE = np.full(K, 1e4)
 PAIR = ReducedModel.full(random_chain(3, 2))
-FEW, FEW_TRUE = GAIN[: len(PAIR.columns)], TRUE[: len(PAIR.columns)]
+FEW = GAIN[: len(PAIR.columns)]
 
 
 def slotine_li(adaptation: Any = None, kind: type[SlotineLi] = SlotineLi, **more: Any) -> SlotineLi:
-    return kind(MODEL, 6.0, [3.0, 4.0, 2.0], adaptation, 0.9 * TRUE, **more)  # type: ignore[arg-type]
+    return on(MODEL, adaptation, kind, **more)
+
+
+def on(model: ReducedModel, adaptation: Any, kind: type[SlotineLi] = SlotineLi, **more: Any) -> SlotineLi:
+    """A law that begins nine tenths of the way to the truth."""
+    damping = [3.0, 4.0, 2.0][: model.mechanism.dof]
+    return kind(model, 6.0, damping, adaptation, 0.9 * true_of(model), **more)  # type: ignore[arg-type]
+
+
+def true_of(model: ReducedModel) -> Any:
+    return np.asarray(model.mechanism.inertial_parameters)
 
 
 def of_two(adaptation: Any) -> SlotineLi:
     """A law whose operations grow with the cube of the number of parameters, on two links."""
-    return SlotineLi(PAIR, 6.0, [3.0, 4.0], adaptation, 0.9 * FEW_TRUE)  # type: ignore[arg-type]
+    return on(PAIR, adaptation)
 
 
 def guarded(law: Controller[Any], torque: float = 50.0, rates: float = 1e4, **more: Any) -> Guarded:
@@ -63,48 +74,56 @@ def guarded(law: Controller[Any], torque: float = 50.0, rates: float = 1e4, **mo
     )
 
 
-def linear() -> LinearController:
+def linear(arm: Mechanism = ARM) -> LinearController:
     """Feedback of the error and of its filtered rate, with the torques that the reference asks for."""
-    r, eye = ARM.dof, np.eye(ARM.dof)
+    r, eye = arm.dof, np.eye(arm.dof)
     zero = np.zeros((r, r))
     slow, gain = (
         np.hstack([-eye, zero, eye, zero, zero]),
         np.hstack([-200.0 * eye, -20.0 * eye, 200.0 * eye, zero, zero]),
     )
-    return LinearController(0.9 * eye, 0.1 * slow, 5.0 * eye, gain, ARM)
+    return LinearController(0.9 * eye, 0.1 * slow, 5.0 * eye, gain, arm)
 
 
-LAWS: dict[str, Controller[Any]] = {
-    "off": slotine_li(),
-    "gradient": slotine_li(GAIN),
-    "euler": slotine_li(Gradient(GAIN, theta=0.0, cap=0.0)),
-    "capped": slotine_li(Gradient(GAIN, theta=1.0, cap=0.5)),
-    "released": slotine_li(ReleasedGradient(GAIN)),
-    "matrix": slotine_li(np.diag(GAIN) + 0.1),
-    "dead zone": slotine_li(DeadZone(GAIN, np.array([0.05, 0.04, 0.06]))),
-    "sigma": slotine_li(SigmaModification(GAIN, 0.2, TRUE)),
-    "e": slotine_li(EModification(GAIN, 0.2, TRUE)),
-    "composite": slotine_li(Composite(GAIN, 0.3, 15.0)),
-    "forgetting": slotine_li(BoundedGainForgetting(GAIN, 0.3, 15.0, 1.5, 3.0)),
-    "floor": of_two(CushionedFloor(FEW, 0.3, 15.0, 1.5)),
-    "composite learning": of_two(CompositeLearning(FEW, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
-    "concurrent learning": slotine_li(ConcurrentLearning(GAIN, 0.3, 15.0, 3, 1e-9)),
-    "natural": slotine_li(Natural(0.2)),
-    "lift": of_two(ConsistentLift(0.2, 0.9 * FEW_TRUE, 0.3, 15.0)),
-    "lift without prediction": slotine_li(ConsistentLift(0.2, 0.9 * TRUE)),
-    "projection": slotine_li(Projection(Gradient(GAIN), -WIDE, WIDE)),
-    "projected composite": slotine_li(Projection(Composite(GAIN, 0.3, 15.0), -WIDE, WIDE)),
-    "subspace": slotine_li(Subspace(GAIN[:4], np.eye(K)[:, :4])),
-    "integral": slotine_li(GAIN, PassivityIntegral),
-    "tool": slotine_li(GAIN, TaskSpaceSlotineLi, singularity=0.1, reference_in_joints=True),
-    "tool in the world": slotine_li(GAIN, TaskSpaceSlotineLi, singularity=0.1, axes=(0, 1)),
-    "adaptive computed torque": AdaptiveComputedTorque(MODEL, 6.0, 0.9 * TRUE, GAIN),  # type: ignore[arg-type]
-    "computed torque": ComputedTorque(ARM, np.full(3, 6.0), 0.8),
-    "gravity": PDGravity(ARM, np.full(3, 200.0), np.full(3, 30.0)),
-    "linear": linear(),
-    "guarded": guarded(slotine_li(GAIN), estimate_bounds=(-WIDE, WIDE)),
-    "guarded lift": guarded(of_two(ConsistentLift(0.2, 0.9 * FEW_TRUE, 0.3, 15.0)), rates=2e3),
-}
+def laws_on(model: ReducedModel, pair: ReducedModel) -> dict[str, Controller[Any]]:
+    """Every law, by name, on one arm, and laws that are long on many parameters on another, of two joints."""
+    arm, true, few_true = model.mechanism, true_of(model), true_of(pair)
+    gain, few, wide = np.linspace(0.5, 2.0, len(true)), FEW, np.full(len(true), 1e4)
+    band, each, axes = np.array([0.05, 0.04, 0.06])[: arm.dof], np.ones(arm.dof), (0, 1, 2)[: arm.dof]
+    return {
+        "off": on(model, None),
+        "gradient": on(model, gain),
+        "euler": on(model, Gradient(gain, theta=0.0, cap=0.0)),
+        "capped": on(model, Gradient(gain, theta=1.0, cap=0.5)),
+        "released": on(model, ReleasedGradient(gain)),
+        "matrix": on(model, np.diag(gain) + 0.1),
+        "dead zone": on(model, DeadZone(gain, band)),
+        "sigma": on(model, SigmaModification(gain, 0.2, true)),
+        "e": on(model, EModification(gain, 0.2, true)),
+        "composite": on(model, Composite(gain, 0.3, 15.0)),
+        "forgetting": on(model, BoundedGainForgetting(gain, 0.3, 15.0, 1.5, 3.0)),
+        "floor": on(pair, CushionedFloor(few, 0.3, 15.0, 1.5)),
+        "composite learning": on(pair, CompositeLearning(few, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
+        "concurrent learning": on(model, ConcurrentLearning(gain, 0.3, 15.0, 3, 1e-9)),
+        "natural": on(model, Natural(0.2)),
+        "lift": on(pair, ConsistentLift(0.2, 0.9 * few_true, 0.3, 15.0)),
+        "lift without prediction": on(model, ConsistentLift(0.2, 0.9 * true)),
+        "projection": on(model, Projection(Gradient(gain), -wide, wide)),
+        "projected composite": on(model, Projection(Composite(gain, 0.3, 15.0), -wide, wide)),
+        "subspace": on(model, Subspace(gain[:4], np.eye(len(true))[:, :4])),
+        "integral": on(model, gain, PassivityIntegral),
+        "tool": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=axes, reference_in_joints=True),
+        "tool in the world": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=(0, 1)),
+        "adaptive computed torque": AdaptiveComputedTorque(model, 6.0, 0.9 * true, gain),  # type: ignore[arg-type]
+        "computed torque": ComputedTorque(arm, 6.0 * each, 0.8),
+        "gravity": PDGravity(arm, 200.0 * each, 30.0 * each),
+        "linear": linear(arm),
+        "guarded": guarded(on(model, gain), estimate_bounds=(-wide, wide)),
+        "guarded lift": guarded(on(pair, ConsistentLift(0.2, 0.9 * few_true, 0.3, 15.0)), rates=2e3),
+    }
+
+
+LAWS = laws_on(MODEL, PAIR)
 """By name; small chains, so that each takes a moment."""
 
 

@@ -1,0 +1,324 @@
+"""What the project computes and says, kept in tests/golden: `make golden` compares it with what is so now.
+
+    python tests/golden/capture.py [--update] [PART ...]
+
+Parts: robots (ranks, certificates, bases), exports (hashes of exported C), names (what packages offer), help (of all
+commands), experiments (numbers in their summaries), or `experiments/NAME` for one. `--update` writes the files anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import difflib
+import hashlib
+import io
+import json
+import math
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from importlib.metadata import files
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+PARTS = ("names", "help", "robots", "exports", "experiments")
+
+SAME_EVERYWHERE: Mapping[str, str] = {
+    "ADAPTCTL_PROCESSOR": "sse2",
+    "OPENBLAS_CORETYPE": "Prescott",
+    "OPENBLAS_NUM_THREADS": "1",
+    "COLUMNS": "100",
+    "NO_COLOR": "1",
+    "TERM": "dumb",
+}
+"""Before NumPy is imported: with these, numbers differ less between processors."""
+
+RELATIVE, ABSOLUTE = 1e-6, 1e-9
+"""How far numbers may be off."""
+GAP = 2.0
+"""How far the logarithm of a gap may be off: what is beyond the rank is round-off."""
+LEFT_OUT = re.compile(
+    r"wall_time|realtime_factor|tick\.called|tick\.native|tick_floats|^seconds$|robot_sha256|^settings"  # times; words
+    r"|^builds"  # by the compilers that are here
+    r"|^links\.0\.cheapest\.place"  # masses on an upright first axis cost nothing, wherever they are
+)
+"""Names of what is not kept of an experiment's summary."""
+
+
+def compared(kept: Any, now: Any, name: str = "") -> Iterator[str]:
+    """Lines that say where two values of JSON differ; numbers within the tolerances, also those inside texts."""
+    if isinstance(kept, dict) and isinstance(now, dict):
+        for key in [*kept, *(key for key in now if key not in kept)]:
+            yield from compared(kept.get(key, "nothing"), now.get(key, "nothing"), f"{name}.{key}" if name else key)
+    elif isinstance(now, list) and now and all(isinstance(one, str) for one in now):
+        before = kept if isinstance(kept, list) else []
+        lines = difflib.unified_diff(before, now, lineterm="", n=0)
+        yield from (f"{name}: {line}" for line in lines if not line.startswith(("---", "+++", "@@")))
+    elif isinstance(kept, list) and isinstance(now, list) and len(kept) == len(now):
+        for k, (one, other) in enumerate(zip(kept, now, strict=True)):
+            yield from compared(one, other, f"{name}[{k}]")
+    elif not alike(kept, now, name.rpartition(".")[2]):
+        yield f"{name}: {shown(kept)} -> {shown(now)}"
+
+
+def alike(kept: Any, now: Any, name: str) -> bool:
+    """Whether two numbers, or two texts word by word, are the same within the tolerances."""
+    if isinstance(kept, str) and isinstance(now, str):
+        one, other = kept.split(), now.split()
+        pairs = zip(one, other, strict=False)
+        return len(one) == len(other) and all(a == b or alike(number(a), number(b), name) for a, b in pairs)
+    if isinstance(kept, float) or isinstance(now, float):
+        if kept is None or now is None or isinstance(kept, str) or isinstance(now, str):
+            return False
+        near = GAP if name == "gap" else RELATIVE * max(abs(kept), abs(now)) + ABSOLUTE
+        return bool(abs(kept - now) <= near)
+    return bool(kept == now)
+
+
+def number(text: str) -> float | None:
+    with contextlib.suppress(ValueError):
+        return float(text)
+    return None
+
+
+def shown(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) < 400 else f"{text[:400]} ..."
+
+
+# Robots: ranks, certificates and bases
+
+
+def robots() -> dict[str, Any]:
+    """Of all built-ins and of files that others wrote."""
+    return {name: robot(source, **how) for name, (source, how) in sources().items()}
+
+
+def sources() -> dict[str, tuple[str | Path, Mapping[str, bool]]]:
+    """Robots by the names that they are kept under, and how each is loaded."""
+    from adaptctl.description import builtin_names
+
+    own = sorted([*HERE.glob("files/*"), *ROOT.glob("docs/examples/*.toml")])
+    wheel = {
+        path.name: Path(str(path.locate())) for path in files("example-robot-data") or () if path.suffix == ".urdf"
+    }
+    return {
+        **{name: (name, {}) for name in builtin_names()},
+        **{path.name: (path, {}) for path in own if path.name != "priority.toml"},
+        **{name: (wheel[name.split()[0]], how) for name, how in FOREIGN.items()},
+    }
+
+
+SNAPPED, FLOATING = {"snap": True}, {"floating_base": True}
+FOREIGN: Mapping[str, Mapping[str, bool]] = {
+    "ur5_robot.urdf": {},
+    "ur5_robot.urdf snapped": SNAPPED,
+    "kinova.urdf snapped": SNAPPED,
+    "z1.urdf snapped": SNAPPED,
+    "xarm7.urdf snapped": SNAPPED,
+    "panda.urdf": {},
+    "pr2.urdf": {},
+    "tiago.urdf": {},
+    "double_pendulum.urdf": {},
+    "double_pendulum.urdf floating": FLOATING,
+    "a1.urdf floating": FLOATING,
+    "solo12.urdf floating": FLOATING,
+    "iris.urdf floating": FLOATING,
+    "quadrotor_base.urdf floating": FLOATING,
+    "talos_reduced.urdf floating": FLOATING,
+    "simple_humanoid.urdf": {},
+}
+"""Robots of the example-robot-data wheel that the tests load."""
+
+
+def robot(source: str | Path, **how: bool) -> dict[str, Any]:
+    """Rank, certificate, and basis with its regrouping, to nine digits; or why there is none."""
+    import numpy as np
+
+    from adaptctl import essential_space, fundamental_basis, load
+    from adaptctl.errors import AdaptctlError
+
+    try:
+        mechanism = load(source, **how)
+        prove = len(mechanism.parameter_names) <= 150
+        space = essential_space(mechanism, prove=prove)
+        basis = fundamental_basis(space, prove=prove)
+    except AdaptctlError as error:
+        return {"refused": re.sub(r"(?<=[\s:(])/\S+/", "", f"{type(error).__name__}: {error}".replace(f"{ROOT}/", ""))}
+    names, proof = space.parameter_names, space.certificate
+    rows = {
+        kept: " ".join(f"{row[j]:.9g} {names[j]}" for j in np.flatnonzero(np.abs(row) > 1e-11))
+        for kept, row in zip(basis.names, basis.regrouping, strict=True)
+    }
+    return {
+        "dof": mechanism.dof,
+        "parameters": len(names),
+        "rank": space.rank,
+        "certificate": {
+            "ranks": [proof.rank_energy, proof.rank_doubled],
+            "by torques": proof.rank_torque,
+            "by geometry": proof.rank_geometry,
+            "exactly": proof.rank_exact,
+            "exactly by": proof.exact_by,
+            "gap": round(math.log10(proof.gap), 1),
+            "relative_smallest": float(f"{proof.relative_smallest:.4g}"),
+            "samples": proof.samples,
+            "faults": list(proof.faults),
+            "leftovers": len(proof.leftovers),
+        },
+        "columns": " ".join(map(str, basis.columns)),
+        "basis": rows,
+    }
+
+
+# Exported C
+
+
+def exports() -> dict[str, Any]:
+    """Hashes of each file of every law on two arms, and of laws on reduced models without their numbers, which are
+    LAPACK's to the last digit and so may be the processor's."""
+    from every_law import REDUCED, law_named
+
+    found = {f"{arm}: {name}": exported(law) for arm, laws in arms().items() for name, law in laws.items()}
+    found |= {f"reduced, without numbers: {name}": exported(law_named(name), numbers=False) for name in REDUCED}
+    return found | {"three: gradient, float": exported(arms()["three"]["gradient"], scalar="float")}
+
+
+@cache
+def arms() -> dict[str, dict[str, Any]]:
+    """Every law on arms of three and of two joints, which have the same digits everywhere."""
+    from every_law import laws_on
+
+    from adaptctl import ReducedModel, load
+
+    three, two = (ReducedModel.full(load(HERE / "files" / f"{name}.toml")) for name in ("arm_of_three", "arm_of_two"))
+    return {"three": laws_on(three, two), "two": laws_on(two, two)}
+
+
+WORDS = ("README.md", "manifest.json")
+"""Not hashed: words, and hashes of the other files."""
+NUMBER = re.compile(r"-?\b0x[0-9a-f.]+p[+-]?\d+\b|-?\b\d+\.\d*(?:e[+-]?\d+)?", re.IGNORECASE)
+
+
+def exported(law: Any, numbers: bool = True, **more: Any) -> dict[str, str]:
+    import adaptctl
+
+    with tempfile.TemporaryDirectory() as folder:
+        made = adaptctl.export(law, Path(folder) / "law", name="law", unguarded=True, large_stack=True, **more)
+        texts = {path.name: path.read_text() for path in sorted(made.directory.iterdir())}
+    if not numbers:
+        texts = {name: NUMBER.sub("#", re.sub(r"[0-9a-f]{16,}", "#", text)) for name, text in texts.items()}
+    kept = {name: text for name, text in texts.items() if name not in WORDS}
+    return {name: hashlib.sha256(text.encode()).hexdigest()[:16] for name, text in kept.items()}
+
+
+# What packages offer, and what commands say
+
+
+def names() -> dict[str, Any]:
+    """Public names of every package that has a stub, and of the modules that say in `__all__` what they offer."""
+    from importlib import import_module
+
+    places = sorted(path.parent.relative_to(ROOT) for path in ROOT.glob("adaptctl/**/__init__.py"))
+    packages = {".".join(place.parts): import_module(".".join(place.parts)) for place in places}
+    return {name: list(package.__all__) for name, package in packages.items() if hasattr(package, "__all__")}
+
+
+def helps() -> dict[str, Any]:
+    """`--help` of all commands, found by what each one lists."""
+    found, waiting = {}, [("adaptctl",)]
+    while waiting:
+        command = waiting.pop(0)
+        lines = found[" ".join(command)] = help_of(*command[1:])
+        inside = lines[lines.index(head) :] if (head := next((x for x in lines if " Commands " in x), "")) else []
+        told = [re.match(r"│ ([a-z][\w-]*) ", line) for line in inside]
+        waiting += [(*command, name[1]) for name in told if name]
+        if command[-2:] == ("experiment", "run"):
+            waiting += [(*command, name) for name in known()]
+    return found
+
+
+def help_of(*command: str) -> list[str]:
+    from adaptctl.cli.main import main
+
+    with contextlib.redirect_stdout(io.StringIO()) as text, contextlib.redirect_stderr(text):
+        main([*command, "--help"])
+    return [line.rstrip() for line in text.getvalue().replace(str(ROOT), "").splitlines()]
+
+
+def known() -> list[str]:
+    """Names of the experiments."""
+    from adaptctl.cli.main import main
+
+    with contextlib.redirect_stdout(io.StringIO()) as text:
+        main(["experiment", "list"])
+    return [line.split()[0] for line in text.getvalue().splitlines() if line[:1].strip()]
+
+
+# Experiments
+
+
+def experiment(kept: Mapping[str, Any]) -> dict[str, Any]:
+    """What the kept command's summary says now: numbers and answers by name, without words, settings and times."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "adaptctl", *shlex.split(kept["command"])[1:], "--out", f"{folder}/out"]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+        path = Path(folder, "out", "summary.json")
+        if not path.is_file():
+            return {"command": kept["command"], "failed": done.stderr.replace(folder, "").splitlines()[-3:]}
+        summary = json.loads(path.read_text())
+    flat = {name: value for name, value in flattened(summary) if not LEFT_OUT.search(name)}
+    return {"command": kept["command"], "numbers": flat}
+
+
+def flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict | list):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from flattened(part, f"{name}.{key}" if name else str(key))
+    elif not isinstance(value, str) and not (value is None and name.startswith("items.")):
+        yield name, value
+
+
+def parts(asked: list[str]) -> Iterator[tuple[Path, Callable[[], Any]]]:
+    """Files, and what says now what they ought to keep."""
+    single = {"names": names, "help": helps, "robots": robots, "exports": exports}
+    for part in asked:
+        if part in single:
+            yield HERE / f"{part}.json", single[part]
+        else:
+            pattern = "experiments/*" if part == "experiments" else part
+            for path in sorted(HERE.glob(f"{pattern}.json")):
+                yield path, lambda path=path: experiment(json.loads(path.read_text()))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", default=PARTS)
+    parser.add_argument("--update", action="store_true", help="write the files anew")
+    given = parser.parse_args()
+    os.environ.update(SAME_EVERYWHERE)
+    warnings.simplefilter("ignore")
+    sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+    different = 0
+    for path, captured in parts(list(given.parts)):
+        now = json.loads(json.dumps(captured()))
+        kept = json.loads(path.read_text()) if path.exists() else {}
+        lines = list(compared(kept, now))
+        different += len(lines)
+        print(f"{path.relative_to(HERE)}: {len(lines) or 'no'} differences", *lines, sep="\n  ", flush=True)
+        if given.update and lines:
+            path.write_text(json.dumps(now, indent=1, ensure_ascii=False) + "\n")
+    return 1 if different and not given.update else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""What is kept in tests/golden, where that takes a moment to compare; `make golden` compares all of it."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from golden import capture
+
+AFTERWARDS = "if it is meant, `make golden UPDATE=1` writes it anew; say why in the commit"
+ROBOTS = (
+    *(
+        "puma560",
+        "puma560_measured",
+        "puma560_geared",
+        "puma560_arm3",
+        "semi_direct_drive",
+        "two_link.toml",
+        "cart.toml",
+    ),
+    *("mjcf_classes.xml", "mjcf_coupled.xml", "mjcf_geoms.xml", "ur5_robot.urdf", "panda.urdf"),
+    *("xarm7.urdf snapped", "double_pendulum.urdf floating"),
+)
+LAWS = ("three: gradient", "three: linear", "two: guarded")
+
+
+@pytest.fixture(autouse=True)
+def _quiet(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    for name in ("COLUMNS", "NO_COLOR", "TERM"):
+        monkeypatch.setenv(name, capture.SAME_EVERYWHERE[name])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def kept(part: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((capture.HERE / f"{part}.json").read_text())
+    return found
+
+
+def require_same(before: Any, now: Any) -> None:
+    differences = list(capture.compared(before, json.loads(json.dumps(now))))
+    assert not differences, "\n".join([*differences, AFTERWARDS])
+
+
+def test_public_names_are_those_kept() -> None:
+    require_same(kept("names"), capture.names())
+
+
+@pytest.mark.parametrize("command", [name for name in kept("help") if " run " not in name])
+def test_help_is_the_one_kept(command: str) -> None:
+    require_same(kept("help")[command], capture.help_of(*command.split()[1:]))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_rank_certificate_and_basis_are_those_kept(name: str) -> None:
+    source, how = capture.sources()[name]
+    require_same(kept("robots")[name], capture.robot(source, **how))
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_exported_c_is_the_one_kept(name: str) -> None:
+    arm, law = name.split(": ")
+    require_same(kept("exports")[name], capture.exported(capture.arms()[arm][law]))
+
+
+def test_every_robot_and_every_command_is_kept() -> None:
+    assert set(kept("robots")) == set(capture.sources())
+    assert set(kept("exports")) >= {f"{arm}: {law}" for arm, laws in capture.arms().items() for law in laws}
+
+
+def test_what_differs_is_told_and_round_off_is_not() -> None:
+    before = {"rms": 1.0, "rows": ["one", "two"], "basis": {"a": "1 x 0.5 y"}, "gap": 12.0, "gone": 1, "none": None}
+    now = {"rms": 1.0 + 1e-7, "rows": ["one", "three"], "basis": {"a": "1 x 0.50000000001 y"}, "gap": 13.5, "none": 0.0}
+    assert list(capture.compared(before, before)) == []
+    assert list(capture.compared(before, now)) == [
+        "rows: -two", "rows: +three", "gone: 1 -> nothing", "none: null -> 0.0"
+    ]  # fmt: skip
+    assert list(capture.compared({"rms": 1.0}, {"rms": 1.00001})) == ["rms: 1.0 -> 1.00001"]
+    assert list(capture.compared({"a": "1 x 0.5 y"}, {"a": "1 x 0.6 y"})) == ["a: 1 x 0.5 y -> 1 x 0.6 y"]
+    assert list(capture.compared({"gap": 12.0}, {"gap": 8.0})) == ["gap: 12.0 -> 8.0"]
