@@ -1,4 +1,4 @@
-"""From a robot's file to a verdict: an experiment on an arm that nothing is cached of, against a loop in Python."""
+"""Time from a robot's file to a verdict: an experiment on an arm that nothing is cached of, against a loop in Python."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from types import CodeType
 import pytest
 from hypothesis import Phase, settings
 
-from adaptctl.compilation import result_cache
+from adaptctl.compilation import object_cache as result_cache
 from adaptctl.files import hashed
 
 ROOT = Path(__file__).resolve().parent.parent

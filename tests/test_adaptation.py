@@ -34,9 +34,9 @@ from adaptctl.control import (
     limits,
     lyapunov,
 )
+from adaptctl.control.adaptation.composite import Filtered, TorqueFilter
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptation.natural import moved_body
-from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
 from adaptctl.control.memory import leaves
 from adaptctl.description.inertia import from_pseudo_inertia, pseudo_inertia
 from adaptctl.errors import InputError, NotFoundError

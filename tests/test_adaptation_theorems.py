@@ -41,7 +41,7 @@ from adaptctl.control import (
     adaptation_gain,
     mapped_gain,
 )
-from adaptctl.control.adaptation.prediction import momentum_columns
+from adaptctl.control.adaptation.composite import momentum_columns
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.scalars import column

@@ -13,7 +13,7 @@ from every_law import ARM, GAIN, MODEL, TRUE, K, slotine_li
 from test_loops_in_closed_form import four_bar
 
 from adaptctl.control import BoundedGainForgetting, GainDesign, Guarded, MinimumJerk, ReleasedGradient
-from adaptctl.control.adaptation.gain import _is_positive_definite
+from adaptctl.control.adaptation.gradient import _is_positive_definite
 from adaptctl.control.gains.error_feedback import ErrorFeedback
 from adaptctl.control.gains.margins import _lag
 from adaptctl.control.reference_check import warn_of_derivatives

@@ -16,8 +16,7 @@ import numpy as np
 from every_law import GAIN, guarded, slotine_li
 
 import adaptctl
-from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.statuses import FAULTS, status_bits
+from adaptctl.codegen.interface import FAULTS, Interface, status_bits
 from adaptctl.control import Controller
 
 WATCHDOG, PATIENCE = 400, 4

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi, adaptation_gain
 from adaptctl.control.guards import _differ, _sound
 from adaptctl.control.memory import leaves

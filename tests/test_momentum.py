@@ -9,8 +9,8 @@ from sampled_loops import arm, gains, plant, posture, reduced, swinging
 from adaptctl.arrays import Array, stacked_rows
 from adaptctl.compilation import compile_function
 from adaptctl.control import SlotineLi
+from adaptctl.control.adaptation.composite import Filtered, TorqueFilter
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.scalars import Column, column
 

@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 
 import adaptctl
 from adaptctl import ReducedModel, essential_space, fundamental_basis, load
-from adaptctl.compilation import result_cache
-from adaptctl.compilation.object_cache import SUFFIX
-from adaptctl.compilation.result_cache import kept, source_state
+from adaptctl.compilation import object_cache as result_cache
+from adaptctl.compilation.object_cache import SUFFIX, kept, source_state
 from adaptctl.control import hold_number
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import Constraints, constrained

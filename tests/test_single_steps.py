@@ -22,6 +22,7 @@ from adaptctl.control import (
     Subspace,
     TaskSpaceSlotineLi,
 )
+from adaptctl.control.adaptation.composite import TorqueFilter, momentum_columns, require_cutoff
 from adaptctl.control.adaptation.composite_learning import _remember
 from adaptctl.control.adaptation.concurrent_learning import _solve
 from adaptctl.control.adaptation.law import NoMemory, Period
@@ -33,7 +34,6 @@ from adaptctl.control.adaptation.least_squares import (
     symmetric_trace,
     upper_rows,
 )
-from adaptctl.control.adaptation.prediction import TorqueFilter, momentum_columns, require_cutoff
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column

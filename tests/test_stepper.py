@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from signals import signalled
 
 from adaptctl.compilation import Ensemble, Stepper, compile_function, compile_step, outlined, trace
-from adaptctl.compilation.lane_array import LaneArray
-from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.lanes import LaneArray, Lanes
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.processor import Processor
 from adaptctl.errors import InputError, TraceError

@@ -20,7 +20,7 @@ from adaptctl.control import (
     Sinusoids,
     SlotineLi,
 )
-from adaptctl.control.adaptation.prediction import decayed
+from adaptctl.control.adaptation.composite import decayed
 from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, NotFoundError

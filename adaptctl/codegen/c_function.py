@@ -8,7 +8,7 @@ from itertools import islice
 
 from adaptctl.codegen.c_number import CNumber
 from adaptctl.compilation.graph import Expression, Op
-from adaptctl.compilation.pieces import Piece
+from adaptctl.compilation.llvm import Piece
 from adaptctl.compilation.routine import Routine
 
 LONGEST = 90

@@ -16,11 +16,11 @@ from adaptctl.codegen.c_number import CNumber, Kind
 from adaptctl.codegen.c_program import CProgram, Signature, helpers
 from adaptctl.codegen.c_sine import sine_source
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
-from adaptctl.codegen.interface import GIVEN, Field, Interface
+from adaptctl.codegen.interface import GIVEN, Field, Interface, status_bits
 from adaptctl.codegen.recorded import RecordedTick
 from adaptctl.codegen.starting import start_of
-from adaptctl.codegen.statuses import status_bits
 from adaptctl.compilation.graph import Op
+from adaptctl.compilation.sine import sine_for
 from adaptctl.dynamics.loops.continuation import LOST
 from adaptctl.dynamics.loops.single_precision import OPEN
 from adaptctl.version import __version__
@@ -291,3 +291,15 @@ def _comment(label: str) -> str:
 def _gain_places(fields: Iterable[Field]) -> list[str]:
     """The text of each number of the law's column of gains."""
     return [field.place(k) for field in fields for k in range(field.size)]
+
+
+def readme(package: CPackage) -> str:
+    """The README, in Markdown, of an exported C `package`: how to build, use and check its code. Raises `TraceError`
+    for a law that cannot be traced."""
+    return package.filled(
+        "README.md",
+        flops=package.interface.law.operations.flops,
+        state_bytes=package.state_bytes,
+        stack=package.stack,
+        far=f"{sine_for(package.number.precision).farthest:.0f}",
+    )

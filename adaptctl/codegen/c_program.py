@@ -11,9 +11,8 @@ from adaptctl.codegen.c_function import CStatements, Given, most_alive
 from adaptctl.codegen.c_number import CNumber
 from adaptctl.codegen.put_back import Before, PutBack
 from adaptctl.compilation.graph import Expression, Op
-from adaptctl.compilation.layout import numbered
-from adaptctl.compilation.pieces import Piece, pieces
-from adaptctl.compilation.routine import Routine
+from adaptctl.compilation.llvm import Piece, pieces
+from adaptctl.compilation.routine import Routine, numbered
 
 RETURN_ADDRESSES = 128
 """Bytes of a call's frame besides numbers, about."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from adaptctl.codegen.c_function import CStatements
 from adaptctl.codegen.c_number import CNumber
 from adaptctl.compilation.graph import Expression
-from adaptctl.compilation.pieces import Piece
+from adaptctl.compilation.llvm import Piece
 from adaptctl.compilation.routine import trace
 from adaptctl.compilation.sine import Sine, sine_for
 

@@ -182,8 +182,7 @@ def export(
 def _c_files(
     interface: Interface, name: str, scalar: Kind, reference: Reference, large_stack: bool
 ) -> tuple[dict[str, str | bytes], dict[str, Any]]:
-    from adaptctl.codegen.c_package import TOLERANCE, CPackage
-    from adaptctl.codegen.readme import readme
+    from adaptctl.codegen.c_package import TOLERANCE, CPackage, readme
 
     package = CPackage(interface, name, scalar)
     _ = package.functions

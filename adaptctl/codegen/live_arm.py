@@ -12,8 +12,8 @@ from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.wasm_module import WasmModule
 from adaptctl.compilation import trace
-from adaptctl.compilation.layout import Layout
-from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.routine import Layout
 from adaptctl.control import Controller, Reference, Sinusoids
 from adaptctl.control.controller import GAINS
 from adaptctl.control.gains.workspace import sampled_configurations
@@ -63,9 +63,6 @@ class LiveLoop:
     plant: Plant
     controller: Controller[Any]
     reference: Sinusoids
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "controller", self.controller.fixed())
 
     @property
     def state(self) -> dict[str, int]:
@@ -122,7 +119,7 @@ def live_arm(
     """
     if reason := _obstacle(plant, controller, reference):
         return reason
-    loop = LiveLoop(plant, controller, reference)  # type: ignore[arg-type]  # _obstacle saw that these are Sinusoids
+    loop = LiveLoop(plant, controller.fixed(), reference)  # type: ignore[arg-type]  # _obstacle saw that these are Sinusoids
     module = WasmModule()
     routine = trace(loop.equation, loop.arguments, name="period")
     places = module.export("period", routine)

@@ -10,9 +10,8 @@ from collections import Counter
 from collections.abc import Callable
 
 from adaptctl.compilation.graph import Expression, Op
-from adaptctl.compilation.layout import numbered
-from adaptctl.compilation.pieces import Piece
-from adaptctl.compilation.routine import Routine
+from adaptctl.compilation.llvm import Piece
+from adaptctl.compilation.routine import Routine, numbered
 
 Place = tuple[int, int]
 Before = Callable[[int, int], Place | None]

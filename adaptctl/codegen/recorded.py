@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.statuses import status_of
+from adaptctl.codegen.interface import Interface, status_of
 from adaptctl.control import Reference, ReferencePoint, Sinusoids, TaskSpaceSlotineLi
 from adaptctl.control.gains.workspace import position_range
 from adaptctl.scalars import column

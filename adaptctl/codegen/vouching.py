@@ -8,7 +8,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
-from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.control import Reference, Sinusoids
 from adaptctl.errors import InputError
 from adaptctl.simulation import Plant

@@ -10,9 +10,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.codegen.c_number import Kind
 from adaptctl.codegen.c_package import filled, title
-from adaptctl.codegen.interface import Brake, Interface
+from adaptctl.codegen.interface import FAULTS, Brake, Interface, status_bits
 from adaptctl.codegen.starting import start_of
-from adaptctl.codegen.statuses import FAULTS, status_bits
 from adaptctl.codegen.wasm_module import WasmModule
 from adaptctl.dynamics.loops.continuation import LOST
 from adaptctl.errors import InputError

@@ -1,7 +1,7 @@
 from adaptctl.compilation.graph import Op as Op
 from adaptctl.compilation.kernel import Kernel as Kernel
 from adaptctl.compilation.kernel import compile_function as compile_function
-from adaptctl.compilation.lane_array import LaneArray as LaneArray
+from adaptctl.compilation.lanes import LaneArray as LaneArray
 from adaptctl.compilation.routine import Operations as Operations
 from adaptctl.compilation.routine import Routine as Routine
 from adaptctl.compilation.routine import outlined as outlined

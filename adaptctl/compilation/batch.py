@@ -6,8 +6,7 @@ import ctypes
 import math
 from collections.abc import Mapping
 
-from adaptctl.compilation.lane_array import CACHE_LINE
-from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.lanes import CACHE_LINE, Lanes
 from adaptctl.compilation.routine import Routine
 
 ENTRY = "batch"

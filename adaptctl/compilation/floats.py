@@ -11,8 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.compilation.builtin import Finite, Form
 from adaptctl.compilation.kernel import Given, Kernel, compile_function
-from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.scalars import Column
+
+LARGEST_COMPILED = 100
+"""Links up to which equations are compiled. LLVM takes 6 s for the mass matrix of a chain of so many."""
+
 
 Equation = Callable[..., tuple[Any, ...]]
 

@@ -9,8 +9,7 @@ from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.instructions import Instructions
 from adaptctl.compilation.invariants import NONE, Invariants, arguments
 from adaptctl.compilation.lanes import Lanes
-from adaptctl.compilation.layout import Layout
-from adaptctl.compilation.routine import Routine
+from adaptctl.compilation.routine import Layout, Routine
 from adaptctl.compilation.sines_at_once import SinesAtOnce, asked_at_once
 
 _ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}

@@ -7,8 +7,7 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
-from adaptctl.compilation.layout import Layout
-from adaptctl.compilation.routine import Routine
+from adaptctl.compilation.routine import Layout, Routine
 
 _IN_EACH_STEP = (Op.CALL, Op.RESULT, Op.LESS, Op.LESS_EQUAL)
 """Calls, and comparisons, which memory cannot hold."""

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import writable
 from adaptctl.compilation.batch import ENTRY, STREAMED, NativeBatch, batch
 from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, has_builtins
-from adaptctl.compilation.lane_array import aligned
-from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.lanes import Lanes, aligned
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.native import NativeCode, load
 from adaptctl.compilation.processor import Processor

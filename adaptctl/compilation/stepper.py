@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import whole_count
 from adaptctl.compilation.invariants import Invariants
-from adaptctl.compilation.lane_array import Array, LaneArray
-from adaptctl.compilation.lanes import Lanes, Precision
+from adaptctl.compilation.lanes import Array, LaneArray, Lanes, Precision
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.loop import ENTRY, NativeLoop, Source, loop
 from adaptctl.compilation.native import load

@@ -1,13 +1,14 @@
 from adaptctl.control.adaptation import *
 from adaptctl.control.adaptive import AdaptiveController as AdaptiveController
 from adaptctl.control.adaptive import AdaptiveState as AdaptiveState
+from adaptctl.control.adaptive import load_estimate as load_estimate
+from adaptctl.control.adaptive import save_estimate as save_estimate
 from adaptctl.control.adaptive_computed_torque import AdaptiveComputedTorque as AdaptiveComputedTorque
 from adaptctl.control.computed_torque import ComputedTorque as ComputedTorque
+from adaptctl.control.computed_torque import PDGravity as PDGravity
 from adaptctl.control.controller import Controller as Controller
 from adaptctl.control.controller import Reference as Reference
 from adaptctl.control.controller import ReferencePoint as ReferencePoint
-from adaptctl.control.estimates import load_estimate as load_estimate
-from adaptctl.control.estimates import save_estimate as save_estimate
 from adaptctl.control.excitation.exciting_reference import ExcitingReference as ExcitingReference
 from adaptctl.control.excitation.exciting_reference import MotionLimits as MotionLimits
 from adaptctl.control.excitation.exciting_reference import exciting_reference as exciting_reference
@@ -31,13 +32,12 @@ from adaptctl.control.guards import GuardedState as GuardedState
 from adaptctl.control.linear import LinearController as LinearController
 from adaptctl.control.lyapunov import lyapunov as lyapunov
 from adaptctl.control.lyapunov import sliding_variable as sliding_variable
-from adaptctl.control.passivity_integral import PassivityIntegral as PassivityIntegral
-from adaptctl.control.pd_gravity import PDGravity as PDGravity
 from adaptctl.control.references import Halted as Halted
 from adaptctl.control.references import MinimumJerk as MinimumJerk
 from adaptctl.control.references import Sinusoids as Sinusoids
 from adaptctl.control.references import Spline as Spline
+from adaptctl.control.ringing import Watch as Watch
+from adaptctl.control.ringing import watch as watch
+from adaptctl.control.slotine_li import PassivityIntegral as PassivityIntegral
 from adaptctl.control.slotine_li import SlotineLi as SlotineLi
 from adaptctl.control.task_space import TaskSpaceSlotineLi as TaskSpaceSlotineLi
-from adaptctl.control.watch import Watch as Watch
-from adaptctl.control.watch import watch as watch

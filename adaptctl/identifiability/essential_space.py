@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array, whole_number
 from adaptctl.caching import cached_property
-from adaptctl.compilation.result_cache import kept
+from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, printable, require_kind
 from adaptctl.identifiability.certificate import Certificate

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array, positive_number
 from adaptctl.caching import cached_property
-from adaptctl.compilation.result_cache import kept
+from adaptctl.compilation.object_cache import kept
 from adaptctl.errors import FileError, InputError, RankError, printable, require_kind
 from adaptctl.identifiability.basis_file import BasisFile, Robot
 from adaptctl.identifiability.essential_space import EssentialSpace

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
-from adaptctl.compilation.result_cache import kept
+from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equation import ArrayEquation, OnArrays
 from adaptctl.dynamics.array_equations import ArrayEquations

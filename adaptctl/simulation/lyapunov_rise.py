@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.lanes import Precision
-from adaptctl.control.adaptation.gain import Descent
+from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.controller import GAINS, ReferencePoint
 from adaptctl.control.lyapunov import has_sliding_variable
 from adaptctl.control.slotine_li import SlotineLi

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control.run import LearningRun, SampledRun
+from adaptctl.control.lyapunov import LearningRun, SampledRun
 from adaptctl.simulation.rollout_file import joint_names
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from adaptctl.arrays import Array, frozen
-from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics.joint_units import position_units
 from adaptctl.errors import NonFiniteError, NotCompiledWarning

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, checked, frozen, per_joint, positive_number, whole_count
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation import Stepper, compile_step
+from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.compilation.lanes import Precision
-from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, Reference
 from adaptctl.control.memory import leaves, like
 from adaptctl.control.reference_check import warn_of_derivatives

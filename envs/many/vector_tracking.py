@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, numbers
 from adaptctl.caching import sent_as_made
+from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.compilation.lanes import Precision
-from adaptctl.compilation.limits import LARGEST_COMPILED
 from adaptctl.envs.many.arms import Arms, Flags, StepResult
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv

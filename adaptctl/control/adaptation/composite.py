@@ -3,22 +3,190 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
 
-from adaptctl.arrays import Array
-from adaptctl.control.adaptation.gain import Descent
+import numpy as np
+
+from adaptctl.arrays import Array, positive_number, stacked
+from adaptctl.compilation import trace
+from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.prediction import (
-    Filtered,
-    TorqueFilter,
-    require_cutoff,
-    require_no_known_share,
-    require_positive,
-)
 from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
+from adaptctl.dynamics.recursion.momentum import momentum_terms
+from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, each
+from adaptctl.scalars import Column, Scalar, column, each, spread
 from adaptctl.scalars.column import combined
+
+
+class Filtered(NamedTuple):
+    """Internal state of the torque filters between control periods. `regressor` (e,) has the filters' states for those
+    e entries of the torque regressor (r, k), k parameters, that are not always zero, joint by joint, in N m (N for a
+    prismatic joint) per SI unit of each parameter; `torque` (r,) are the filtered torques of r joints in N m (N).
+    Nothing is checked."""
+
+    regressor: Any
+    """rows of F[lambda H + N], as far as it is known before the next sample, without what is always zero"""
+    torque: Any
+    """(r,) F[tau], N m"""
+
+
+class Prediction(NamedTuple):
+    """A prediction of filtered torques: the linear equation W beta = torque, which the true parameters beta (k,), in SI
+    units, fulfil as far as nothing disturbs.
+
+    `rows` are the r rows (k,) of W, the filtered torque regressor of r joints, in N m (N for a prismatic joint) per
+    unit of each of k parameters, `torque` (r,) the filtered torques in N m (N), `after`, a `Filtered`, the filters'
+    internal state after the control period. Nothing is checked.
+    """
+
+    rows: list[Column]
+    """W (r, k)"""
+    torque: Column
+    """F[tau] (r,), N m"""
+    after: Filtered
+
+
+@dataclass(frozen=True)
+class TorqueFilter:
+    """First-order low-pass filter F = lambda/(d/dt + lambda) of both sides of the equations of motion tau = Y(p, v, a)
+    beta. It gives the filtered torque regressor W = F[Y] without accelerations a (Slotine and Li 1989). `cutoff` is
+    lambda in rad/s, `period` the control period T_c in s. Nothing is checked at construction.
+
+    tau (r,) is the torque of r joints, Y (r, k) the torque regressor at positions p and velocities v, beta (k,) are the
+    k parameters. With tau = d/dt (H beta) - N beta, H (r, k) the momenta's regressor and N (r, k) that of all
+    generalised forces but tau, W = lambda H - F[lambda H + N] when F[H] starts at H: positions and velocities are
+    enough. The torque is held over each period, for which its filter is exact; lambda H + N goes in by the trapezium
+    between samples, with an error of the order of T_c^2.
+    """
+
+    cutoff: float
+    period: float
+
+    def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
+        """The internal state of the torque filters before the first control period, a `Filtered`, from which the
+        filtered torque regressor W (r, k) and the filtered torques (r,) of the r joints begin at zero.
+
+        q (..., n) are the positions of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the
+        velocities of the r primary (independent) ones in rad/s (m/s), arrays or columns, at which the `model`, of k
+        parameters, starts. The state's field `regressor` has one number for each of the e entries of W that are not
+        always zero, N m (N) per SI unit of the parameter: (..., e), or a `Column` of e scalars where q is one. Its
+        field `torque` (r,), in N m (N), is zero. Raises `InputError` for a model whose linear constraints fix
+        parameters at values other than zero: torques of these have no column in W.
+        """
+        momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
+        kept: list[Any] = []
+        for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
+            scaled = self.cutoff * row
+            first = scaled - self._new * (scaled + change)
+            kept += [first[j] for j in places]
+        first_rows = Column(kept) if isinstance(q, Column) else stacked(kept, q.shape[:-1])
+        return Filtered(first_rows, np.zeros(model.mechanism.dof))
+
+    def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
+        """The linear equation W beta = torque for the `model`'s k parameters beta at the end of a control period, a
+        `Prediction`. W (r, k) is the filtered torque regressor of r joints, from positions and velocities at the
+        period's end, and torque (r,) the filtered torque, N m (N for a prismatic joint), from that held over the
+        period.
+
+        `period`, a `Period`, has these data; `memory` is the filters' internal state before it. Raises `InputError` for
+        a mechanism whose linear constraints fix parameters at values other than zero.
+        """
+        momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns)
+        k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
+        rows: list[Column] = []
+        before: list[Any] = []
+        for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
+            scaled = self.cutoff * row
+            now = scaled + change
+            filtered = spread(Column(next(last) + self._new * now[j] for j in places), places, k)
+            rows.append(scaled - filtered)
+            before += [keep * filtered[j] + self._old * now[j] for j in places]
+        torque = keep * memory.torque + (1.0 - keep) * period.torque
+        return Prediction(rows, torque, Filtered(Column(before), torque))
+
+    @property
+    def _keep(self) -> Any:
+        """Share of a filter's state that is left after a period."""
+        return decayed(self.cutoff * self.period)[0]
+
+    @property
+    def _new(self) -> Any:
+        """Weight of a linear input's value at the end of a period."""
+        return 1.0 - decayed(self.cutoff * self.period)[1]
+
+    @property
+    def _old(self) -> Any:
+        """Weight of its value at the start."""
+        return 1.0 - self._keep - self._new
+
+
+def decayed(x: Any) -> tuple[Any, Any]:
+    """Two scalars of a scalar x without a unit, 0 < x <= 1, of any kind: exp(-x), and (1 - exp(-x))/x, the mean of
+    exp(-u) over u from 0 to x. Both are right to a double's round-off; beyond that range, which is not checked, they
+    are less exact.
+
+    They come from the Pade approximant of order (5, 5) at x/4, doubling x twice.
+    """
+    y = 0.25 * x
+    square = y * y
+    odd = 15120.0 + square * (420.0 + square)
+    even = 30240.0 + square * (3360.0 + 30.0 * square)
+    below = 1.0 / (even + y * odd)
+    left, mean = (even - y * odd) * below, (2.0 * odd) * below
+    for _ in range(2):
+        left, mean = left * left, (0.5 * mean) * (1.0 + left)
+    return left, mean
+
+
+@lru_cache(maxsize=64)
+def momentum_columns(model: ReducedModel) -> list[list[int]]:
+    """Lists of indices, from 0, among the `model`'s k parameters, one list for each of its mechanism's r joints: the
+    parameters on which the joint's filtered torque ever depends. In a tree these are the parameters of the links that
+    the joint moves, and of its own drive. Raises `InputError` for a mechanism whose linear constraints fix parameters
+    at values other than zero."""
+    equations, r = model.mechanism.equations, model.mechanism.dof
+
+    def terms(q: Column, v: Column) -> list[Column]:
+        return [row + change for row, change in zip(*momentum_terms(equations, q, v, model.columns), strict=True)]
+
+    k, entries = len(model.columns), trace(terms, {"q": equations.joints, "v": r}).outputs
+    always_zero = [isinstance(x, float) and x == 0.0 for x in entries]
+    return [[j for j in range(k) if not always_zero[k * i + j]] for i in range(r)]
+
+
+def require_positive(cutoff: float) -> None:
+    """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, is a positive finite number."""
+    positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
+
+
+def require_cutoff(cutoff: float, period: float) -> None:
+    """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, is positive and finite, and times the
+    control `period` in s at most 1, without a unit."""
+    require_positive(cutoff)
+    if cutoff * period > 1.0:
+        raise InputError(
+            f"torque filter: cutoff: {cutoff:g} rad/s is too fast for a control period of {period:g} s; "
+            f"use at most {1.0 / period:g} rad/s"
+        )
+
+
+def require_no_known_share(model: ReducedModel, law: str) -> None:
+    """Raise `InputError` where a linear constraint fixes a parameter of the `model`'s mechanism at a value other than
+    zero. The torque of such a parameter is known and has no column in the regressor, so that laws which predict
+    filtered torques would leave it out. The message begins with `law`, the adaptation law's name, and lists these
+    parameters with their values."""
+    mechanism = model.mechanism
+    if mechanism.equations.has_known_share:
+        fixed = mechanism.with_parameters(np.zeros(len(mechanism.parameter_names))).description
+        pairs = zip(fixed.parameter_names, fixed.inertial_parameters.tolist(), strict=True)
+        raise InputError(
+            f"{law}: {mechanism.name}: constraints fix values other than zero, which torques without accelerations "
+            f"cannot be predicted with: {', '.join(f'{name} ({value:g})' for name, value in pairs if value)}: leave "
+            "these constraints out, or adapt by the tracking error alone, as Gradient does"
+        )
 
 
 @dataclass(frozen=True, eq=False)

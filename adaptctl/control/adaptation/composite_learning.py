@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import outlined
-from adaptctl.control.adaptation.composite import residual
+from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, residual
 from adaptctl.control.adaptation.gradient import TINY
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.least_squares import (
@@ -19,7 +19,6 @@ from adaptctl.control.adaptation.least_squares import (
     symmetric_product,
     upper_rows,
 )
-from adaptctl.control.adaptation.prediction import Filtered, TorqueFilter
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel

@@ -10,9 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import outlined
-from adaptctl.control.adaptation.gain import Descent
-from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.prediction import (
+from adaptctl.control.adaptation.composite import (
     Filtered,
     TorqueFilter,
     momentum_columns,
@@ -20,6 +18,8 @@ from adaptctl.control.adaptation.prediction import (
     require_no_known_share,
     require_positive,
 )
+from adaptctl.control.adaptation.gradient import Descent
+from adaptctl.control.adaptation.law import Period
 from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.control.adaptation.composite import residual
+from adaptctl.control.adaptation.composite import (
+    TorqueFilter,
+    require_cutoff,
+    require_no_known_share,
+    require_positive,
+    residual,
+)
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptation.natural import (
     checked_rate,
@@ -19,12 +25,6 @@ from adaptctl.control.adaptation.natural import (
     require_consistent,
     require_rates,
     require_whole_links,
-)
-from adaptctl.control.adaptation.prediction import (
-    TorqueFilter,
-    require_cutoff,
-    require_no_known_share,
-    require_positive,
 )
 from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen, numbers
-from adaptctl.control.adaptation.gain import require_size
+from adaptctl.control.adaptation.gradient import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError, require_kind

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
-from adaptctl.control.adaptation.gain import Descent, checked_gain, require_size
+from adaptctl.control.adaptation.gradient import Descent, checked_gain, require_size
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.gains.hold import hold_number, slowest_decay
 from adaptctl.control.gains.workspace import Workspace

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.control.adaptation.gain import require_size
+from adaptctl.control.adaptation.gradient import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel

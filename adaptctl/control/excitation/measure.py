@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint, real_number
 from adaptctl.compilation import compile_function
-from adaptctl.compilation.limits import LARGEST_COMPILED
+from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.control.adaptation import PriorRanges
-from adaptctl.control.run import SampledRun
+from adaptctl.control.lyapunov import SampledRun
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column

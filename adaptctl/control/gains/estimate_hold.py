@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint, positive_number, real_number
-from adaptctl.control.adaptation.gain import checked_gain
+from adaptctl.control.adaptation.gradient import checked_gain
 from adaptctl.control.gains.workspace import Workspace, workspace_of
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel

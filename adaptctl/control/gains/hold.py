@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, stacked_rows
 from adaptctl.caching import sent_as_made
-from adaptctl.compilation.result_cache import kept
+from adaptctl.compilation.object_cache import kept
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere, workspace_of
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
