@@ -1,4 +1,4 @@
-"""Time from a robot's file to a verdict: an experiment on an arm that nothing is cached of, against a loop in Python."""
+"""Time from a robot's file to a verdict of an arm nothing is cached of, over that of a loop."""
 
 from __future__ import annotations
 

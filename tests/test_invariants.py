@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adaptctl.arrays import Array
-from adaptctl.compilation import Stepper, compile_step, outlined, pieces
+from adaptctl.compilation import Stepper, compile_step, llvm, outlined
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.invariants import Invariants
 from adaptctl.compilation.routine import trace
@@ -48,8 +48,8 @@ def compiled(lanes: int) -> Stepper:
 def test_the_numbers_are_those_of_each_member(lanes: int, length: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """In as many pieces as there are, and for more blocks than one."""
     if length is not None:
-        monkeypatch.setattr(pieces, "LONGEST", 0)
-        monkeypatch.setattr(pieces, "PIECE", length)
+        monkeypatch.setattr(llvm, "LONGEST", 0)
+        monkeypatch.setattr(llvm, "PIECE", length)
     arms = compiled(lanes).ensemble(11)
     x, u = RNG.uniform(-1.0, 1.0, (11, 3)), RNG.uniform(-1.0, 1.0, (6, 1))
     arms.state["x"] = x
