@@ -96,11 +96,11 @@ class EnergyDifferences(Experiment):
 
 def _evidence(name: str) -> tuple[LogEvidence, Any]:
     """Evidence of an example's log, and the log."""
+    from adaptctl.identification.columns import joint_log
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import gathered
-    from adaptctl.identification.joint_log import joint_log
-    from adaptctl.identification.reading.registry import read_log
+    from adaptctl.identification.log_files import read_log
 
     with example(name) as files:
         mechanism = load(files.robot, snap=True)

@@ -154,11 +154,11 @@ def identified_from(name: str, share: float) -> Mechanism:
     part of a log, the fraction `share` (0 to 1) of it; the log is that of the example called `name`. Results are
     cached. Raises `NotFoundError` for a name of no example, `InputError` for a part that is too short to identify
     from."""
+    from adaptctl.identification.columns import JointLog, joint_log
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
     from adaptctl.identification.identify import identified
-    from adaptctl.identification.joint_log import JointLog, joint_log
-    from adaptctl.identification.reading.registry import read_log
+    from adaptctl.identification.log_files import read_log
 
     with example(name) as files:
         mechanism = load(files.robot, snap=True)

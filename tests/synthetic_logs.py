@@ -12,9 +12,8 @@ from adaptctl.arrays import Array
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_pseudo_inertia, pseudo_inertia
 from adaptctl.dynamics import Mechanism
-from adaptctl.identification.drives_file import Drives, MotorEntry
-from adaptctl.identification.joint_log import JointLog
-from adaptctl.identification.units import Units
+from adaptctl.identification.columns import JointLog
+from adaptctl.identification.drives_file import Drives, MotorEntry, Units
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,13 @@ from synthetic_logs import Known, known, motion
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.readers.entries import Tensor
 from adaptctl.experiments.energy_differences import EnergyDifferences
+from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import PayloadEntry
 from adaptctl.identification.energy_differences import by_energy, energy_rows
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import freed_of_noise, gathered, identified
-from adaptctl.identification.instrumental import first_stage, halves
-from adaptctl.identification.joint_log import JointLog
-from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.least_squares import first_stage, halves, weighted_least_squares
 from adaptctl.identification.preparation import prepare
 
 

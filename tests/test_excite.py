@@ -13,11 +13,11 @@ from synthetic_logs import joint_drives
 from adaptctl.cli.main import main
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
-from adaptctl.identification.forecast import forecast
+from adaptctl.identification.columns import JointLog
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
-from adaptctl.identification.joint_log import JointLog
 from adaptctl.identification.robot_motion import RobotLimits, RobotMotion, at_pace, exciting_motion
+from adaptctl.identification.uncertainty import forecast
 from adaptctl.identification.workspace import workspace
 
 

@@ -15,8 +15,8 @@ from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.files import write_json
-from adaptctl.identification.forecast import Forecast, forecast
 from adaptctl.identification.robot_motion import RobotMotion
+from adaptctl.identification.uncertainty import Forecast, forecast
 
 NOISE = 0.5
 POSE = [0.1, -0.7, 0.5, 0.2, 0.3, -0.1]

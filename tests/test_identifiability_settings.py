@@ -30,9 +30,8 @@ from adaptctl.identifiability import (
     reduce,
 )
 from adaptctl.identifiability.sampling import States, random_halves, states_within_limits
-from adaptctl.identification.drives_file import Drives, MotorEntry
+from adaptctl.identification.drives_file import Drives, MotorEntry, Units
 from adaptctl.identification.identification import Identification
-from adaptctl.identification.units import Units
 from adaptctl.identification.validation import Validation
 from adaptctl.recording import compared_runs, write_artifacts
 

@@ -21,12 +21,11 @@ from adaptctl.identification import Identification, identify
 from adaptctl.identification.entropic import EntropicPrior, consistent_estimate
 from adaptctl.identification.examples import example
 from adaptctl.identification.filtered_dynamics import SmoothMotion
-from adaptctl.identification.fir_filter import AROUND, derivative, filtered, low_pass, padded
 from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.identify import gathered, identified
 from adaptctl.identification.least_squares import least_squares
-from adaptctl.identification.preparation import prepare
+from adaptctl.identification.preparation import AROUND, derivative, filtered, low_pass, padded, prepare
 
 
 @cache

@@ -25,11 +25,11 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
 from adaptctl.identification import Identification
+from adaptctl.identification.columns import JointLog
 from adaptctl.identification.examples import example
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
-from adaptctl.identification.joint_log import JointLog
-from adaptctl.identification.reading.registry import read_log
+from adaptctl.identification.log_files import read_log
 from adaptctl.recording import Comparison
 from adaptctl.recording.identified.report import facts, report, verdict
 from adaptctl.simulation import Rollout

@@ -19,14 +19,12 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.identifiability import Constraints, constrained
 from adaptctl.identification import read_drives
-from adaptctl.identification.columns import joint_columns
+from adaptctl.identification.columns import joint_columns, joint_log
+from adaptctl.identification.entropic import prior_links
 from adaptctl.identification.examples import example
 from adaptctl.identification.identify import identified
-from adaptctl.identification.joint_log import joint_log
+from adaptctl.identification.log_files import LogTable, read_log, table
 from adaptctl.identification.preparation import prepare
-from adaptctl.identification.prior_links import prior_links
-from adaptctl.identification.reading.registry import read_log
-from adaptctl.identification.reading.table import LogTable, table
 
 MOTORS = range(1, 7)
 

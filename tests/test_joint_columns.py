@@ -14,11 +14,9 @@ from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification import identify
-from adaptctl.identification.columns import joint_columns
-from adaptctl.identification.joint_log import JointLog
+from adaptctl.identification.columns import JointLog, joint_columns
+from adaptctl.identification.log_files import LogTable, read_log
 from adaptctl.identification.preparation import prepare
-from adaptctl.identification.reading.registry import read_log
-from adaptctl.identification.reading.table import LogTable
 
 REVOLUTE, PRISMATIC = JointKind.REVOLUTE, JointKind.PRISMATIC
 LIMITS = Limits(-1.0, 1.0, velocity=2.0, effort=30.0)

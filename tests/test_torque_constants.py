@@ -13,11 +13,11 @@ from adaptctl.arrays import Array
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.readers.entries import Tensor
 from adaptctl.errors import InputError
+from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import Drives, MotorEntry, PayloadEntry
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.identify import identified
-from adaptctl.identification.joint_log import JointLog
 
 CONSTANTS = np.array([0.5, 2.0, 1.25])
 PAYLOAD = PayloadEntry(

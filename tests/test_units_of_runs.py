@@ -14,8 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification.columns import joint_columns
-from adaptctl.identification.reading.registry import read_log
-from adaptctl.identification.reading.table import table
+from adaptctl.identification.log_files import read_log, table
 from adaptctl.simulation import Rollout, RunLogger, rollout, simulate
 
 UNITS = ("m", "rad")

@@ -11,8 +11,8 @@ from adaptctl.cli.output import print_json
 from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
-    from adaptctl.identification.forecast import Forecast
     from adaptctl.identification.robot_motion import RobotMotion
+    from adaptctl.identification.uncertainty import Forecast
 
 Numbers = tuple[float, ...]
 SCHEMA = "adaptctl/excitation/1"
@@ -52,8 +52,8 @@ def excite(
     from adaptctl.control.gains.gains import positive_per_joint
     from adaptctl.dynamics import load
     from adaptctl.files import write_json
-    from adaptctl.identification.forecast import forecast
     from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
+    from adaptctl.identification.uncertainty import forecast
     from adaptctl.identification.workspace import workspace
 
     mechanism = load(robot)
@@ -138,7 +138,7 @@ def _require_rate(rate: float) -> None:
 
 
 def _write(folder: Path, name: str, motion: RobotMotion, joints: list[str], rate: float) -> None:
-    from adaptctl.identification.trajectory_files import write_csv, write_trajectory
+    from adaptctl.identification.robot_motion import write_csv, write_trajectory
 
     write_csv(folder / f"{name}.csv", motion, joints, rate)
     for suffix in (".yaml", ".json"):

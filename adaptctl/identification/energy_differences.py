@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.identification.filtered_dynamics import SmoothMotion
-from adaptctl.identification.fir_filter import filtered
+from adaptctl.identification.preparation import filtered
 
 OVERLAPPING = 10
 """Windows that begin within the length of one."""

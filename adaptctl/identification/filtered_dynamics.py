@@ -17,8 +17,7 @@ from adaptctl.arrays import Array, stacked_rows
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import InputError
-from adaptctl.identification.fir_filter import AROUND, derivative, filtered, low_pass, padded
-from adaptctl.identification.preparation import PreparedLog
+from adaptctl.identification.preparation import AROUND, PreparedLog, derivative, filtered, low_pass, padded
 from adaptctl.scalars import column
 
 MOTION_CUTOFF = 50.0

@@ -14,7 +14,7 @@ from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion
-from adaptctl.identification.fir_filter import AROUND
+from adaptctl.identification.preparation import AROUND
 
 ALWAYS = (DriveParameter.VISCOUS, DriveParameter.COULOMB)
 CURVES = ((), (DriveParameter.SQUARE_ROOT,), (DriveParameter.STRIBECK,))

@@ -14,7 +14,7 @@ from adaptctl.identification.choice import Choice
 from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.preparation import PreparationStep
-from adaptctl.identification.unexcited import Combination, unexcited
+from adaptctl.identification.uncertainty import Combination, unexcited
 from adaptctl.identification.validation import Validation
 
 

@@ -15,26 +15,20 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.identifiability.factorisation import one_thread
 from adaptctl.identification.choice import BLOCKS, Choice, choose, cutoffs_for, judged_at, misfit_ratio
-from adaptctl.identification.columns import joint_columns
-from adaptctl.identification.comparisons import alternatives
+from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.drives_file import Drives, read_drives
-from adaptctl.identification.entropic import EntropicPrior
+from adaptctl.identification.entropic import EntropicPrior, prior_links
 from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion, motions_of, rows_of
 from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.identification import Identification
-from adaptctl.identification.instrumental import halves, joined_first_stage
-from adaptctl.identification.joint_log import JointLog, joint_log
+from adaptctl.identification.least_squares import halves, joined_first_stage
+from adaptctl.identification.log_files import read_log
 from adaptctl.identification.normal_equations import block_edges
-from adaptctl.identification.payloads import without_payloads
-from adaptctl.identification.plausibility import require_plausible
 from adaptctl.identification.preparation import PreparationStep, prepare
-from adaptctl.identification.prior_links import prior_links
-from adaptctl.identification.reading.registry import read_log
-from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants
-from adaptctl.identification.uncertainty import uncertainty
-from adaptctl.identification.unexcited import combinations, essential_components
-from adaptctl.identification.validation import Validation, predicted_torques
+from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants, without_payloads
+from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
+from adaptctl.identification.validation import Validation, alternatives, predicted_torques, require_plausible
 
 HELD_OUT = 0.4
 """Of the blocks, from the end, where no log for validation is given."""

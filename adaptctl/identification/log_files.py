@@ -1,0 +1,295 @@
+"""A log as it was written: named columns of one length."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.errors import FileError, MissingExtraError
+
+MAX_ROWS = 20_000_000
+MAX_BYTES = 4 * 2**30
+"""Logs above these sizes are not read."""
+
+
+@dataclass(frozen=True, eq=False)
+class LogTable:
+    """Table of a log as it was written. `columns` are arrays (n,) by name, in the log's own units and with NaN where a
+    cell has no number; `units` are the symbols by column that the file itself states, empty by default. `source` is the
+    log's file, as text; `len` gives n. Made by `read_log`; nothing is checked at construction."""
+
+    source: str
+    columns: Mapping[str, Array]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+    def column(self, name: str, what: str) -> Array:
+        """The column (n,) of the given `name`, of the table's n rows, finite in each, in the log's own unit; `what` it
+        is needed for, such as "time", goes into the error message. Raises `FileError` for a name that the table does
+        not have, with the nearest ones, and for a column with NaN or infinity, with the first such row."""
+        if name not in self.columns:
+            raise FileError(f"{self.source}: there is no column {name!r} for {what}; {self._known(name)}")
+        values = self.columns[name]
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise FileError(
+                f"{self.source}: column {name!r} ({what}): row {int(bad[0]) + 1} of {len(values)} is "
+                f"{values[bad[0]]}, as are {bad.size - 1} more; cut the log where its numbers are missing"
+            )
+        return values
+
+    def _known(self, name: str) -> str:
+        names = list(self.columns)
+        near = get_close_matches(name, names, 3)
+        listed = ", ".join(near or names[:12]) + ("" if near or len(names) <= 12 else f", ... ({len(names)} in all)")
+        return f"{'did you mean' if near else 'there are'} {listed}"
+
+
+def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
+    """The table of a log, a `LogTable`, from `columns`, pairs of a name and an array (n,), n rows in each. `source` is
+    the log's file, for error messages, and `units` are the symbols of columns that the file states, None for none.
+    Raises `FileError` where there is no column or no row, for two columns of one name, and for columns of different
+    lengths."""
+    found: dict[str, Array] = {}
+    for name, values in columns:
+        if name in found:
+            raise FileError(f"{source}: two columns are named {name!r}; names must be unique")
+        found[name] = np.asarray(values, dtype=np.float64)
+    first, rows = next(((name, len(values)) for name, values in found.items()), ("", 0))
+    if not rows:
+        raise FileError(f"{source}: holds no rows of numbers; expected a line of column names and a line a sample")
+    for name, values in found.items():
+        if len(values) != rows:
+            raise FileError(
+                f"{source}: column {name!r} has {len(values)} rows, {first!r} has {rows}: all need the same number"
+            )
+    return LogTable(source, found, units or {})
+
+
+def read_delimited(path: str | Path) -> LogTable:
+    """The table of a log in the text file `path`, a `LogTable`. The file has a line of column names, then a line of
+    numbers for each sample, separated by commas, semicolons or tabs, whichever the first line has most of. Names lose
+    spaces around them; no units are read. Numbers have decimal points, or, where no comma separates, commas.
+
+    An empty cell, NaN, nan, NA or null becomes NaN. A column with any other cell that is not a number becomes NaN in
+    all rows. Raises `FileError` for a file that cannot be read or is no table, with no rows or more than 20 million, or
+    with two columns of one name.
+    """
+    from pyarrow import ArrowInvalid
+    from pyarrow.csv import ConvertOptions, ParseOptions, read_csv
+
+    try:
+        with Path(path).open("rb") as file:
+            head, rows = file.readline(1_000_000), file.read(1_000_000)
+        mark = max((",", ";", "\t"), key=lambda mark: head.count(mark.encode()))
+        read = read_csv(
+            path,
+            parse_options=ParseOptions(delimiter=mark),
+            convert_options=ConvertOptions(
+                strings_can_be_null=True,
+                null_values=["", "NaN", "nan", "NA", "null"],
+                decimal_point="," if mark != "," and _has_decimal_commas(rows) else ".",
+            ),
+        )
+        names = [name.strip() for name in read.column_names]
+    except (ArrowInvalid, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: not a table in text ({str(error).splitlines()[0]})") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()})") from error
+    if read.num_rows > MAX_ROWS:
+        raise FileError(f"{path}: has {read.num_rows} rows, more than the {MAX_ROWS} that are read")
+    return table(str(path), ((name, _text_numbers(read.column(i))) for i, name in enumerate(names)))
+
+
+def _has_decimal_commas(rows: bytes) -> bool:
+    """True if numbers have commas before their decimals, and none has a point there."""
+    return re.search(rb"\d,\d", rows) is not None and re.search(rb"\d\.\d", rows) is None
+
+
+def _text_numbers(column: Any) -> Array:
+    """The column as floats, NaN where a cell is no number."""
+    from pyarrow import ArrowInvalid, ArrowNotImplementedError, float64
+
+    try:
+        return np.asarray(column.cast(float64()).to_numpy(), dtype=np.float64)
+    except (ArrowInvalid, ArrowNotImplementedError):
+        return np.full(len(column), np.nan)
+
+
+def read_parquet(path: str | Path) -> LogTable:
+    """The table of a log in the Parquet file `path`, a `LogTable`: its columns of numbers, and of booleans as 0 and 1,
+    with missing cells as NaN. A column of fixed-size lists of them, `name`, is split into `name[0]`, `name[1]` ...,
+    unless a list is missing. Other columns are left out. Units are those in the metadata `unit` of the file's fields,
+    by the names of the columns made of them. Raises `FileError` for a file that cannot be read or is no Parquet file,
+    without columns of numbers or rows, or with more than 20 million rows."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path, memory_map=True) as file:
+            if file.metadata.num_rows > MAX_ROWS:
+                raise FileError(f"{path}: has {file.metadata.num_rows} rows, more than the {MAX_ROWS} that are read")
+            read = file.read()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).splitlines()[0].lower()})") from error
+    except pa.ArrowException as error:
+        raise FileError(f"{path}: not a Parquet file ({str(error).splitlines()[0]})") from error
+    units = {name: _unit(field) for field in read.schema for name in _names(field)}
+    return table(str(path), _parquet_columns(read), {name: unit for name, unit in units.items() if unit})
+
+
+def _unit(field: Any) -> str:
+    return str((field.metadata or {}).get(b"unit", b"").decode())
+
+
+def _names(field: Any) -> list[str]:
+    """Names of the columns made of a field."""
+    import pyarrow as pa
+
+    if pa.types.is_fixed_size_list(field.type):
+        return [f"{field.name}[{i}]" for i in range(field.type.list_size)]
+    return [field.name]
+
+
+def _parquet_columns(read: object) -> Iterator[tuple[str, Array]]:
+    import pyarrow as pa
+
+    for entry in read.schema:  # type: ignore[attr-defined]
+        column = read.column(entry.name).combine_chunks()  # type: ignore[attr-defined]
+        if _holds_numbers(entry.type):
+            yield entry.name, _parquet_numbers(column)
+            continue
+        lists = pa.types.is_fixed_size_list(entry.type) and not column.null_count
+        if lists and _holds_numbers(entry.type.value_type):
+            cells = _parquet_numbers(column.flatten()).reshape(-1, entry.type.list_size)
+            yield from zip(_names(entry), cells.T, strict=True)
+
+
+def _holds_numbers(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))
+
+
+def _parquet_numbers(column: Any) -> Array:
+    import pyarrow as pa
+
+    return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+FIELDS = (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m"))
+"""Fields of a JointState, in the units that its definition states for joints that turn."""
+
+
+def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
+    """The table of a log in a ROS 1 or ROS 2 bag, a `LogTable`: from its JointState messages the columns `time` (s),
+    `position.J`, and, where all messages have them, `velocity.J` and `effort.J`, for every joint J. Their stated units
+    are rad, rad/s and N m, also of prismatic joints, since messages do not tell the kind.
+
+    Time is the messages' own stamp where they have one, else when they were recorded, in s from the first. `topic`
+    names the topic of the messages; None takes the only one. Raises `FileError` for a bag that cannot be read, has no
+    such topic, or several where none is named, has no messages or more than 20 million, or messages of different
+    joints, and `MissingExtraError` where rosbags is not installed.
+    """
+    rosbags = _rosbags()
+    try:
+        with rosbags.AnyReader([Path(path)], default_typestore=rosbags.typestore) as reader:
+            chosen = _connections(path, reader.connections, topic)
+            messages = [
+                (stamp, reader.deserialize(raw, connection.msgtype))
+                for connection, stamp, raw in reader.messages(connections=chosen)
+            ]
+    except (rosbags.AnyReaderError, OSError, KeyError) as error:
+        raise FileError(f"{path}: cannot be read as a ROS bag ({str(error).splitlines()[0]})") from error
+    if not messages or len(messages) > MAX_ROWS:
+        raise FileError(f"{path}: holds {len(messages)} joint states; expected 1 to {MAX_ROWS}")
+    return table(str(path), _columns(path, messages), {"time": "s"} | _units(messages[0][1].name))
+
+
+def _columns(path: str | Path, messages: list[tuple[int, Any]]) -> Iterator[tuple[str, Array]]:
+    names = list(messages[0][1].name)
+    for row, (_, message) in enumerate(messages):
+        if list(message.name) != names:
+            raise FileError(
+                f"{path}: message {row + 1} is of joints {', '.join(message.name)}, the first of {', '.join(names)}; "
+                "name the topic of one source of joint states"
+            )
+    stamps = [message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec for _, message in messages]
+    if not any(stamps):
+        stamps = [stamp for stamp, _ in messages]
+    yield "time", 1e-9 * np.array([stamp - stamps[0] for stamp in stamps], dtype=np.float64)
+    for kind, _ in FIELDS:
+        rows = [getattr(message, kind) for _, message in messages]
+        if all(len(row) == len(names) for row in rows):
+            yield from ((f"{kind}.{name}", values) for name, values in zip(names, np.array(rows).T, strict=True))
+
+
+def _units(names: list[str]) -> dict[str, str]:
+    return {f"{field}.{name}": unit for field, unit in FIELDS for name in names}
+
+
+def _connections(path: str | Path, connections: list[Any], topic: str | None) -> list[Any]:
+    states = [c for c in connections if c.msgtype == JOINT_STATE and topic in (None, c.topic)]
+    topics = sorted({c.topic for c in connections if c.msgtype == JOINT_STATE})
+    if not states:
+        known = ", ".join(topics) or f"no topic of {JOINT_STATE}"
+        raise FileError(f"{path}: there is no joint state topic {topic or ''}".rstrip() + f"; there is {known}")
+    if len({c.topic for c in states}) > 1:
+        raise FileError(f"{path}: several topics hold joint states: {', '.join(topics)}; name one with --topic")
+    return states
+
+
+def _rosbags() -> Any:
+    try:
+        from types import SimpleNamespace
+
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise MissingExtraError("ROS bags need rosbags: pip install 'adaptctl[logs]'") from error
+    typestore = get_typestore(Stores.LATEST)
+    return SimpleNamespace(AnyReader=AnyReader, AnyReaderError=AnyReaderError, typestore=typestore)
+
+
+TEXT = (".csv", ".tsv", ".txt")
+BAGS = (".mcap", ".bag", ".db3")
+
+
+def read_log(path: str | Path, topic: str | None = None) -> LogTable:
+    """The table of a log, a `LogTable` of its columns, read by the suffix of `path`: .csv, .tsv or .txt as delimited
+    text, .parquet, and .mcap, .bag, .db3 or a folder as a ROS bag. `topic` names the topic of JointState messages in a
+    bag (None: its only one); other kinds ignore it. Raises `FileError` for a path that does not exist, of another
+    suffix, a file above 4 GiB, and one that cannot be read as what its suffix says, `MissingExtraError` for a ROS bag
+    where rosbags is not installed."""
+    place = Path(path)
+    suffix = place.suffix.lower()
+    if not place.exists():
+        raise FileError(f"{path}: does not exist")
+    if place.is_file() and place.stat().st_size > MAX_BYTES:
+        raise FileError(f"{path}: larger than {MAX_BYTES} bytes, the most that is read; cut it into several logs")
+    if place.is_dir() or suffix in BAGS:
+        from adaptctl.identification.log_files import read_ros_bag
+
+        return read_ros_bag(path, topic)
+    if suffix == ".parquet":
+        from adaptctl.identification.log_files import read_parquet
+
+        return read_parquet(path)
+    if suffix in TEXT:
+        from adaptctl.identification.log_files import read_delimited
+
+        return read_delimited(path)
+    raise FileError(
+        f"{path}: logs are read from {', '.join((*TEXT, '.parquet', *BAGS))} and folders of ROS 2 bags, not from "
+        f"{suffix or 'a file without suffix'}"
+    )

@@ -1,1 +1,0 @@
-"""Readers of logs: delimited text, Parquet, and ROS bags."""
