@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -48,6 +49,27 @@ def test_random_references_keep_the_limits(seed: int, robot: str) -> None:
     assert np.all(p <= [limit.upper for limit in limits])
     assert np.all(np.abs(v) <= [limit.velocity for limit in limits])
     assert np.all(np.ptp(p, axis=0) > 0.0)
+
+
+@pytest.mark.parametrize("kind", ["ranges", "speeds"])
+def test_random_references_use_four_fifths_of_narrow_limits_at_most(measured: Mechanism, kind: str) -> None:
+    """Where little is allowed, all of it counts: the centre's distance from the middle, and the speed of the fade."""
+    narrow = {"lower": -0.3, "upper": 0.5} if kind == "ranges" else {"velocity": 0.05}
+    links = tuple(
+        replace(link, joint=replace(link.joint, limits=replace(link.joint.limits, **narrow)))
+        for link in measured.description.links
+    )
+    mechanism = Mechanism(replace(measured.description, links=links))
+    time = np.linspace(0.0, 12.0, 1200)
+    paths = [random_sinusoids(mechanism, np.random.default_rng(seed))(time) for seed in range(60)]
+    if kind == "ranges":
+        p = np.array([path.p for path in paths])
+        assert np.abs(p - 0.1).max() <= 0.8 * 0.4 + 1e-12
+        assert np.abs(p - 0.1).max() > 0.7 * 0.4
+    else:
+        v = np.array([path.v for path in paths])
+        assert np.abs(v).max() <= 0.8 * 0.05
+        assert np.abs(v).max() > 0.4 * 0.05
 
 
 def test_torques_without_limits_get_generous_ones(measured: Mechanism) -> None:

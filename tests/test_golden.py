@@ -73,12 +73,26 @@ def test_every_robot_and_every_command_is_kept() -> None:
 
 
 def test_what_differs_is_told_and_round_off_is_not() -> None:
-    before = {"rms": 1.0, "rows": ["one", "two"], "basis": {"a": "1 x 0.5 y"}, "gap": 12.0, "gone": 1, "none": None}
-    now = {"rms": 1.0 + 1e-7, "rows": ["one", "three"], "basis": {"a": "1 x 0.50000000001 y"}, "gap": 13.5, "none": 0.0}
+    before = {
+        "rms": 1.0,
+        "rows": ["one", "two"],
+        "basis": {"a": "1 x 0.5 y"},
+        "proof": {"gap": 12.0},
+        "gone": 1,
+        "none": None,
+    }
+    now = {
+        "rms": 1.0 + 1e-7,
+        "rows": ["one", "three"],
+        "basis": {"a": "1 x 0.50000000001 y"},
+        "proof": {"gap": 13.5},
+        "none": 0.0,
+    }
     assert list(capture.compared(before, before)) == []
     assert list(capture.compared(before, now)) == [
         "rows: -two", "rows: +three", "gone: 1 -> nothing", "none: null -> 0.0"
     ]  # fmt: skip
     assert list(capture.compared({"rms": 1.0}, {"rms": 1.00001})) == ["rms: 1.0 -> 1.00001"]
     assert list(capture.compared({"a": "1 x 0.5 y"}, {"a": "1 x 0.6 y"})) == ["a: 1 x 0.5 y -> 1 x 0.6 y"]
-    assert list(capture.compared({"gap": 12.0}, {"gap": 8.0})) == ["gap: 12.0 -> 8.0"]
+    assert list(capture.compared({"a": {"gap": 12.0}}, {"a": {"gap": 8.0}})) == ["a.gap: 12.0 -> 8.0"]
+    assert list(capture.compared({"passed": True}, {"passed": 1.0})) == ["passed: true -> 1.0"]

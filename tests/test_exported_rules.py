@@ -1,0 +1,133 @@
+"""What export adds to a law: its check on its own arm, its rules for gains, and how its C puts memory back."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from c_compiler import build, said
+from golden.capture import arms
+
+import adaptctl
+from adaptctl.codegen.gain_rules import gain_rules
+from adaptctl.codegen.interface import Interface
+from adaptctl.control import Controller, PDGravity, ReferencePoint, Sinusoids, SlotineLi
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import GainError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column, absolute, where
+from adaptctl.simulation import Plant
+
+EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml"
+
+
+def test_the_check_states_the_errors_of_the_first_and_of_the_last_ten_seconds(tmp_path: Path) -> None:
+    """Against the plant stepped period by period, 600 s of it; the arm starts off the reference's path, and the slow
+    sinusoid is at another place at the end than at the beginning."""
+    law = PDGravity(load(EXAMPLE), [90.0, 60.0], [9.0, 6.0])
+    reference = Sinusoids([0.3, -0.5], [0.6, 0.5], [0.0104, 0.0136])
+    checked = adaptctl.export(law, tmp_path / "arm", unguarded=True, check=True, reference=reference).manifest["check"]
+    plant, period = Plant(law.mechanism, 1e-3), 1e-3
+    time = period * np.arange(600_000)
+    squares = {}
+    points = reference(time)
+    start = points.p[0]
+    state, memory = plant.init(start, [0.0, 0.0]), law.init(start, [0.0, 0.0])
+    for k in range(10_000):
+        squares[k] = np.mean((state.p - points.p[k]) ** 2)
+        torque, memory = law.step(memory, state.p, state.v, ReferencePoint(points.p[k], points.v[k], points.a[k]))
+        state = plant.step(state, torque)
+    assert checked["rms_error_first_10_s"] == pytest.approx(np.sqrt(np.mean(list(squares.values()))), rel=1e-6)
+    # The motion is so slow that the error is gravity-free and nearly that of a quasi-static one: v_d is followed by
+    # the spring's stretch. What is stated of the end follows from the sinusoids alone.
+    last = slice(590_000, 600_000)
+    M = law.mechanism.mass_matrix(points.p[last])
+    stretch = np.linalg.solve(np.diag([90.0, 60.0]), np.einsum("kij,kj->ki", M, points.a[last]).T).T
+    assert checked["rms_error_last_10_s"] == pytest.approx(np.sqrt(np.mean(stretch**2)), rel=0.05)
+
+
+TURRET = """
+schema = "adaptctl/mechanism/1"
+name = "turret"
+
+[[links]]
+name = "table"
+joint = "turn"
+mass = 1
+first_moment = [0, 0, 0]
+inertia = { xx = 1, yy = 1, zz = 0.1 }
+
+[[links]]
+name = "sledge"
+joint = "out"
+type = "prismatic"
+parent = "table"
+axis = [1, 0, 0]
+range = [0, 1]
+mass = 1
+first_moment = [0, 0, 0]
+inertia = { xx = 0, yy = 0, zz = 0 }
+"""
+
+
+def test_a_bandwidth_is_bounded_where_the_arm_carries_least_of_it(tmp_path: Path) -> None:
+    """A turning table with inertia 0.1 + r^2, r how far the sledge is out. Of damping alone the sledge carries least,
+    T K/m = 1, wherever it is; of the table's bandwidth the arm carries least with the sledge in, T (K/0.1 + Lambda) =
+    1.5."""
+    (tmp_path / "turret.toml").write_text(TURRET)
+    turret, damping = load(tmp_path / "turret.toml"), [90.0, 1000.0]
+    law = SlotineLi(ReducedModel.full(turret), [10.0, 0.01], damping, period=1e-3)
+    fields = [field for field in Interface(law).gains if field.name == "bandwidth"]
+    (rule,) = gain_rules(law, tuple(fields))
+    assert rule.most is not None
+    allowed = 1.5 / 1e-3 - 90.0 / 0.1
+    assert 0.75 * allowed < rule.most[0] <= allowed
+
+
+@pytest.mark.parametrize(("arm", "law"), [("two", "gradient"), ("two", "guarded"), ("three", "tool")])
+def test_gains_that_the_code_accepts_are_gains_that_the_law_accepts(arm: str, law: str) -> None:
+    controller = arms()[arm][law]
+    found = gain_rules(controller, Interface(controller).gains)
+    limited = [rule for rule in found if rule.most is not None]
+    assert limited
+    for rule in limited:
+        name = next(name for name in controller.numbers if name.replace(".", "_") == rule.field.name)
+        controller.tuned({name: rule.most})
+        with pytest.raises(GainError):
+            controller.tuned({name: 1.3 * np.asarray(rule.most)})
+
+
+class Held(NamedTuple):
+    """What was measured last while the arm was slow."""
+
+    held: Any
+
+
+@dataclass(frozen=True, eq=False)
+class SlowlySeen(Controller[Held]):
+    """A spring to where each joint was when it last was slow: the memory that is put back is used in the torque too."""
+
+    mechanism: Mechanism
+
+    @property
+    def dof(self) -> int:
+        return self.mechanism.dof
+
+    def start(self, p: Any, v: Any) -> Held:
+        return Held(p)
+
+    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Held) -> tuple[Column, Held]:
+        fast = absolute(v[0]) > 0.5
+        held = Column(where(fast, before, now) for before, now in zip(memory.held, p, strict=True))
+        return -3.0 * (held - reference.p), Held(held)
+
+
+def test_memory_that_is_put_back_may_be_used_in_the_torque_too(tmp_path: Path) -> None:
+    law = SlowlySeen(load(EXAMPLE))
+    fast = Sinusoids([0.2, 0.4], [0.5, 0.5], [0.9, 0.9])
+    made = adaptctl.export(law, tmp_path / "arm", name="arm", unguarded=True, reference=fast)
+    assert re.fullmatch(r"passed: .*\n", said(build(made.directory, "arm.c", "test_arm.c")))
