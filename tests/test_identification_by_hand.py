@@ -12,11 +12,11 @@ from synthetic_logs import known
 
 from adaptctl.arrays import Array
 from adaptctl.identification import Validation
-from adaptctl.identification.joint_log import JointLog
+from adaptctl.identification.columns import JointLog
+from adaptctl.identification.drives_file import Units
 from adaptctl.identification.preparation import prepare
 from adaptctl.identification.torque_constants import _solved
 from adaptctl.identification.uncertainty import uncertainty
-from adaptctl.identification.units import Units
 
 RATE = 100.0
 
