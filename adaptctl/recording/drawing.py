@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import matplotlib as mpl
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from adaptctl.files import replacing
 from adaptctl.recording.palette import INK, PAPER
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WIDTH = 9.2
 """inches; the report shows figures at that width"""
@@ -49,7 +50,8 @@ STYLE: dict[Any, Any] = {
 }
 
 
-class Drawing(NamedTuple):
+@dataclass(frozen=True)
+class Drawing:
     """Figure of a report, drawn when it is asked for: its `name`, that of its PNG file without the suffix, its
     `caption` in words, and `draw`, a function without arguments that returns it as a Matplotlib figure. Nothing is
     checked at construction."""
@@ -57,11 +59,14 @@ class Drawing(NamedTuple):
     name: str
     caption: str
     draw: Callable[[], Figure]
+    kind: ClassVar[str] = "drawing"
 
 
 def sheet(height: float) -> Figure:
     """An empty Matplotlib figure for a report, 9.2 inches wide and `height` inches tall, with 160 dots an inch and
     Matplotlib's constrained layout. Raises `ValueError` for a height that is negative or not finite."""
+    from matplotlib.figure import Figure
+
     return Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
 
 
@@ -69,6 +74,8 @@ def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str,
     """Write `drawings` as PNG files into an existing `folder`, each whole or not at all, in the reports' style, and
     return the files' paths by the drawings' names, such as "torque" for torque.png. Raises `FileError` where a file
     cannot be written, and what a drawing's own function raises."""
+    import matplotlib as mpl
+
     written = {}
     for drawing in drawings:
         written[drawing.name] = Path(folder) / f"{drawing.name}.png"

@@ -5,19 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 from adaptctl.recording.fact import Fact
+from adaptctl.recording.folder import Progress as Progress
+from adaptctl.recording.folder import silent as silent
 from adaptctl.recording.verdict import Verdict
-
-Progress: TypeAlias = Callable[[str, float], object]
-"""Called with what is being done, and the fraction of it (0 to 1) that is done."""
-
-
-def silent(what: str, share: float) -> None:
-    """Progress callback that does nothing, for callers that want no progress shown. Its arguments are those of every
-    such callback: `what` is being done, in words, and the fraction of it that is done, `share`, 0 to 1. Nothing is
-    raised."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,9 +22,9 @@ from adaptctl.recording.designed.picture import log_costs
 from adaptctl.recording.designed.wording import change, facts, header, outcome_words, place, quantities
 from adaptctl.recording.drawing import Drawing, write_drawings
 from adaptctl.recording.fact import Fact
+from adaptctl.recording.folder import silent
 from adaptctl.recording.page import Figure, embedded, rendered
 from adaptctl.recording.palette import run_color
-from adaptctl.recording.result import silent
 from adaptctl.recording.scene import WORLD, log_base
 from adaptctl.recording.series import Style, log_series, thinned
 from adaptctl.recording.skeleton import skeleton
