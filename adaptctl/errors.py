@@ -60,6 +60,11 @@ class NonFiniteError(InputError):
     such input instead."""
 
 
+class VerdictError(InputError):
+    """Error of gains or of a controller that fail in simulation: the arm diverges, is stopped by guards, rings or does
+    not learn. The message says which, and how to take them all the same. On the command line its exit code is 3."""
+
+
 class RankError(AdaptctlError):
     """Error raised where the rank k of a mechanism's energy regressor, the number of its independent (identifiable)
     inertial parameters, cannot be certified; `message` says why.

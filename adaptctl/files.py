@@ -41,8 +41,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
     disk and takes the place of `path` or, where that is a link, of the file behind it, at one stroke.
 
     When the block fails, `path` stays as it was, and nothing is left behind. The temporary path has the same suffix, so
-    that writers which go by suffix work. Raises `FileError` where the folder does not exist or cannot be written, where
-    `path` is a folder, and where writing fails; other errors of the block pass.
+    that writers which go by suffix work. Raises `FileError` where `require_place` does, and where writing fails; other
+    errors of the block pass.
     """
     target = require_place(path)
     cleaned_of_the_dead(target.parent, target.name)
@@ -61,16 +61,32 @@ def replacing(path: str | Path) -> Iterator[Path]:
         flush(target.parent)
 
 
-def require_place(path: str | Path) -> Path:
+def require_place(path: str | Path, overwrite: bool = True) -> Path:
     """The real path, symbolic links followed, of the file at `path` that is to be written. Raises `FileError` where no
-    file can be written there: its folder does not exist or cannot be written, or the path is itself a folder."""
-    target = Path(os.path.realpath(path))
+    file can be written there: its folder does not exist or cannot be written, or the path is a folder, a device, a
+    pipe, a socket or a link that leads out of its folder, which are never replaced; and, without `overwrite`, where a
+    file is there."""
+    target = real_place(path)
     if not target.parent.is_dir():
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
     if target.is_dir():
         raise FileError(f"{path}: cannot be written (is a directory)")
+    if target.exists() and not target.is_file():
+        raise FileError(f"{path}: is no regular file, but a pipe, a device or the like: choose another")
+    if target.exists() and not overwrite:
+        raise FileError(f"{path}: exists already; choose another or allow it with --overwrite")
     if not os.access(target.parent, os.W_OK):
         raise FileError(f"{path}: cannot be written (the folder {target.parent} is not yours to write to)")
+    return target
+
+
+def real_place(path: str | Path) -> Path:
+    """The real path of what is to be written at `path`, symbolic links followed. Raises `FileError` where `path` itself
+    is a link that leads out of the folder that it is in, where somebody else's files may be; links among the folders
+    above it are followed."""
+    target = Path(os.path.realpath(path))
+    if Path(path).is_symlink() and not target.is_relative_to(os.path.realpath(Path(path).parent)):
+        raise FileError(f"{path}: is a link to {target}, outside its folder; give that path itself")
     return target
 
 

@@ -12,10 +12,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from adaptctl.errors import FileError
-from adaptctl.files import cleaned_of_the_dead, flush, is_of_the_dead, name_beside, reason
+from adaptctl.files import cleaned_of_the_dead, flush, is_of_the_dead, name_beside, real_place, reason
 
 RESULTS = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
-"""Suffixes of what a run leaves in its folder, besides folders of these: the next run replaces all of it."""
+"""Suffixes of what a run leaves in its folder and in the folder of its figures: the next run replaces all of it."""
+FIGURES = "figures"
+MARKS = ("summary.json", "forecast.json", "recording.rrd")
+"""Files by which a run's folder is known: in a folder without any of them nothing is replaced."""
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
 """Linux's renameat2: where paths begin, and to let two of them change places at one stroke."""
 
@@ -26,12 +29,13 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
     takes the place of `path`.
 
     When the block fails, `path` stays as it was, and nothing is left behind. By default `path` must not exist, or be
-    empty; missing folders above it are made. With `overwrite` it may hold an older run, which is replaced whole: all
-    files with suffixes of results (.rrd, .json, .parquet, .html, .png, .toml, .csv, .urdf, .yaml) and folders of these;
-    other files are kept. Raises `FileError` where `path` holds something without `overwrite`, is a file, cannot be
-    written, or another run is writing it.
+    empty; missing folders above it are made. With `overwrite` it may hold an older run, known by its summary.json,
+    forecast.json or recording.rrd, which is replaced whole: all files with suffixes of results (.rrd, .json, .parquet,
+    .html, .png, .toml, .csv, .urdf, .yaml), there and in its folder `figures`; all else is kept. Raises `FileError`
+    where `path` holds something without `overwrite`, or such files of no run, is a file or a link that leads out of its
+    folder, cannot be written, or another run is writing it.
     """
-    target = Path(os.path.realpath(path))
+    target = real_place(path)
     _require_place(path, target, overwrite)
     _require_alone(path, target)
     beside = _staged(path, target)
@@ -68,6 +72,22 @@ def _require_place(path: str | Path, target: Path, overwrite: bool) -> None:
         raise FileError(f"{path}: cannot be made or read ({reason(error)}); choose another folder") from error
     if occupied and not overwrite:
         raise FileError(f"{path}: the folder is not empty; choose another or allow it with --overwrite")
+    if occupied and (others := _of_no_run(target)):
+        raise FileError(
+            f"{path}: holds {others[0]}, and no run's {MARKS[0]}: it is not replaced; choose another folder"
+        )
+
+
+def _of_no_run(folder: Path) -> list[str]:
+    """Names of what a run would replace in a folder that no run has written, or been killed in while it wrote."""
+    if any((folder / mark).is_file() for mark in MARKS) or any(is_of_the_dead(e.name) for e in folder.iterdir()):
+        return []
+    return [entry.name for entry in _files(folder) if _is_result(entry, folder)]
+
+
+def _files(folder: Path) -> list[Path]:
+    """All that a folder holds at any depth but folders; links are not followed."""
+    return sorted(inner for inner in folder.rglob("*") if inner.is_symlink() or not inner.is_dir())
 
 
 def _require_alone(path: str | Path, target: Path) -> None:
@@ -119,26 +139,31 @@ def _exchange(beside: Path, target: Path) -> None:
 
 
 def _keep_others(old: Path, target: Path) -> None:
-    """Take into the new folder what no run has written."""
-    for entry in old.iterdir():
-        if not _is_result(entry) and not (target / entry.name).exists():
-            entry.rename(target / entry.name)
+    """Take into the new folder what no run has written, at its place in the old one."""
+    for entry in _files(old):
+        place = target / entry.relative_to(old)
+        if not _is_result(entry, old) and not place.exists():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            entry.rename(place)
 
 
-def _is_result(entry: Path) -> bool:
-    if entry.is_symlink() or entry.is_file():
-        return entry.suffix in RESULTS or is_of_the_dead(entry.name)
-    return all(_is_result(inner) for inner in entry.iterdir())
+def _is_result(entry: Path, folder: Path) -> bool:
+    """True where a run in this folder may have left this entry: a file of its own, or one of a killed run."""
+    *above, _ = parts = entry.relative_to(folder).parts
+    regular = entry.is_symlink() or entry.is_file()
+    return regular and (any(map(is_of_the_dead, parts)) or (above in ([], [FIGURES]) and entry.suffix in RESULTS))
 
 
 def _move_in(beside: Path, target: Path) -> None:
-    """Entry by entry, the summary away first and there last: what is half done does not say that it is complete."""
-    entries = sorted(beside.iterdir(), key=lambda entry: entry.name == "summary.json")
-    old = [entry for entry in target.iterdir() if entry != beside and _is_result(entry)]
+    """File by file, the summary away first and there last: what is half done does not say that it is complete."""
+    new = sorted(_files(beside), key=lambda entry: entry.name == "summary.json")
+    old = [entry for entry in _files(target) if not entry.is_relative_to(beside) and _is_result(entry, target)]
     for entry in sorted(old, key=lambda entry: entry.name != "summary.json"):
-        shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
-    for entry in entries:
-        entry.rename(target / entry.name)
+        entry.unlink()
+    for entry in new:
+        place = target / entry.relative_to(beside)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        entry.rename(place)
 
 
 def _flush_all(folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -104,6 +105,18 @@ def test_saving(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     model = ReducedModel(puma, FundamentalBasis.load(tmp_path / "basis.json"))
     assert len(model.columns) == 36
     assert "does not exist" in refused(capsys, "puma560_measured", "--out", str(tmp_path / "none" / "basis.json"))
+
+
+def test_a_saved_basis_is_replaced_where_that_is_allowed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    place = tmp_path / "notes.json"
+    place.write_text("mine")
+    asked = "docs/examples/two_link.toml", "--out", str(place)
+    assert "notes.json: exists already; choose another or allow it with --overwrite" in refused(capsys, *asked)
+    assert place.read_text() == "mine"
+    output(capsys, *asked, "--overwrite")
+    assert FundamentalBasis.load(place).rank == 6
+    os.mkfifo(tmp_path / "pipe")
+    assert "is no regular file" in refused(capsys, asked[0], "--out", str(tmp_path / "pipe"), "--overwrite")
 
 
 def test_many_links_with_long_names_fit_the_page(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,6 +14,7 @@ from adaptctl.control import (
     ComputedTorque,
     EModification,
     ErrorFeedback,
+    FadedIn,
     GainDesign,
     Gains,
     Halted,
@@ -34,6 +35,7 @@ from adaptctl.control.gains.hold import require_hold
     [
         (Sinusoids, {"phase": None, "start_time": 2.0}),
         (Halted, {"over": 1.0}),
+        (FadedIn, {"over": 3.0}),
         (SlotineLi, {"adaptation": None, "initial": None, "period": 1e-3}),
         (ComputedTorque, {"damping_ratio": 1.0, "parameters": None}),
         (ComputedTorque.on, {"damping_ratio": 1.0, "parameters": None}),

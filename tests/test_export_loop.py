@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from c_compiler import build
 from every_law import GAIN, guarded, slotine_li
 
@@ -86,6 +87,71 @@ def test_a_guarded_loop_that_hears_nothing_brakes_until_it_begins_anew_and_ends(
         _, said = process.communicate(timeout=60)
         assert process.returncode == 0
         assert f"no measurement for {WATCHDOG} periods: braking" in said
+
+
+def stranger(link: socket.socket) -> socket.socket:
+    """Another socket to the same loop."""
+    other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    other.connect(link.getpeername())
+    other.settimeout(0.05)
+    return other
+
+
+def answers(link: socket.socket, seconds: float) -> list[tuple[float, ...]]:
+    """All that comes in a while; a peer's socket is connected, and so refuses all others."""
+    until, came = time.monotonic() + seconds, []
+    while (left := until - time.monotonic()) > 0.0:
+        link.settimeout(left)
+        with contextlib.suppress(*PASSING):
+            came.append(struct.unpack("<5d", link.recv(4096)))
+    link.settimeout(0.2)
+    return came
+
+
+def test_what_is_no_measurement_is_not_answered(tmp_path: Path) -> None:
+    law = guarded(slotine_li(GAIN), torque=30.0, rates=1e9, stop_damping=DAMPING)
+    good = [0.1, 0.2, -0.1, 0.0, 0.0, 0.0]
+    with running(law, tmp_path / "arm") as (_, link), stranger(link) as other:
+        told(link, 3, 0.0)
+        numbers = ([3, *good], [2, *good], [-5, *good], [np.nan, *good], [np.inf, *good], [4, *good, 0.0])
+        wrong = [struct.pack(f"<{len(row)}d", *row) for row in numbers]
+        for datagram in [*wrong, wrong[0][:-1], wrong[0] + b"x", b"", b"junk", struct.pack("<9d", 4, *good, 0, 0)]:
+            link.send(datagram)
+        other.send(struct.pack("<7d", 100, *good))
+        late = answers(link, 0.1)  # of a machine so busy that the watchdog is heard of
+        assert all(count == 3 and int(status) & FAULTS[0].value for count, *_, status in late)
+        assert not answers(other, 0.05)
+        told(link, 4, 0.0)
+
+
+def test_a_loop_brakes_without_a_velocity_and_whoever_else_sends(tmp_path: Path) -> None:
+    """The last velocity is not braked against for ever, which would drive the arm; junk is no sign of life."""
+    law = guarded(slotine_li(GAIN), torque=30.0, rates=1e9, stop_damping=DAMPING)
+    stopped = next(bit.value for bit in status_bits(Interface(law)) if bit.name == "STOPPED")
+    with running(law, tmp_path / "arm") as (process, link), stranger(link) as other:
+        told(link, 0, 1.0)
+        begun, braked = time.monotonic(), []
+        while process.poll() is None and time.monotonic() - begun < 60.0:
+            for datagram in (b"junk", struct.pack("<7d", 7, *np.zeros(6))):
+                with contextlib.suppress(ConnectionRefusedError):
+                    other.send(datagram)
+            with contextlib.suppress(*PASSING):
+                link.settimeout(1e-3)
+                braked.append(struct.unpack("<5d", link.recv(4096)))
+        assert process.returncode == 0
+        assert len(braked) == PATIENCE
+        assert all(not any(torque) and int(status) & stopped for _, *torque, status in braked)
+        assert {count for count, *_ in braked} == {0.0}
+        with pytest.raises((TimeoutError, ConnectionRefusedError)):
+            other.recv(4096)
+
+
+def test_a_first_torque_keeps_to_its_rate_in_c(tmp_path: Path) -> None:
+    law = guarded(slotine_li(GAIN), torque=30.0, rates=2e3, stop_damping=DAMPING)
+    with running(law, tmp_path / "arm") as (_, link):
+        torques = [told(link, k, 0.0)[0] for k in range(4)]
+        steps = np.diff(torques, axis=0, prepend=0.0)
+        np.testing.assert_allclose(np.abs(steps).max(axis=1), law.period * 2e3, rtol=1e-12)
 
 
 def test_an_unguarded_loop_that_hears_nothing_gives_no_torque_and_goes_on_when_it_does(tmp_path: Path) -> None:

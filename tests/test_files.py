@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+import socket
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -22,6 +24,7 @@ from adaptctl.files import (
     read_text,
     read_toml,
     replacing,
+    require_place,
     write_bytes,
     write_json,
     write_text,
@@ -79,6 +82,45 @@ def test_a_file_is_replaced_through_a_symbolic_link(tmp_path: Path) -> None:
     write_text(tmp_path / "link.txt", "new")
     assert (tmp_path / "link.txt").is_symlink()
     assert content(tmp_path / "real") == {"a.txt": b"new"}
+
+
+def test_a_link_that_leads_out_of_its_folder_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "theirs.txt").write_text("old")
+    (tmp_path / "mine" / "a.txt").symlink_to(tmp_path / "theirs.txt")
+    (tmp_path / "mine" / "new.txt").symlink_to(tmp_path / "nowhere.txt")
+    for name in ("a.txt", "new.txt"):
+        with pytest.raises(FileError, match=rf"{name}: is a link to .*, outside its folder; give that path itself"):
+            write_text(tmp_path / "mine" / name, "new")
+    assert set(content_names(tmp_path)) == {"mine", "theirs.txt"}
+    assert (tmp_path / "theirs.txt").read_text() == "old"
+
+
+def sockets(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as link:
+        link.bind(str(path))
+
+
+@pytest.mark.parametrize("made", [os.mkfifo, sockets], ids=["pipe", "socket"])
+def test_what_is_no_regular_file_is_never_replaced(tmp_path: Path, made: Callable[[Path], None]) -> None:
+    made(tmp_path / "a.json")
+    before = (tmp_path / "a.json").lstat()
+    said = r": is no regular file, but a pipe, a device or the like: choose another"
+    with pytest.raises(FileError, match=said):
+        write_json(tmp_path / "a.json", {"a": 1})
+    with pytest.raises(FileError, match=said):
+        require_place("/dev/null")  # asked alone: whoever may write there must not lose it, if this test fails
+    after = (tmp_path / "a.json").lstat()
+    assert (before.st_mode, before.st_ino) == (after.st_mode, after.st_ino)
+    assert content_names(tmp_path) == ["a.json"]
+
+
+def test_a_place_may_have_to_be_free(tmp_path: Path) -> None:
+    assert require_place(tmp_path / "a.json", overwrite=False) == tmp_path / "a.json"
+    write_json(tmp_path / "a.json", 1)
+    with pytest.raises(FileError, match=r"a\.json: exists already; choose another or allow it with --overwrite"):
+        require_place(tmp_path / "a.json", overwrite=False)
+    assert require_place(tmp_path / "a.json") == tmp_path / "a.json"
 
 
 def test_a_new_file_gets_the_usual_permissions(tmp_path: Path) -> None:

@@ -70,6 +70,56 @@ def test_a_folder_that_holds_something_is_refused_unless_allowed(tmp_path: Path)
     assert names(tmp_path) == {"thesis.tex", "summary.json", "figures"}
 
 
+def test_a_folder_that_no_run_has_written_is_not_replaced(tmp_path: Path) -> None:
+    mine = {"pyproject.toml": "mine", "log.csv": "hours of measurements"}
+    for name, text in mine.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "cat.png").write_text("cat")
+    with pytest.raises(FileError, match=r"holds log\.csv, and no run's summary\.json"):
+        written(tmp_path, "1")
+    assert {name: (tmp_path / name).read_text() for name in mine} == mine
+    assert names(tmp_path) == {*mine, "pictures"}
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_what_is_not_a_runs_is_kept_at_any_depth(tmp_path: Path, inside: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = tmp_path / "out"
+    written(place, "1")
+    (place / "pictures").mkdir()
+    kept = {"notes.md", "figures/notes.md", "pictures/cat.png", "pictures/log.csv"}
+    for name in (*kept, "figures/old.png", "old.csv"):
+        (place / name).write_text("mine")
+    os.mkfifo(place / "figures" / "pipe.png")
+    if inside:
+        monkeypatch.chdir(place)
+    written(place, "2")
+    files = {str(path.relative_to(place)) for path in place.rglob("*") if not path.is_dir()}
+    assert files == {"summary.json", "figures/a.png", "figures/pipe.png", *kept}
+    assert (place / "figures" / "a.png").read_text() == "2"
+    assert names(tmp_path) == {"out"}
+
+
+def test_a_link_to_a_folder_elsewhere_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    written(tmp_path / "theirs", "old")
+    (tmp_path / "mine" / "out").symlink_to(tmp_path / "theirs")
+    with pytest.raises(FileError, match=r"out: is a link to .*theirs, outside its folder; give that path itself"):
+        written(tmp_path / "mine" / "out", "new")
+    assert (tmp_path / "theirs" / "summary.json").read_text() == "old"
+
+
+def test_a_run_that_was_killed_while_it_moved_in_may_be_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the folder that one stands in files are moved one by one, the summary last."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "trace.parquet").write_text("half")
+    of_the_dead(tmp_path / tmp_path.name).mkdir()
+    written(Path(), "2")
+    assert names(tmp_path) == {"summary.json", "figures"}
+
+
 def test_a_folder_that_cannot_be_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for place in (tmp_path / "file", tmp_path / "file" / "below"):

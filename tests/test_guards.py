@@ -71,15 +71,62 @@ def test_guards_that_never_act_change_nothing(law: SlotineLi) -> None:
 def test_torques_are_the_nearest_within_limits_and_reach(law: SlotineLi, held: Guarded, seed: int) -> None:
     torques, states = ticks(held, smooth(seed))
     asked = np.array([law.step(law.init(x[0], x[1]), x[0], x[1], ReferencePoint(*x[2:]))[0] for x in smooth(seed)[:1]])
-    np.testing.assert_allclose(torques[0], np.clip(asked[0], -30.0, 30.0), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(torques[0], np.clip(asked[0], -5.0, 5.0), rtol=1e-9, atol=1e-9)
     assert np.abs(torques).max() <= 30.0
-    assert np.abs(np.diff(torques, axis=0)).max() <= 5.0 * (1.0 + 1e-12)
+    assert np.abs(np.diff(torques, axis=0, prepend=0.0)).max() <= 5.0 * (1.0 + 1e-12)
     for torque, state in zip(torques, states, strict=True):
         np.testing.assert_array_equal(state.torque, torque)
         np.testing.assert_array_equal(state.of.torque, torque)  # composite laws predict from what was applied
         frozen = max(state.marks.torque_limited[0], state.marks.rate_limited[0])
         assert state.marks.frozen[0] == frozen
         assert state.of.elapsed[0] == (0.0 if frozen else law.period)
+
+
+@pytest.mark.parametrize("applied", [None, np.full(6, 7.0), -2.5 * np.arange(6)])
+def test_the_first_torque_is_within_reach_of_the_one_applied(held: Guarded, applied: Array | None) -> None:
+    """In native code, on floats, and of many arms at once; an arm stands under zero torque unless told otherwise."""
+    p, v, goal = np.full(6, 0.5), np.zeros(6), ReferencePoint(*np.zeros((3, 6)))
+    before = np.zeros(6) if applied is None else applied
+    asked = np.clip(held.of.step(held.of.init(p, v), p, v, goal)[0], -30.0, 30.0)
+    assert np.abs(asked - before).max() > 10.0
+    expected = before + np.clip(asked - before, -5.0, 5.0)
+    state = held.init(p, v, torque=applied)
+    np.testing.assert_array_equal(state.torque, before)
+    torque, after = held.step(state, p, v, goal)
+    np.testing.assert_allclose(torque, expected, rtol=1e-12, atol=1e-12)
+    assert after.marks.rate_limited[0] == after.marks.frozen[0] == 1.0
+    np.testing.assert_allclose(held.on_floats(p, v, *goal, *leaves(state))[0], expected, rtol=1e-12, atol=1e-12)
+    many = held.init(np.tile(p, (3, 1)), np.tile(v, (3, 1)), torque=applied)
+    np.testing.assert_allclose(held.step(many, np.tile(p, (3, 1)), v, goal)[0], [expected] * 3, rtol=1e-12, atol=1e-12)
+
+
+def test_each_of_many_arms_may_be_held_by_its_own_torque(held: Guarded) -> None:
+    each = np.arange(18.0).reshape(3, 6)
+    state = held.init(np.zeros((3, 6)), np.zeros((3, 6)), torque=each)
+    np.testing.assert_array_equal(state.torque, each)
+    again = held.restart(state, np.array([False, True, False]), np.zeros((3, 6)), np.zeros((3, 6)))
+    np.testing.assert_array_equal(again.torque, each * [[1.0], [0.0], [1.0]])
+
+
+def test_guards_within_guards_all_know_the_torque_applied(law: SlotineLi, held: Guarded) -> None:
+    outer = Guarded(held, rate_limits=2e3, stop_damping=1.0)
+    state = outer.init(np.zeros(6), np.zeros(6), torque=np.full(6, 9.0))
+    np.testing.assert_array_equal([state.torque, state.of.torque, state.of.of.torque], np.full((3, 6), 9.0))
+    torque, _ = outer.step(state, np.full(6, 0.5), np.zeros(6), ReferencePoint(*np.zeros((3, 6))))
+    assert np.abs(torque - 9.0).max() <= 2.0 * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("torque", "error", "message"),
+    [
+        (np.zeros(5), InputError, r"Guarded: torque: expected shape \(\.\.\., 6\), got \(5,\)"),
+        (np.zeros((2, 6)), InputError, r"torque: expected shape \(6,\) or \(6,\), got \(2, 6\)"),
+        (np.full(6, np.nan), NonFiniteError, "Guarded: torque: expected finite numbers"),
+    ],
+)
+def test_an_applied_torque_that_cannot_be(held: Guarded, torque: Array, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        held.init(np.zeros(6), np.zeros(6), torque=torque)
 
 
 def test_nothing_is_learned_from_a_period_with_another_torque(law: SlotineLi) -> None:

@@ -44,20 +44,25 @@ def basis(
     out: Annotated[
         Path | None, Parameter(metavar="FILE", help="Also save the basis, as JSON that adaptctl can load.")
     ] = None,
+    overwrite: Annotated[bool, Parameter(negative=(), help="Replace the file of --out, if it exists.")] = False,
 ) -> None:
     """Find the independent inertial parameters of a robot, and print them, or with `json` a JSON object.
 
     Table 4, in the options' help, is that of Sheu and Walker (1991); components are combinations of parameters, of
     which few may account for nearly all energy. `out` is a file to save the basis in, which `FundamentalBasis.load`
-    reads. Angles and lengths are nearly special where the rank would be another one if they were exact, such as angles
-    between joint axes within 1e-3 rad of a right one. Raises `FileError` for files that cannot be used or written,
-    `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed, `RankError` where the
-    number of independent parameters cannot be certified or, without `as_is`, angles or lengths are nearly special;
-    `InputError` for `floating_base` with a robot that is no URDF file and for an `energy_error` below 0.
+    reads; one that exists is replaced only with `overwrite`. Angles and lengths are nearly special where the rank would
+    be another one if they were exact, such as angles between joint axes within 1e-3 rad of a right one. Raises
+    `FileError` for files that cannot be used or written, `NotFoundError` for an unknown robot, `LoopError` where
+    kinematic loops cannot be closed, `RankError` where the number of independent parameters cannot be certified or,
+    without `as_is`, angles or lengths are nearly special; `InputError` for `floating_base` with a robot that is no URDF
+    file and for an `energy_error` below 0.
     """
     from adaptctl.dynamics import load
+    from adaptctl.files import require_place
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
+    if out is not None:
+        require_place(out, overwrite)
     mechanism = load(robot, floating_base=floating_base, snap=snap)
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
     space = essential_space(mechanism, near="as_is" if as_is else "refuse", prove=True)

@@ -20,7 +20,10 @@ def install_completion(
 
     from adaptctl.cli.main import app
     from adaptctl.errors import InputError
+    from adaptctl.files import require_place
 
+    if out is not None:
+        require_place(out)
     try:
         path = app.install_completion(shell=shell, output=out, add_to_startup=out is None)
     except ShellDetectionError as error:

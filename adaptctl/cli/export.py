@@ -32,6 +32,7 @@ def export(
     bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
     unguarded: Annotated[bool, Parameter(help="Leave out the guards of torques, positions and velocities.")] = False,
     check: Annotated[bool, Parameter(help="Simulate 600 s first, and put the outcome into the manifest.")] = False,
+    anyway: Annotated[bool, Parameter(help="Write it even where it fails in simulation.")] = False,
     floating_base: Annotated[
         bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
     ] = False,
@@ -41,9 +42,11 @@ def export(
 
     Writes C99 source or a WebAssembly module, with a manifest, into a folder that must not exist, and prints a summary,
     or with `json` the manifest. `bandwidth` is the largest rate, the Λ of Slotine and Li's law, at which errors decay.
-    Raises `NotFoundError` for an unknown robot or law, `InputError` for a name or number that is not allowed, float in
+    Raises `VerdictError`, unless `anyway`, where the arm does not learn with these gains in `adaptctl tune`, or in a
+    `check` diverges, rings, is stopped by its guards or does not learn; `NotFoundError` for an unknown robot or law,
+    `InputError` for a name or number that is not allowed, float in
     WebAssembly, a joint that moves no inertia or a mass matrix that is not positive definite, for which there are no
-    gains, and a `check` in which the arm diverges or its guards stop it; `FileError` for a robot's file that cannot be
+    gains; `FileError` for a robot's file that cannot be
     used and a folder that exists or cannot be written, `RankError` where the number of identifiable parameters cannot
     be certified, `LoopError` where kinematic loops cannot be closed.
     """
@@ -55,12 +58,14 @@ def export(
 
     mechanism = load(robot, floating_base=floating_base)
     tuning = tune(mechanism, period=period, bandwidth=bandwidth)
+    if not anyway:
+        tuning.require_learned("--anyway")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     chosen = named_law(law, tuning, model)
     controller = chosen if unguarded else guarded(chosen, tuning)
     done = exported(
         controller, out, name=name, scalar=scalar, language=language, unguarded=unguarded, check=check,
-        reference=tuning.reference,
+        reference=tuning.reference, anyway=anyway,
     )  # fmt: skip
     if json:
         print_json(done.manifest)
@@ -76,6 +81,8 @@ def _print(done: Exported) -> None:
         first, last = (manifest["check"][f"rms_error_{which}_10_s"] for which in ("first", "last"))
         errors = f": RMS error {first:.3g} at first, {last:.3g} in the end" if first is not None else ""
         print(f"checked over {manifest['check']['duration']:g} s{errors}")
+        if manifest["check"]["failure"]:
+            print(f"FAILED: in simulation {manifest['check']['failure']}")
     if "state_bytes" in manifest:
         print(f"a state of {manifest['state_bytes']} bytes, about {manifest['stack_bytes_about']} bytes of stack")
         print(f"test it: cc -std=c99 {done.name}.c test_{done.name}.c -lm && ./a.out")

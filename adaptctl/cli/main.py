@@ -18,10 +18,11 @@ from adaptctl.errors import (
     NotCompiledWarning,
     PhysicalConsistencyWarning,
     SimplificationWarning,
+    VerdictError,
 )
 from adaptctl.packages import needed
 
-DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def version() -> str:
@@ -74,7 +75,7 @@ app.command(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line, `argv` or by default (None) that of the process, without the program's name; returns the exit
-    code: 0 when done, 1 when it failed, 2 when the input was wrong, 3 when an experiment's verdict is failure, 130 on
+    code: 0 when done, 1 when it failed, 2 when the input was wrong, 3 when the verdict on what ran is failure, 130 on
     Ctrl-C. Errors of adaptctl and of the operating system become a line on stderr, as do adaptctl's warnings; other
     errors, which are bugs, pass."""
     given = list(sys.argv[1:] if argv is None else argv)
@@ -91,6 +92,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             return code
         except CycloptsError as error:
             return _complain(_reason(error), WRONG_INPUT)
+        except VerdictError as error:
+            return _complain(error, VERDICT)
         except InputError as error:
             return _complain(error, WRONG_INPUT)
         except (AdaptctlError, OSError, MemoryError) as error:

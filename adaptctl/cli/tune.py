@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from adaptctl.tuning import Tuning, Verification
 
 SCHEMA = "adaptctl/tuning/1"
+DONE, FAILED = 0, 3
 
 
 def tune(
@@ -28,9 +29,9 @@ def tune(
         bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
     ] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
-) -> None:
+) -> int:
     """Choose a reference and gains for a robot, and print them, with what limits them and the errors of verifying runs,
-    or with `json` a JSON object.
+    or with `json` a JSON object. Returns the exit code: 0, or 3 where the arm as described does not learn with them.
 
     The law is Slotine and Li's, whose errors decay at rates Λ (1/s), with damping K (N m s/rad, N s/m if prismatic) and
     adaptation gain Γ. In the options' help T is the control period (s), M the mass matrix, B viscous friction, Y the
@@ -52,6 +53,7 @@ def tune(
         from adaptctl.cli.tune_report import report
 
         print_parts(report(tuning))
+    return FAILED if tuning.failed else DONE
 
 
 def as_builtins(tuning: Tuning) -> dict[str, Any]:

@@ -14,8 +14,10 @@ from adaptctl.tuning import Tuning
 
 def report(tuning: Tuning) -> Iterator[RenderableType]:
     """Renderable parts, texts and tables of the package rich, of the report that `adaptctl tune` prints, from top to
-    bottom: each joint's gains and reference, what limits the gains, the errors of verifying runs, and notes, the last
-    two where there are any. Nothing is raised."""
+    bottom: a verdict of failure, where it is one, each joint's gains and reference, what limits the gains, the errors
+    of verifying runs, and notes, the last two where there are any. Nothing is raised."""
+    if tuning.failed:
+        yield Text(f"FAILED: with these gains the arm does not learn: {tuning.verified[0]}", style="bold red")
     method = f"{tuning.substeps} steps of {type(tuning.integrator).__name__} a period of {tuning.period:g} s"
     yield Text.assemble((tuning.mechanism.name, "bold"), f": gains by rule for a rigid arm without noise; {method}")
     yield titled("Gains and reference (SI units)", _joints(tuning))

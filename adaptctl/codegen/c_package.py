@@ -17,7 +17,7 @@ from adaptctl.codegen.c_program import CProgram, Signature, helpers
 from adaptctl.codegen.c_sine import sine_source
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
 from adaptctl.codegen.interface import GIVEN, Field, Interface, status_bits
-from adaptctl.codegen.recorded import RecordedTick
+from adaptctl.codegen.recorded import RecordedTick, first_torque
 from adaptctl.codegen.starting import start_of
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.sine import sine_for
@@ -64,6 +64,12 @@ class CPackage:
             "tolerance": f"{TOLERANCE[self.kind]:g}",
             "last_estimate": self._plain(leaves[estimate.name]) if estimate else "",
         }
+        if self.interface.applied:
+            held = 0.5 * ticks[-1].torque
+            recorded |= {
+                "held": self._array(held),
+                "from_held": self._plain(first_torque(self.interface, ticks[0], held)),
+            }
         return {
             f"{self.name}.h": self.filled("controller.h"),
             f"{self.name}.c": self.filled("controller.c"),
@@ -147,6 +153,7 @@ class CPackage:
             "gains": interface.gains,
             "estimate": interface.estimate,
             "guarded": interface.guarded,
+            "applied": interface.applied,
             "brake": interface.brake and [Field(name, x) for name, x in interface.brake._asdict().items()],
             "brake_text": "the guards' braking" if interface.brake else "zero",
             "marks": list(map(_Mark, (f.name for f in fields[len(fields) - len(marks) :]), map(str.upper, marks))),

@@ -128,6 +128,7 @@ def export(
     check: bool = False,
     reference: Reference | None = None,
     large_stack: bool = False,
+    anyway: bool = False,
 ) -> Exported:
     """Write a controller's tick, its work of one control period, as C99 source or a WebAssembly module, in a folder
     that needs no Python; returns the `Exported`, with its manifest.
@@ -138,14 +139,16 @@ def export(
     the closed loop is simulated for 600 s along `reference`, and its root mean square errors in joints, rad (m if
     prismatic), go into the manifest; in C, ticks recorded near the reference go into the code's tests. `reference` is a
     function of time (s); None, the default, is for one of sinusoids of 0.1 rad or m (0.05 m in a task space) about the
-    home configuration, or as near to it as joint limits allow. A controller should be `Guarded`: `unguarded` lets one
+    home configuration, or as near to it as joint limits allow. A `check` that fails is an error; with `anyway` the code
+    is written all the same, and the manifest says what failed. A controller should be `Guarded`: `unguarded` lets one
     without guards go. `large_stack` allows more than about 16 kB of stack a tick in C.
 
     Raises `InputError` where `controller` is no `Controller`, overrides `step`, or has no guards without `unguarded`;
     for another `name`, `scalar` or `language` than these and for float in WebAssembly; for a stack above about 16 kB
     without `large_stack`, and for kinematic loops that single precision leaves open by 1e-5 m or rad; for a `reference`
-    that is not callable or has another number of coordinates than the controller's; and for a `check` that becomes
-    non-finite, is stopped by guards or has no mechanism to run on. Raises `NonFiniteError` for a reference that is not
+    that is not callable or has another number of coordinates than the controller's; and for a `check` that has no
+    mechanism to run on. Raises `VerdictError`, unless `anyway`, for a `check` that becomes non-finite, is stopped by
+    guards, rings or does not learn, `NonFiniteError` for a reference that is not
     finite, `TraceError` for a law that cannot be traced, and `FileError` where `directory` is no path, exists or cannot
     be written.
     """
@@ -167,7 +170,7 @@ def export(
     if check:
         from adaptctl.codegen.vouching import vouched
 
-        outcome = vouched(interface, followed)
+        outcome = vouched(interface, followed, anyway=anyway)
     if language == "wasm":
         from adaptctl.codegen.wasm_package import wasm_files
 

@@ -173,6 +173,13 @@ class Interface:
         pairs = zip(self.memory, leaves(self.controller._blank), strict=True)
         return next((field for field, leaf in pairs if leaf is wanted), None)
 
+    @property
+    def applied(self) -> tuple[Field, ...]:
+        """The fields of the internal state in which guards, and the laws within them, remember the torque that is
+        applied to the joints; empty without guards."""
+        known = {"of_" * depth + "torque" for depth in range(len(self.memory))} if self.guarded else set()
+        return tuple(field for field in self.memory if field.name in known)
+
     @cached_property
     def gains(self) -> tuple[Field, ...]:
         """The controller's gains that its law reads in a control period, a `Field` each, with their values, in SI

@@ -84,6 +84,15 @@ def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tu
     return rows, state
 
 
+def first_torque(interface: Interface, tick: RecordedTick, held: Array) -> Array:
+    """The torque (r,), N m (N), of the guarded controller of an `interface` in Python where a recorded `tick` is its
+    first and the torque `held` (r,), N m (N), is applied to the arm before. Raises what `init` and `step` do."""
+    law: Any = interface.controller
+    state = law.init(tick.p, np.zeros(law.dof), torque=held)
+    torque: Array = law.step(state, tick.p, tick.v, tick.reference)[0]
+    return torque
+
+
 def _motion(interface: Interface, reference: Reference, time: Array) -> tuple[Array, Array]:
     """Positions and velocities (T, r): along the reference where it is one of joints, a little off."""
     r = interface.controller.dof

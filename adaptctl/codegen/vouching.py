@@ -10,7 +10,8 @@ from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
 from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.control import Reference, Sinusoids
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, VerdictError
+from adaptctl.files import finite_or_none
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.sampled_references import REFERENCE, sampled
@@ -20,20 +21,32 @@ DURATION = 600.0
 """s"""
 STRETCH = 10_000
 """control periods in one native call"""
+SMALL, LEARNED = 5e-3, 1.0 / 3.0
+"""rad or m, and share of the first error: a last error above both was not learned away"""
+FAILURES = {
+    "stopped": "the guards stop the arm after {:g} s: use smaller gains, or wider limits",
+    "ringing": "a joint rings after {:g} s: use smaller gains or a shorter period",
+}
+"""What guards may mark in a period, and what it means"""
 
 
-def vouched(interface: Interface, reference: Reference, duration: float = DURATION) -> dict[str, Any]:
+def vouched(
+    interface: Interface, reference: Reference, duration: float = DURATION, anyway: bool = False
+) -> dict[str, Any]:
     """Outcome, a dict in JSON's types, of a simulation of the controller of an `interface` on its own mechanism along
     `reference`, a function of time (s), for `duration` s, 600 unless given.
 
     It has "duration", s; "reference", a dict of its class's name and, for `Sinusoids`, their numbers, by which the run
-    can be repeated; "finite", True; and "rms_error_first_10_s" and "rms_error_last_10_s", the root mean square of the
-    position errors over all joints together, rad (m if prismatic), and over the first and the last 10 s (the whole of a
-    shorter run), None where the reference is not one of joints.
+    can be repeated; "failure", None, or what is wrong in words; "finite", True unless that ended the run; and
+    "rms_error_first_10_s" and "rms_error_last_10_s", the root mean square of the position errors over all joints
+    together, rad (m if prismatic), and over the first and the last 10 s (the whole of a shorter run), None where the
+    reference is not one of joints or they are not finite.
 
-    Raises `InputError` where the run becomes non-finite or guards stop it, where no mechanism is known or it has more
-    than 100 links, and for a reference for another number of coordinates; `NonFiniteError` for a reference that is not
-    finite; `TraceError` for a law that cannot be traced.
+    The run fails where it becomes non-finite, guards stop it or hear it ring, or a law that adapts does not learn: its
+    last error is above 5 mrad (mm) and a third of the first, in a run of 20 s or more. Raises `VerdictError` for that
+    unless `anyway`; `InputError` where no mechanism is known or it has more than 100 links, and for a reference for
+    another number of coordinates; `NonFiniteError` for a reference that is not finite; `TraceError` for a law that
+    cannot be traced.
     """
     mechanism, controller = interface.mechanism, interface.controller
     if mechanism is None or len(mechanism.links) > LARGEST_COMPILED:
@@ -46,22 +59,31 @@ def vouched(interface: Interface, reference: Reference, duration: float = DURATI
     loop.begin(arms, plant.init(p, np.zeros(plant.dof)), controller.init(p, np.zeros(plant.dof)))
     arms.held["parameters"] = mechanism.inertial_parameters
     squares: list[Array] = []
+    finite, failure = True, None
     for first in range(0, steps, STRETCH):
         time = np.asarray(period * np.arange(first, min(first + STRETCH, steps)), dtype=np.float64)
         points = sampled(reference, time, controller.reference_size)
         signals = dict(zip(REFERENCE, points, strict=True)) | {"noise": np.zeros((len(time), 0))}
         sample = Sample(*(values[:, 0] for values in arms.run(len(time), signals, record=True)))
-        _require_sound(interface, loop, sample, time)
+        finite, failure = _sound(loop, sample, time)
         if interface.follows_joints:
             squares.append(((plant.positions(sample.q) - points.p) ** 2).mean(axis=1))
-    errors = np.sqrt(np.concatenate(squares)) if squares else np.zeros(0)
-    last = round(min(10.0, duration) / period)
+        if failure is not None:
+            break
+    count = round(min(10.0, duration) / period)
+    square = np.concatenate(squares) if squares else np.zeros(0)
+    begun, ended = (float(np.sqrt(part.mean())) if squares else None for part in (square[:count], square[-count:]))
+    if failure is None and begun is not None and ended is not None and 2 * count <= steps:
+        failure = _unlearned(interface, begun, ended)
+    if failure is not None and not anyway:
+        raise VerdictError(f"check: in simulation {failure}, or export it all the same (`anyway`, --anyway)")
     return {
         "duration": duration,
         "reference": stated(reference),
-        "finite": True,
-        "rms_error_first_10_s": float(np.sqrt((errors[:last] ** 2).mean())) if squares else None,
-        "rms_error_last_10_s": float(np.sqrt((errors[-last:] ** 2).mean())) if squares else None,
+        "failure": failure,
+        "finite": finite,
+        "rms_error_first_10_s": finite_or_none(begun),
+        "rms_error_last_10_s": finite_or_none(ended),
     }
 
 
@@ -82,19 +104,25 @@ def _first(interface: Interface, reference: Reference) -> Array:
     return point if interface.follows_joints else np.asarray(interface.controller.home)
 
 
-def _require_sound(interface: Interface, loop: ClosedLoop, sample: Sample, time: Array) -> None:
-    """Refuse what is not finite or was stopped, with the time of it."""
+def _sound(loop: ClosedLoop, sample: Sample, time: Array) -> tuple[bool, str | None]:
+    """True where all is finite; and what is wrong, with the time of it, in words, None where nothing is."""
     finite = (
         np.isfinite(sample.torque).all(axis=1) & np.isfinite(sample.q).all(axis=1) & np.isfinite(sample.v).all(axis=1)
     )
     if not finite.all():
         when = time[int(finite.argmin())]
-        raise InputError(
-            f"check: in simulation the loop is not finite after {when:g} s: exported, this would be an arm that runs "
-            "away; use smaller gains or a shorter period"
+        return False, (
+            f"the loop is not finite after {when:g} s: exported, this would be an arm that runs away; use smaller "
+            "gains or a shorter period"
         )
-    if "stopped" in loop.marks and (stopped := sample.marks[:, loop.marks.index("stopped")] > 0.5).any():
-        when = time[int(stopped.argmax())]
-        raise InputError(
-            f"check: in simulation the guards stop the arm after {when:g} s: use smaller gains, or wider limits"
-        )
+    for mark, what in FAILURES.items():
+        if mark in loop.marks and (marked := sample.marks[:, loop.marks.index(mark)] > 0.5).any():
+            return True, what.format(time[int(marked.argmax())])
+    return True, None
+
+
+def _unlearned(interface: Interface, begun: float, ended: float) -> str | None:
+    """Words on a law that adapts and whose error (rad or m) did not become small; else None."""
+    if getattr(interface.innermost, "adaptation_law", None) is None or ended <= max(SMALL, LEARNED * begun):
+        return None
+    return f"it does not learn: an error of {begun:.3g} at first and {ended:.3g} in the end; use other gains"

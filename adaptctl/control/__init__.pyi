@@ -32,6 +32,7 @@ from adaptctl.control.guards import GuardedState as GuardedState
 from adaptctl.control.linear import LinearController as LinearController
 from adaptctl.control.lyapunov import lyapunov as lyapunov
 from adaptctl.control.lyapunov import sliding_variable as sliding_variable
+from adaptctl.control.references import FadedIn as FadedIn
 from adaptctl.control.references import Halted as Halted
 from adaptctl.control.references import MinimumJerk as MinimumJerk
 from adaptctl.control.references import Sinusoids as Sinusoids

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -14,6 +14,7 @@ from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.hold import require_period
 from adaptctl.control.memory import leaves
 from adaptctl.control.ringing import Ringing
+from adaptctl.control.rows import row_each
 from adaptctl.dynamics.closed_positions import ClosedPositions
 from adaptctl.errors import InputError, require_kind
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
@@ -54,16 +55,14 @@ class Marks(NamedTuple):
 
 class GuardedState(NamedTuple):
     """Internal state of a controller behind guards, for r joints. `of` is the wrapped law's own internal state;
-    `torque` (r,) the last torque given out, N m (N if prismatic); `begun` (1,) is 1 after the first control period and
-    0 before; `heard` the detector of ringing, moving averages over the sliding variable, rad/s (m/s); and `marks` the
-    flags, (1,) each, 1 for each guard (limit, bound or brake) that acted in the last control period, else 0. Nothing is
-    checked."""
+    `torque` (r,) the last torque given out, N m (N if prismatic), before the first control period the one that is
+    applied then; `heard` the detector of ringing, moving averages over the sliding variable, rad/s (m/s); and `marks`
+    the flags, (1,) each, 1 for each guard (limit, bound or brake) that acted in the last control period, else 0.
+    Nothing is checked."""
 
     of: Any
     torque: Any
     """(r,) N m"""
-    begun: Any
-    """(1,) 1 after the first control period"""
     heard: Ringing
     marks: Marks
 
@@ -90,7 +89,8 @@ class Guarded(Controller[GuardedState]):
 
     The controller is `of`, a law for r joints. Torques stay within `torque_limits` (N m, N for a prismatic joint) and
     change by at most `rate_limits` (N m/s, N/s) times `period` (s; None is the law's own) from one control period to
-    the next, but for the first; limits are infinite, that is off, unless given. While either limits the torque, the
+    the next, in the first from the torque that `init` is told of, zero unless the arm is held by another; limits are
+    infinite, that is off, unless given. While either limits the torque, the
     tracking error is not caused by the estimate, and nothing is learned from that period (unless `freeze` is False): an
     integrator's anti-windup by conditional integration (Astrom and Hagglund, Advanced PID Control, 2006, section 3.5).
     Estimates of the law's k parameters stay within `estimate_bounds`, lower and upper, one number or (k,) each, SI
@@ -177,7 +177,22 @@ class Guarded(Controller[GuardedState]):
         torque, and zero for all flags of what the guards did. Arms are at positions `p` (..., r), rad (m if prismatic),
         and velocities `v` (..., r), rad/s (m/s), of r joints. Raises what the wrapped law's method `start` does."""
         marks = Marks(*(np.zeros(1) for _ in Marks._fields))
-        return GuardedState(self.of.start(p, v), np.zeros(self.dof), np.zeros(1), Ringing.silent(self.dof), marks)
+        return GuardedState(self.of.start(p, v), np.zeros(self.dof), Ringing.silent(self.dof), marks)
+
+    def init(
+        self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None, torque: ArrayLike | None = None
+    ) -> GuardedState:
+        """The internal state before the first control period, as of any controller. `torque` (..., r), N m (N if
+        prismatic), is the one that is applied to the r joints now, from which limited rates count: None is zero, for an
+        arm that nothing drives or that compensates its gravity itself; an arm that is held by a torque, such as
+        gravity's, needs that one. Raises what `init` of other controllers does, and for `torque` `InputError` on a
+        wrong shape and `NonFiniteError` where it is not finite."""
+        state = super().init(p, v, gains)
+        if torque is None:
+            return state
+        arms = np.shape(p)[:-1]
+        applied = row_each(self._measured(torque, "torque"), arms, "torque")
+        return self._remembering(self._array_of(_holding(state, applied), arms))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, within the limits of
@@ -205,7 +220,7 @@ class Guarded(Controller[GuardedState]):
         after = _with_applied_torque(after, applied)
         after = _without_learning(frozen > 0.5, after) if self.freeze else after
         marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, heard.alarm, stopped)))
-        return applied, GuardedState(after, applied, Column((1.0,)), heard, marks)
+        return applied, GuardedState(after, applied, heard, marks)
 
     def _sliding(self, sound: Condition, after: Any, clean: list[Column]) -> Column:
         """The law's sliding variable (r,), or the error of velocities where it has none; 0 where that is not sound."""
@@ -226,12 +241,11 @@ class Guarded(Controller[GuardedState]):
         return beyond
 
     def _within_reach(self, torque: Column, memory: GuardedState) -> Column:
-        """The nearest torque that the rate allows; any is at the first tick."""
+        """The nearest torque that the rate allows."""
         if not self._limits_rates:
             return torque
         steps = [minimum(rate * self.period, LARGEST) for rate in column(self.rate_limits)]
-        reach = [where(memory.begun[0] > 0.5, step, LARGEST) for step in steps]
-        pairs = zip(torque, memory.torque, reach, strict=True)
+        pairs = zip(torque, memory.torque, steps, strict=True)
         return Column(clip(x, last - step, last + step) for x, last, step in pairs)
 
     def _bounded(self, after: Any) -> tuple[Any, Any]:
@@ -332,11 +346,20 @@ def _chosen(condition: Condition, yes: Parts, no: Parts) -> Parts:
     return type(no)(*(_chosen(condition, a, b) if isinstance(a, tuple) else _either(condition, a, b) for a, b in pairs))
 
 
-def _with_applied_torque(memory: Parts, applied: Column) -> Parts:
+def _with_applied_torque(memory: Parts, applied: Column | Array) -> Parts:
     """The internal state of a law that remembers its torque, with the one that is applied."""
     if "torque" not in getattr(memory, "_fields", ()):
         return memory
     replaced: Parts = memory._replace(torque=applied)  # type: ignore[attr-defined]  # it has `_fields`
+    return replaced
+
+
+def _holding(memory: Parts, torque: Array) -> Parts:
+    """The internal state of a law, and of those within its guards, with the torque that is applied."""
+    memory = _with_applied_torque(memory, torque)
+    if "of" not in getattr(memory, "_fields", ()):
+        return memory
+    replaced: Parts = memory._replace(of=_holding(memory.of, torque))  # type: ignore[attr-defined]  # it has `_fields`
     return replaced
 
 

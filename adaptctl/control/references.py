@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, numbers, real_number
-from adaptctl.caching import cached_property
+from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.errors import InputError
@@ -43,15 +43,10 @@ class SinusoidNumbers(NamedTuple):
     Nothing is checked."""
 
     center: Any
-    """(r,)"""
     amplitude: Any
-    """(h r,)"""
     frequency: Any
-    """(h r,) Hz"""
     phase: Any
-    """(h r,) rad"""
     start_time: Any
-    """(1,) s"""
 
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
@@ -93,14 +88,9 @@ def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
 
 @lru_cache(maxsize=32)
 def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
-    """Native code of sums of sinusoids, `sinusoids_at`, for r joints and h harmonics: a function that returns the
-    reference point. It has positions (r,) in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in
-    rad/s^2 (m/s^2).
-
-    The function's arguments are a time (1,) in s and the five arrays of `SinusoidNumbers`: center and amplitude (rad or
-    m), frequency (Hz), phase (rad) and start_time (s). `sizes` are their lengths: r, h r, h r, h r, 1. The function
-    raises `InputError` on a wrong shape; `sizes` that are not five raise `ValueError` here.
-    """
+    """Native code of `sinusoids_at`: a function of a time (1,) in s and the five arrays of a `SinusoidNumbers`, whose
+    lengths are the `sizes`, that returns the `ReferencePoint` (r,). It raises `InputError` on a wrong shape; `sizes`
+    that are not five raise `ValueError` here."""
 
     def equation(time: Column, **numbers: Column) -> ReferencePoint:
         return sinusoids_at(time[0], SinusoidNumbers(**numbers))
@@ -111,14 +101,10 @@ def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def power_kernel(size: int) -> Callable[..., ReferencePoint]:
-    """Native code of polynomials c_5 u^5 + ... + c_0 in time u for r joints: a function that returns the reference
-    point. It has positions (r,) in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2
-    (m/s^2), the last two zero at rest.
-
-    The function's arguments are an array (2,), the time u since the polynomials' start (s) and 1 where they move or 0
-    at rest, and the coefficients (`size`,), `size` = 6 r: c_5 of all joints first, c_0 last, c_k in rad/s^k (m/s^k). It
-    raises `InputError` on a wrong shape.
-    """
+    """Native code of polynomials c_5 u^5 + ... + c_0 in time u for r joints: a function that returns the
+    `ReferencePoint` (r,). Its arguments are an array (2,), the time u since the polynomials' start (s) and 1 where they
+    move or 0 at rest, and the coefficients (`size`,), `size` = 6 r: c_5 of all joints first, c_0 last, c_k in rad/s^k
+    (m/s^k). It raises `InputError` on a wrong shape."""
     joints = size // (DEGREE + 1)
 
     def equation(given: Column, powers: Column) -> ReferencePoint:
@@ -135,13 +121,10 @@ def power_kernel(size: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
-    """Native code of a minimum-jerk motion between two waypoints for r `joints`: a function that returns the reference
-    point. It has positions (r,) in rad (m if prismatic), velocities in rad/s (m/s) and accelerations in rad/s^2
-    (m/s^2).
-
-    The function's arguments are an array (2,), the time since the motion's start and its duration (s), and the first
-    and the last positions (r,), rad (m), at which it rests before and after. It raises `InputError` on a wrong shape.
-    """
+    """Native code of a minimum-jerk motion between two waypoints for r `joints`: a function that returns the
+    `ReferencePoint` (r,). Its arguments are an array (2,), the time since the motion's start and its duration (s), and
+    the first and the last positions (r,), rad (m), at which it rests before and after. It raises `InputError` on a
+    wrong shape."""
 
     def equation(given: Column, start: Column, end: Column) -> ReferencePoint:
         passed, length = given
@@ -193,10 +176,8 @@ class Sinusoids:
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m if prismatic), velocities in
-        rad/s (m/s) and accelerations in rad/s^2 (m/s^2). With a fade-in it is at rest in the centre at time 0 and
-        before, else the sinusoids run at all times. Computed in about a microsecond, for loops that ask each period.
-        NaN is not refused."""
+        """The reference point (r,) at one time `t` (s), as when called, in about a microsecond, for loops that ask each
+        period. NaN is not refused."""
         return self._kernel(np.array((t,)), *self._flat)
 
     @cached_property
@@ -254,10 +235,8 @@ class Spline:
         return ReferencePoint(p, np.where(resting, 0.0, v), np.where(resting, 0.0, a))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m if prismatic), velocities in
-        rad/s (m/s) and accelerations in rad/s^2 (m/s^2). Before the first of the attribute `times` it rests in the
-        first position, after the last of them in the last. Computed in microseconds, for loops that ask each period.
-        Raises `MissingExtraError` without SciPy."""
+        """The reference point (r,) at one time `t` (s), as when called, in microseconds, for loops that ask each
+        period. Raises `MissingExtraError` without SciPy."""
         inside = min(max(t, self._starts[0]), float(self.times[-1]))
         k = max(bisect_right(self._starts, inside) - 1, 0)
         return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])
@@ -325,10 +304,8 @@ class MinimumJerk:
         return ReferencePoint(self.waypoints[stretch] + fade * way, slope * way / length, bend * way / length**2)
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point of r joints at one time `t` (s): positions (r,) in rad (m if prismatic), velocities (r,)
-        in rad/s (m/s) and accelerations (r,) in rad/s^2 (m/s^2). Before the first waypoint's time it is the first
-        waypoint at rest, after the last one's time the last at rest. It takes microseconds, for loops that ask for one
-        point in each control period. NaN is not refused."""
+        """The reference point (r,) at one time `t` (s), as when called, in microseconds, for loops that ask each
+        period. NaN is not refused."""
         starts = self._starts
         k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
         given = np.array((t - starts[k], starts[k + 1] - starts[k]))
@@ -378,3 +355,46 @@ class Halted:
         inner = self.of(np.where(u > 0.0, self.stop + self.over * (u - gone), time))
         rate, change = (1.0 - fallen)[..., None], (-slope / self.over)[..., None]
         return ReferencePoint(inner.p, inner.v * rate, inner.a * rate**2 + inner.v * change)
+
+
+@sent_as_made
+@dataclass(frozen=True, eq=False)
+class FadedIn:
+    """Reference trajectory that begins at rest where an arm stands, at the positions `start` (r,) in rad (m if
+    prismatic), and has become another one, `of`, after a time `over` (s; 3 by default).
+
+    It is start + fade(t) (of(t) - start), fade = 10u^3 - 15u^4 + 6u^5, u = t/over: positions, velocities and
+    accelerations are continuous, no position lies beyond both the start and the other's, and at time 0 and before it
+    rests. Speeds are at most 1.875/over times the distance between the two, and the other's. Called with times t (...)
+    in s, it returns the `ReferencePoint` then, (..., r) each. Raises `InputError` for an `of` that is no function of
+    time, a `start` that does not fit it or is not finite, and an `over` that is not positive.
+    """
+
+    of: Reference
+    start: Array
+    over: float = 3.0
+
+    def __post_init__(self) -> None:
+        if not callable(self.of):
+            raise InputError(f"faded in: expected a reference, a function of time, got {self.of!r}")
+        object.__setattr__(self, "start", frozen_array(self.start, np.shape(self.of(0.0).p), "faded in: start"))
+        if not 0.0 < real_number(self.over, "faded in: over") < math.inf:
+            raise InputError(f"faded in: expected a positive time, got {self.over} s")
+
+    def __call__(self, t: ArrayLike, /) -> ReferencePoint:
+        """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
+        velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
+        time = numbers(t, "reference: time")
+        return self._between(self.of(time), time[..., None])
+
+    def at(self, t: float) -> ReferencePoint:
+        """The reference point (r,) at one time `t` (s), as when called, in microseconds, for loops that ask each
+        period. NaN is not refused."""
+        point: ReferencePoint = getattr(self.of, "at", self.of)(t)
+        return point if t >= self.over else self._between(point, t)
+
+    def _between(self, point: ReferencePoint, time: Scalar) -> ReferencePoint:
+        fade, slope, bend = quintic(time / self.over)
+        slope, bend, way = slope / self.over, bend / self.over**2, point.p - self.start
+        a = bend * way + 2.0 * slope * point.v + fade * point.a
+        return ReferencePoint(self.start + fade * way, slope * way + fade * point.v, a)

@@ -17,7 +17,7 @@ from adaptctl.control import Gains, SlotineLi, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, VerdictError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Integrator, Plant
 from adaptctl.simulation.stiffness import MOST, integration
@@ -110,11 +110,14 @@ class Tuning:
         positions."""
         return near_reference(self.mechanism, self.reference, self.initial_error)
 
-    def controller(self, model: ReducedModel, adaptation: bool = True) -> SlotineLi:
+    def controller(self, model: ReducedModel, adaptation: bool = True, *, anyway: bool = False) -> SlotineLi:
         """Slotine and Li's controller, a `SlotineLi`, with the tuning's gains, control period and torque limits on a
         reduced `model` of the mechanism. Its initial estimate is zero; it does not adapt where `adaptation` is False.
-        Raises `GainError` where the gains are too large for the period at a position in the tuning's `workspace`,
-        `InputError` for a model of another number of joints or, with adaptation, of parameters."""
+        Raises `VerdictError` where it adapts and the arm as described does not learn with these gains (`learns`),
+        unless `anyway`; `GainError` where the gains are too large for the period at a position in the tuning's
+        `workspace`, `InputError` for a model of another number of joints or, with adaptation, of parameters."""
+        if adaptation and not anyway:
+            self.require_learned("anyway=True")
         gain, gains = self.gain_on(model) if adaptation else None, self.gains
         given = None, self.period, self.workspace, self.torque_limits
         return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)
@@ -126,6 +129,21 @@ class Tuning:
         at most 5 % of the second half a torque is at its limit. Its RMS tracking error over all joints and the last 2 s
         must be at most a third of that of the first second and of that of the last 2 s with adaptation off."""
         return bool(self.verified) and self.verified[0].learns
+
+    @property
+    def failed(self) -> bool:
+        """True if the arm as described was run with these gains and does not learn; False also where nothing was
+        run."""
+        return bool(self.verified) and not self.verified[0].learns
+
+    def require_learned(self, otherwise: str) -> None:
+        """Raise `VerdictError` where the tuning has `failed`; `otherwise` says in the message how to take the gains
+        all the same."""
+        if self.failed:
+            raise VerdictError(
+                f"{self.mechanism.name}: these gains fail in simulation ({self.verified[0]}); choose another "
+                f"bandwidth, period or reference, or take them all the same with {otherwise}"
+            )
 
 
 def tune(

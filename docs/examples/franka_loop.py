@@ -1,6 +1,11 @@
 """Adaptive control of a Franka arm at 1 kHz by pylibfranka, whose robot wants a torque each millisecond.
 
-The robot adds gravity compensation to what it is told, so the model here has no gravity.
+The robot adds gravity compensation to what it is told, so the model here has no gravity. The reference fades in from
+where the arm stands, and the torque from zero, which is what it has then.
+
+    python franka_loop.py ADDRESS [--any-kernel]
+
+`--any-kernel` goes without a real-time kernel: the robot stops when commands are late.
 """
 
 from __future__ import annotations
@@ -12,15 +17,19 @@ from typing import Any
 import numpy as np
 
 import adaptctl
-from adaptctl.control import Guarded
+from adaptctl.control import FadedIn, Guarded
 
 PERIOD = 1e-3
+RATE = 950.0
+"""N m/s: the robot stops at a change of torque by 1000"""
+LEAD_IN = 5.0
+"""s from where the arm stands to the reference"""
 
 
 def control(
     robot: Any, torques: Any, controller: Any, reference: Any, duration: float, log: adaptctl.RunLogger
 ) -> None:
-    """Follow a reference from where the arm is; `torques` makes the robot's command of a list of numbers.
+    """Follow a reference, faded in from where the arm is; `torques` makes the robot's command of a list of numbers.
 
     The robot itself stops when a command is late, so its own clock is the watchdog.
     """
@@ -28,9 +37,11 @@ def control(
     try:
         while time < duration:
             measured, passed = active.readOnce()
-            time += passed.to_sec()
             p, v = np.asarray(measured.q), np.asarray(measured.dq)
-            state = controller.init(p, v) if state is None else state
+            if state is None:
+                state, reference = controller.init(p, v), FadedIn(reference, p, LEAD_IN)
+            else:
+                time += passed.to_sec()
             point = reference.at(time)
             torque, state = controller.step(state, p, v, point)
             command = torques(torque.tolist())
@@ -49,20 +60,22 @@ def weightless(arm: adaptctl.Mechanism) -> adaptctl.Mechanism:
 
 def prepared(arm: adaptctl.Mechanism) -> tuple[Any, Any]:
     """A guarded adaptive controller, compiled, and a reference within the arm's limits."""
+    arm = weightless(arm)
     tuning = adaptctl.tune(arm, period=PERIOD)
     model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
-    guarded = Guarded(tuning.controller(model), torque_limits=tuning.torque_limits, rate_limits=1000.0, period=PERIOD)
+    guarded = Guarded(tuning.controller(model), torque_limits=tuning.torque_limits, rate_limits=RATE, period=PERIOD)
     return guarded.compile(), tuning.reference
 
 
-def main(address: str) -> None:
+def main(address: str, kernel: str = "") -> None:
     """Drive the arm at an address for ten seconds, and keep what happened."""
-    from pylibfranka import Robot, Torques  # type: ignore[import-not-found]
+    from pylibfranka import RealtimeConfig, Robot, Torques  # type: ignore[import-not-found]
 
-    controller, reference = prepared(weightless(adaptctl.load("fr3.urdf")))
+    controller, reference = prepared(adaptctl.load("fr3.urdf"))
+    robot = Robot(address, RealtimeConfig.kIgnore if kernel == "--any-kernel" else RealtimeConfig.kEnforce)
     with adaptctl.RunLogger(7, PERIOD, "run.parquet", estimates=controller.of.model.regrouping.shape[0]) as log:
-        control(Robot(address), Torques, controller, reference, 10.0, log)
+        control(robot, Torques, controller, reference, 10.0, log)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

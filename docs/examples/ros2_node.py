@@ -1,16 +1,26 @@
-"""A ROS 2 node: joint states in, efforts out, for a forward_command_controller of effort interfaces."""
+"""A ROS 2 node: joint states in, efforts out, for a forward_command_controller of effort interfaces.
+
+The reference fades in from where the arm stands; the law starts from the file's parameters, since the arm must be held
+against gravity from the first effort on.
+"""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 import adaptctl
+from adaptctl.control import FadedIn, Guarded
 
+PERIOD = 0.002
 STALE = 0.05
 """s without joint states after which no effort is sent"""
+LEAD_IN = 5.0
+"""s from where the arm stands to the reference"""
 
 
 class Tracking:
@@ -19,13 +29,16 @@ class Tracking:
     def __init__(self, joints: list[str], controller: Any, reference: Any) -> None:
         self.joints, self.controller, self.reference = joints, controller.compile(), reference
         self.state: Any = None
+        self.followed: Any = None
         self.measured: tuple[float, Any, Any] | None = None
         self.begun = 0.0
 
-    def heard(self, now: float, names: list[str], positions: list[float], velocities: list[float]) -> None:
-        """Joint states, in whatever order their message has them."""
-        places = [names.index(name) for name in self.joints]
-        self.measured = now, np.array(positions)[places], np.array(velocities)[places]
+    def heard(self, now: float, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]) -> None:
+        """Joint states, in whatever order their message has them; a message without all of ours is another's."""
+        said = dict(zip(names, zip(positions, velocities, strict=False), strict=False))
+        if all(joint in said and np.isfinite(said[joint]).all() for joint in self.joints):
+            p, v = np.array([said[joint] for joint in self.joints]).T
+            self.measured = now, p, v
 
     def efforts(self, now: float) -> list[float] | None:
         """The efforts of this period; None where nothing was heard for too long, after which it begins anew."""
@@ -35,8 +48,17 @@ class Tracking:
         _, p, v = self.measured
         if self.state is None:
             self.state, self.begun = self.controller.init(p, v), now
-        torque, self.state = self.controller.step(self.state, p, v, self.reference.at(now - self.begun))
+            self.followed = FadedIn(self.reference, p, LEAD_IN)
+        torque, self.state = self.controller.step(self.state, p, v, self.followed.at(now - self.begun))
         return torque.tolist()
+
+
+def prepared(arm: adaptctl.Mechanism) -> tuple[Any, Any]:
+    """A guarded adaptive controller that starts from the file's parameters, and a reference within the arm's limits."""
+    tuning = adaptctl.tune(arm, period=PERIOD)
+    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    law = replace(tuning.controller(model), initial=model.fundamental_parameters)
+    return Guarded(law, torque_limits=tuning.torque_limits), tuning.reference
 
 
 def main(urdf: str) -> None:
@@ -46,10 +68,7 @@ def main(urdf: str) -> None:
     from std_msgs.msg import Float64MultiArray  # type: ignore[import-not-found]
 
     arm = adaptctl.load(urdf)
-    tuning = adaptctl.tune(arm, period=0.002)
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
-    names = [joint.name for joint in arm.primary_joints]
-    tracking = Tracking(names, tuning.controller(model), tuning.reference)
+    tracking = Tracking([joint.name for joint in arm.primary_joints], *prepared(arm))
     rclpy.init()
     node = rclpy.create_node("adaptctl")
     out = node.create_publisher(Float64MultiArray, "/effort_controller/commands", 1)
@@ -65,7 +84,7 @@ def main(urdf: str) -> None:
     node.create_subscription(
         JointState, "/joint_states", lambda m: tracking.heard(now(), list(m.name), m.position, m.velocity), 1
     )
-    node.create_timer(0.002, act)
+    node.create_timer(PERIOD, act)
     rclpy.spin(node)
 
 

@@ -1,20 +1,26 @@
 """Adaptive control of a UR arm by ur_rtde at 500 Hz.
 
-The arm's own controller adds gravity and friction compensation to direct torques, so the model here has no gravity. Run
-it on a stand-alone arm with a hand on the emergency stop, at low gains first.
+The arm's own controller adds gravity and friction compensation to direct torques, so the model here has no gravity. The
+reference fades in from where the arm stands.
+
+Run it on a stand-alone arm with a hand on the emergency stop, at low gains first.
 """
 
 from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 import adaptctl
+from adaptctl.control import FadedIn, Guarded
 
 PERIOD = 1 / 500
+LEAD_IN = 5.0
+"""s from where the arm stands to the reference"""
 LATE = 5
 """periods in a row that may come late before the loop gives up"""
 
@@ -22,10 +28,11 @@ LATE = 5
 def control(
     receive: Any, command: Any, controller: Any, reference: Any, duration: float, log: adaptctl.RunLogger
 ) -> None:
-    """Follow a reference for `duration` s: read, step, write, and stop when the clock cannot be kept."""
+    """Follow a reference for `duration` s, faded in from where the arm is: read, step, write, and stop when the clock
+    cannot be kept."""
     controller.compile()
     p, v = np.array(receive.getActualQ()), np.array(receive.getActualQd())
-    state, late = controller.init(p, v), 0
+    state, late, reference = controller.init(p, v), 0, FadedIn(reference, p, LEAD_IN)
     begun = time.monotonic()
     try:
         for k in range(round(duration / PERIOD)):
@@ -56,9 +63,8 @@ def main(address: str) -> None:
 
 
 def prepared(arm: adaptctl.Mechanism) -> tuple[Any, Any]:
-    """A guarded adaptive controller, and a reference within the arm's limits."""
-    from adaptctl.control import Guarded
-
+    """A guarded adaptive controller, and a reference within its limits, for an arm that compensates its weight."""
+    arm = adaptctl.Mechanism(replace(arm.description, gravity=np.zeros(3)))
     tuning = adaptctl.tune(arm, period=PERIOD)
     model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
     return Guarded(tuning.controller(model), torque_limits=tuning.torque_limits, velocity_limits=2.0), tuning.reference
