@@ -95,4 +95,5 @@ def test_what_differs_is_told_and_round_off_is_not() -> None:
     assert list(capture.compared({"rms": 1.0}, {"rms": 1.00001})) == ["rms: 1.0 -> 1.00001"]
     assert list(capture.compared({"a": "1 x 0.5 y"}, {"a": "1 x 0.6 y"})) == ["a: 1 x 0.5 y -> 1 x 0.6 y"]
     assert list(capture.compared({"a": {"gap": 12.0}}, {"a": {"gap": 8.0}})) == ["a.gap: 12.0 -> 8.0"]
+    assert list(capture.compared({"law.c": "9a4df059"}, {"law.c": "bef192cd"})) == ["law.c: 9a4df059 -> bef192cd"]
     assert list(capture.compared({"passed": True}, {"passed": 1.0})) == ["passed: true -> 1.0"]

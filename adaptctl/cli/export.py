@@ -79,7 +79,8 @@ def _print(done: Exported) -> None:
     print(f"{manifest['flops']} operations a tick, every {manifest['period']:g} s; guarded: {manifest['guarded']}")
     if manifest["check"]:
         first, last = (manifest["check"][f"rms_error_{which}_10_s"] for which in ("first", "last"))
-        errors = f": RMS error {first:.3g} at first, {last:.3g} in the end" if first is not None else ""
+        known = first is not None and last is not None
+        errors = f": RMS error {first:.3g} at first, {last:.3g} in the end" if known else ""
         print(f"checked over {manifest['check']['duration']:g} s{errors}")
         if manifest["check"]["failure"]:
             print(f"FAILED: in simulation {manifest['check']['failure']}")

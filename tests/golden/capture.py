@@ -77,8 +77,9 @@ def alike(kept: Any, now: Any, relative: float) -> bool:
     """Whether two numbers, or two texts word by word, are the same within a tolerance."""
     if isinstance(kept, str) and isinstance(now, str):
         one, other = kept.split(), now.split()
-        pairs = zip(one, other, strict=False)
-        return len(one) == len(other) and all(a == b or alike(number(a), number(b), relative) for a, b in pairs)
+        pairs = [(number(a), number(b)) for a, b in zip(one, other, strict=False) if a != b]
+        same = all(a is not None and alike(a, b, relative) for a, b in pairs)  # words are not numbers
+        return len(one) == len(other) and same
     if {type(kept), type(now)} in ({float}, {int, float}):
         return bool(abs(kept - now) <= relative * max(abs(kept), abs(now)) + ABSOLUTE)
     return type(kept) is type(now) and bool(kept == now)
