@@ -269,16 +269,22 @@ def known() -> list[str]:
 
 
 def experiment(kept: Mapping[str, Any]) -> dict[str, Any]:
-    """What the kept command's summary says now: numbers and answers by name, without words, settings and times."""
+    """What the kept command says now: numbers and answers by name, without words, settings and times. They are those of
+    the summary in its folder, which stands for `{out}` in the command or is added as `--out`; of a command that prints
+    its outcome, those printed with `--json`."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "adaptctl", *shlex.split(kept["command"])[1:], "--out", f"{folder}/out"]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
-        path = Path(folder, "out", "summary.json")
-        if not path.is_file():
+        out = Path(folder, "out")
+        words = shlex.split(kept["command"].replace("{out}", str(out)))[1:]
+        printed = "--json" in words
+        more = [] if printed or str(out) in words else ["--out", str(out)]
+        run = [sys.executable, "-m", "adaptctl", *words, *more]
+        done = subprocess.run(run, capture_output=True, text=True, cwd=ROOT, check=False)
+        try:
+            found = json.loads(done.stdout if printed else (out / "summary.json").read_text())
+        except (OSError, ValueError):
             return {"command": kept["command"], "failed": done.stderr.replace(folder, "").splitlines()[-3:]}
-        summary = json.loads(path.read_text())
-    flat = {name: value for name, value in flattened(summary) if not LEFT_OUT.search(name)}
-    return {"command": kept["command"], "numbers": flat}
+    numbers = {name: value for name, value in flattened(found) if not LEFT_OUT.search(name)}
+    return {"command": kept["command"], "numbers": numbers}
 
 
 def flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
