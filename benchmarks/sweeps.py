@@ -22,10 +22,9 @@ from typing import Any
 from adaptctl.compilation.lanes import Precision
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.simulation import rollout
-from adaptctl.sweeps.cluster import Cluster
+from adaptctl.sweeps.cluster import Cluster, sweep
 from adaptctl.sweeps.folder import Folder
 from adaptctl.sweeps.rows import Row, rows_of
-from adaptctl.sweeps.run import sweep
 from adaptctl.sweeps.study import SweepStudy
 
 CONTROLLER = "adaptive"

@@ -50,7 +50,7 @@ ABOUT = {
     "pinocchio": {"description.readers.pinocchio_model", "description.readers.pinocchio_constraints"},
     "matplotlib": {"recording", "envs.rendering", "experiments.replication", "experiments.serial_versus_graph"},
     "rerun": {"recording", "experiments.replication", "experiments.serial_versus_graph"},
-    "pyarrow": {"recording", "sweeps.folder", "sweeps.run", "sweeps.report"},
+    "pyarrow": {"recording", "sweeps.folder", "sweeps.report"},
     "gymnasium": {"envs"},
     "rich": {"cli.basis_report", "cli.design_report", "cli.tune_report"},
     "control": set(),

@@ -17,8 +17,7 @@ from adaptctl.sweeps.folder import table
 from adaptctl.sweeps.report import SweepReport
 from adaptctl.sweeps.rows import rows_of
 from adaptctl.sweeps.search import BestSettings, write_settings
-from adaptctl.sweeps.study import SweepStudy
-from adaptctl.sweeps.values import as_span, parsed
+from adaptctl.sweeps.study import SweepStudy, as_span, parsed
 
 FIELDS = {entry.name: entry for entry in fields(AdaptiveTracking)}
 SHORT = {"robot": "puma560_measured", "duration": "0.02"}

@@ -19,16 +19,14 @@ from adaptctl.cli.main import main
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.experiments import find
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
-from adaptctl.sweeps.batch import named, offline, robot
-from adaptctl.sweeps.cluster import Cluster
-from adaptctl.sweeps.episodes import Episodes
+from adaptctl.simulation import Episode
+from adaptctl.sweeps.batch import begun, named, offline, robot
+from adaptctl.sweeps.cluster import Cluster, sweep
 from adaptctl.sweeps.folder import Folder, read_table
 from adaptctl.sweeps.report import SweepReport
 from adaptctl.sweeps.rows import TIMES, alone, rows_of
-from adaptctl.sweeps.run import sweep
 from adaptctl.sweeps.search import search
-from adaptctl.sweeps.study import SweepStudy, shipped
-from adaptctl.sweeps.values import Span, parsed
+from adaptctl.sweeps.study import Span, SweepStudy, parsed, shipped
 
 FIELDS = {entry.name: entry for entry in dataclasses.fields(Puma560Adaptive)}
 SHORT = {"duration": "0.05"}
@@ -172,19 +170,19 @@ class TestRows:
         assert good["rms_error"] == usual["rms_error"]
 
     def test_runs_of_one_task_begin_in_one_environment_as_they_do_in_their_own(self) -> None:
-        mechanism, episodes = robot("puma560"), Episodes()
+        mechanism, known = robot("puma560"), dict[Any, tuple[Episode, Any]]()
         first = Puma560Adaptive(bandwidth=4.0, payload=2.0)
         chosen = [first, Puma560Adaptive(rate=0.3), Puma560Adaptive(initial_error=-0.2, payload=1.0, seed=7)]
-        begun = [episodes.of(one, mechanism) for one in chosen]
-        assert begun[0].env is begun[1].env is not begun[2].env
-        for one, shared in zip(chosen, begun, strict=True):
+        of = [begun(one, mechanism, known) for one in chosen]
+        assert of[0][1] is of[1][1] is not of[2][1]
+        for one, (shared, _) in zip(chosen, of, strict=True):
             env: Any = one.environment(mechanism)
             env.reset(seed=one.seed, options=one.options)
             own = env.unwrapped.hand_over()
-            np.testing.assert_array_equal(shared.episode.parameters, own.parameters)
-            np.testing.assert_array_equal(shared.episode.state.p, own.state.p)
-            np.testing.assert_array_equal(shared.episode.state.v, own.state.v)
-            assert shared.episode.steps == own.steps
+            np.testing.assert_array_equal(shared.parameters, own.parameters)
+            np.testing.assert_array_equal(shared.state.p, own.state.p)
+            np.testing.assert_array_equal(shared.state.v, own.state.v)
+            assert shared.steps == own.steps
 
     def test_payloads_of_runs_that_share_an_environment_stay_their_own(self) -> None:
         runs = list(study(payload="0,1,2").runs())
@@ -368,21 +366,3 @@ def test_a_user_s_own_cluster_is_used(tmp_path: Path) -> None:
 
 def test_every_experiment_can_be_swept_by_name() -> None:
     assert SweepStudy.named("payload-drop", {"payload": "1,2"}).kind is find("payload-drop")
-
-
-def test_theory_s_limit_of_stability_is_measured() -> None:
-    runs = list(
-        SweepStudy.named(
-            "gain-stability", {"robot": "puma560_geared", "gain": "1.8,1.95,2.05,2.2", "seed": "0..3"}
-        ).runs()
-    )
-    rows = rows_of("gain-stability", runs)
-    assert [row["status"] for row in rows] == ["done"] * 8 + ["diverged"] * 8
-    assert rows_of("gain-stability", [{"robot": "nobody"}])[0]["status"] == "failed"
-
-
-def test_ranks_from_energies_and_from_joints_agree() -> None:
-    runs = list(SweepStudy.named("rank-certificate", {"links": "1..5", "aligned": "0.9", "seed": "0..2"}).runs())
-    rows = rows_of("rank-certificate", runs)
-    assert {row["status"] for row in rows} == {"done"}
-    assert all(row["reason"].startswith("rank ") for row in rows)

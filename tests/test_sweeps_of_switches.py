@@ -13,8 +13,7 @@ from adaptctl.sweeps.folder import Folder
 from adaptctl.sweeps.report import SweepReport, write_report
 from adaptctl.sweeps.rows import columns_of, rows_of
 from adaptctl.sweeps.search import BestSettings, write_settings
-from adaptctl.sweeps.study import SweepStudy
-from adaptctl.sweeps.values import Span, as_span, parsed
+from adaptctl.sweeps.study import Span, SweepStudy, as_span, parsed
 
 SNAP = {entry.name: entry for entry in fields(AdaptiveTracking)}["snap"]
 ARM = "docs/examples/two_link.toml"

@@ -64,9 +64,9 @@ def sweep(
     `KeyboardInterrupt` on Ctrl-C, which leaves what a sweep has computed in its folder.
     """
     from adaptctl.sweeps.cluster import Cluster
+    from adaptctl.sweeps.cluster import sweep as swept
     from adaptctl.sweeps.folder import Folder
     from adaptctl.sweeps.report import write_report
-    from adaptctl.sweeps.run import sweep as swept
     from adaptctl.sweeps.study import SweepStudy
 
     if not 1 <= shard <= 100_000:

@@ -1,35 +1,86 @@
-"""Runs that share a mechanism and a law, computed together in native code."""
+"""Runs that share a mechanism and a law, computed together in native code, and what comes of a run."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from adaptctl.compilation.lanes import Precision
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import NotFoundError
+from adaptctl.errors import AdaptctlError, NotFoundError
 from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.experiments.learning import Learning
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
-from adaptctl.simulation import simulate_many
-from adaptctl.sweeps.episodes import BegunEpisode, Episodes
-from adaptctl.sweeps.outcome import FAILURES, RunOutcome
+from adaptctl.recording import ControllerRun
+from adaptctl.simulation import Episode, Rollouts, simulate_many
 
-RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
+FAILURES = (AdaptctlError, ArithmeticError, np.linalg.LinAlgError)
+"""Errors of an experiment that make its run a failed one and leave others as they are."""
+WHAT_IS_HELD = frozenset({"payload"})
+"""Options of a reset that change an episode's true parameters alone."""
+
+
+class RunOutcome(NamedTuple):
+    """Outcome of one run of a sweep. `status` is "done", "diverged" or "failed", and `reason` says why it is not
+    "done". Errors are of joint positions, actual less reference, rad (m if prismatic), joints of both kinds counting
+    alike: `rms_error` is their root mean square over all joints and control periods until the run ended or diverged,
+    `rms_error_last` that over the last two seconds (None for a run that diverged or is shorter), `largest_error` the
+    largest magnitude of any joint. `diverged_at` is the time, s, and `diverged_joint` the joint, from 1, of the first
+    error out of bounds; `lyapunov_rise`, J, is the largest rise of the control law's Lyapunov function from one sample
+    to the next. None stands for a number that is not known. Nothing is checked."""
+
+    status: str
+    reason: str = ""
+    rms_error: float | None = None
+    rms_error_last: float | None = None
+    largest_error: float | None = None
+    diverged_at: float | None = None
+    diverged_joint: int | None = None
+    lyapunov_rise: float | None = None
+
+    @classmethod
+    def failed(cls, reason: str | Exception) -> RunOutcome:
+        """Outcome "failed", a `RunOutcome`, of a run that could not be made or computed, for the `reason` given, a text
+        or an error, as one line; its numbers are None. Nothing is raised."""
+        return cls("failed", " ".join(str(reason).split()))
+
+    @classmethod
+    def each_of(cls, runs: Rollouts) -> list[RunOutcome]:
+        """List of the `RunOutcome` of each of many simulated `runs`, a `Rollouts`, in their order: "diverged" where a
+        joint's position error left its bound, "done" otherwise. Root mean squares and rises of the Lyapunov function
+        that are not finite become None. Nothing is raised."""
+        means = (np.sqrt(np.mean(errors**2, axis=-1)) for errors in (runs.rms_error, runs.final_rms_error))
+        largest, rises = runs.largest_error.max(axis=-1), runs.lyapunov_rise
+        columns = (x.tolist() for x in (*means, largest, rises, runs.diverged_at, runs.diverged_joint))
+        return [cls._of(*numbers) for numbers in zip(*columns, strict=True)]
+
+    @classmethod
+    def _of(cls, rms: float, last: float, largest: float, rise: float, diverged_at: float, joint: int) -> RunOutcome:
+        if joint < 0:
+            return cls("done", "", _known(rms), _known(last), largest, lyapunov_rise=_known(rise))
+        message = f"joint {joint + 1} left its bound at {diverged_at:g} s"
+        return cls("diverged", message, _known(rms), None, largest, diverged_at, joint + 1, _known(rise))
 
 
 class BatchedRun(NamedTuple):
     """Named tuple of what one run of an experiment needs to be simulated in a batch with others: `contenders`, the
-    controllers to compare, a `Contender` each (name, label and controller), and `begun`, a `BegunEpisode`, the tracking
-    episode in its initial state that each of them drives. Nothing is checked."""
+    controllers to compare, a `Contender` each (name, label and controller); `episode`, the tracking `Episode` that each
+    of them drives; and `env`, the environment that it is of. Nothing is checked."""
 
     contenders: list[Contender]
-    begun: BegunEpisode
+    episode: Episode
+    env: Any
+
+
+RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
+Begun = dict[Any, tuple[Episode, Any]]
+"""Episodes and their environments by mechanism and task."""
 
 
 def batched(
@@ -52,17 +103,16 @@ def batched(
     """
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
-    trials: dict[int, BatchedRun] = {}
-    episodes = Episodes()
     outcomes: RunOutcomes = {}
+    trials: dict[int, BatchedRun] = {}
+    known: Begun = {}
     for k, one in enumerate(experiments):
         try:
-            trial = _trial(one, controllers, episodes)  # type: ignore[arg-type]  # each is a Learning
+            trial = _trial(one, controllers, known)  # type: ignore[arg-type]  # each is a Learning
         except FAILURES as error:
             outcomes[k] = [("", RunOutcome.failed(error))]
-            continue
-        if trial is not None:
-            trials[k] = trial
+        else:
+            trials |= {} if trial is None else {k: trial}
     groups: dict[Any, list[tuple[int, int]]] = {}
     for k, trial in trials.items():
         for c, contender in enumerate(trial.contenders):
@@ -76,31 +126,51 @@ def batched(
     return outcomes
 
 
-def _trial(experiment: Learning, controllers: Sequence[str], episodes: Episodes) -> BatchedRun | None:
+def begun(experiment: Learning, mechanism: Mechanism, known: Begun) -> tuple[Episode, Any]:
+    """The initial `Episode` of an `experiment` on a `mechanism`, its plant, state, true parameters and reference after
+    a reset with the experiment's seed and options; and the environment that it is of, without wrappers.
+
+    Experiments whose class has a method `task` beside the method `environment`, which says all that an environment is
+    made of, share an environment with those of an equal task in `known`, which is filled: it is made and reset once,
+    and their episodes differ only in what the arm holds. Raises what an environment raises, such as `InputError` for
+    another number of joints.
+    """
+    kind = type(experiment)
+    if _home(kind, "task") is not _home(kind, "environment") or experiment.options.keys() - WHAT_IS_HELD:
+        return _reset(experiment, mechanism)
+    key = mechanism, experiment.task(mechanism)  # type: ignore[attr-defined]  # it has one: see above
+    if key not in known:
+        known[key] = _reset(experiment, mechanism)
+    episode, env = known[key]
+    return episode._replace(parameters=env.true_parameters(experiment.options)), env
+
+
+def _home(kind: type, name: str) -> type | None:
+    """The class that defines a method."""
+    return next((one for one in kind.__mro__ if name in vars(one)), None)
+
+
+def _reset(experiment: Learning, mechanism: Mechanism) -> tuple[Episode, Any]:
+    env: Any = experiment.environment(mechanism)
+    env.reset(seed=experiment.seed, options=experiment.options)
+    return env.unwrapped.hand_over(), env.unwrapped
+
+
+def _trial(experiment: Learning, controllers: Sequence[str], known: Begun) -> BatchedRun | None:
     """The run of an experiment with these controllers; None where it cannot be one of many at once. Raises what the
     experiment raises."""
-    mechanism = _loaded(experiment)
+    own = type(experiment).mechanism is not Learning.mechanism
+    mechanism = interned(experiment.mechanism()) if own else robot(experiment.robot)
     chosen = named(experiment.contenders(mechanism, offline(mechanism)), controllers)
-    begun = episodes.of(experiment, mechanism)
-    plant, reference = begun.episode.plant, begun.episode.reference
+    episode, env = begun(experiment, mechanism, known)
+    plant, reference = episode.plant, episode.reference
     simple = not plant.effects and isinstance(reference, Sinusoids) and plant.mechanism.continuation is None
     if not simple or any(one.controller.reference_size != plant.dof for one in chosen):
         return None
-    return BatchedRun(chosen, begun)
+    return BatchedRun(chosen, episode, env)
 
 
-class NamedRun(Protocol):
-    """Protocol of objects with a `name`, such as contenders or recorded runs, among which the function `named` selects.
-    Nothing is checked."""
-
-    @property
-    def name(self) -> str:
-        """Name of the controller that the object stands for, a text that an implementation must return: unique among
-        the objects to select from."""
-        ...
-
-
-Some = TypeVar("Some", bound=NamedRun)
+Some = TypeVar("Some", Contender, ControllerRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
@@ -119,13 +189,6 @@ def offline(mechanism: Mechanism) -> FundamentalBasis:
     Results for the last 8 mechanisms are cached. Raises `RankError` where the number of identifiable parameters cannot
     be certified."""
     return fundamental_basis(essential_space(mechanism))
-
-
-def _loaded(experiment: Learning) -> Mechanism:
-    """The mechanism of an experiment: read once where it is that of its robot."""
-    if type(experiment).mechanism is Learning.mechanism:
-        return robot(experiment.robot)
-    return interned(experiment.mechanism())
 
 
 @lru_cache(maxsize=64)
@@ -150,7 +213,7 @@ def interned(mechanism: Mechanism) -> Mechanism:
 
 def _group(trial: BatchedRun, contender: Contender) -> Any:
     """Equal for what can run together."""
-    episode, bound = trial.begun.episode, trial.begun.error_bound
+    episode, bound = trial.episode, trial.env.error_bound
     waves = np.shape(getattr(episode.reference, "amplitude", ()))
     return contender.controller.structure, episode.plant.structure, episode.steps, bound.tobytes(), waves
 
@@ -160,29 +223,26 @@ def _tried(
 ) -> dict[tuple[int, int], RunOutcome]:
     """Outcomes of trials' contenders that can run together. Where they fail together, nobody knows which of them does:
     there are none in double, in which each can run by itself, and failed ones in single, in which none can."""
+    episodes = [trials[k].episode for k, _ in places]
+    plant = episodes[0].plant
     try:
-        return _together(trials, places, precision)
+        runs = simulate_many(
+            plant,
+            [trials[k].contenders[c].controller for k, c in places],
+            [one.reference for one in episodes],
+            duration=episodes[0].steps * plant.control_period,
+            parameters=np.stack([one.parameters for one in episodes]),
+            p=np.stack([one.state.p for one in episodes]),
+            v=np.stack([one.state.v for one in episodes]),
+            every=None,
+            beyond=trials[places[0][0]].env.error_bound,
+            precision=precision,
+        )
     except FAILURES as error:
         return {} if precision == "double" else dict.fromkeys(places, RunOutcome.failed(error))
-
-
-def _together(
-    trials: Mapping[int, BatchedRun], places: Sequence[tuple[int, int]], precision: Precision
-) -> dict[tuple[int, int], RunOutcome]:
-    """Outcomes of trials' contenders that can run together."""
-    chosen = [trials[k].contenders[c].controller for k, c in places]
-    begun = [trials[k].begun for k, _ in places]
-    episodes, plant = [one.episode for one in begun], begun[0].episode.plant
-    runs = simulate_many(
-        plant,
-        chosen,
-        [one.reference for one in episodes],
-        duration=episodes[0].steps * plant.control_period,
-        parameters=np.stack([one.parameters for one in episodes]),
-        p=np.stack([one.state.p for one in episodes]),
-        v=np.stack([one.state.v for one in episodes]),
-        every=None,
-        beyond=begun[0].error_bound,
-        precision=precision,
-    )
     return dict(zip(places, RunOutcome.each_of(runs), strict=True))
+
+
+def _known(value: float) -> float | None:
+    """The number, or None where there is none."""
+    return value if math.isfinite(value) else None

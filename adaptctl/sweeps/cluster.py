@@ -1,18 +1,25 @@
-"""Clusters for sweeps: Dask on this machine, or the user's own."""
+"""Sweeps: every run of a study computed, once, by Dask on this machine or on the user's own cluster."""
 
 from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from adaptctl.errors import InputError, MissingExtraError
+from adaptctl.sweeps.folder import Folder
+from adaptctl.sweeps.rows import rows_of
 from adaptctl.version import __version__
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+ATTEMPTS = 3
+"""Workers that may die over a shard before it fails."""
 PATIENCE = 15.0
 """s to wait for a scheduler, and for its first worker."""
 UNWATCHED = {
@@ -121,3 +128,35 @@ def _dask() -> tuple[Any, Any]:
     except ImportError as error:
         raise MissingExtraError("sweeps need Dask: pip install 'adaptctl[sweep]'") from error
     return dask, distributed
+
+
+def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] = lambda share: None) -> pa.Table:
+    """Run all missing runs of the study of a `folder` on the workers of a `cluster`, and return the table (pyarrow) of
+    its rows. A row is for one setting of the study's values and one of the controllers compared; the table is also
+    written to the folder, as "sweep.parquet". Runs come in shards, groups whose rows this process writes to one file
+    each as they are computed; shards whose file exists are not computed again.
+
+    `progress(share)` is called with the fraction of shards that is done, 0 to 1; by default it does nothing. Raises
+    `InputError` where the cluster cannot be reached or its workers have another version of adaptctl,
+    `MissingExtraError` where Dask is not installed, `FileError` where the folder cannot be written, what a worker
+    raises for a shard in spite of three retries, and Dask's `KilledWorker` where too many workers die over one.
+    """
+    study, total = folder.study, -(-folder.study.count // folder.shard)
+    missing = {f"adaptctl-{shard.key}": shard for shard in folder.shards() if not folder.has(shard)}
+    progress((total - len(missing)) / total)
+    if missing:
+        with cluster.client() as client:
+            import distributed
+
+            given: dict[str, Any] = {"pure": False, "retries": ATTEMPTS}
+            futures = [
+                client.submit(
+                    rows_of, study.experiment, shard.runs, study.controllers, study.precision, key=key, **given
+                )
+                for key, shard in missing.items()
+            ]
+            for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
+                folder.keep(missing.pop(future.key), future.result())
+                future.release()
+                progress((total - len(missing)) / total)
+    return folder.finished()

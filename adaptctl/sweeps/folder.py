@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,7 +19,11 @@ from adaptctl.sweeps.rows import columns_of
 from adaptctl.sweeps.study import SweepStudy
 from adaptctl.version import __version__
 
-SCHEMA, TABLE, STUDY = "adaptctl/sweep/1", "sweep.parquet", "study.json"
+SCHEMA: Literal["adaptctl/sweep/1"] = "adaptctl/sweep/1"
+TABLE, STUDY = "sweep.parquet", "study.json"
+
+
+KINDS = {"int64": pa.int64(), "double": pa.float64(), "bool": pa.bool_(), "string": pa.string()}
 
 
 class Saved(msgspec.Struct, forbid_unknown_fields=True):
@@ -65,9 +70,8 @@ class Folder:
         has the command line's words, which study.json records. Raises `InputError` for a folder with the sweep of
         another study or of another version of adaptctl, or with other files; `FileError` where study.json cannot be
         read or written or the folder cannot be made."""
-        place = path / STUDY
-        if place.is_file():
-            saved = read_json(place, Saved)
+        if (path / STUDY).is_file():
+            saved = saved_study(path)
             if saved.sha256 != study.sha256:
                 raise InputError(f"{path}: has the sweep of another study, of {saved.experiment}: choose another --out")
             if saved.version != __version__:
@@ -76,37 +80,22 @@ class Folder:
         if path.is_dir() and any(not one.name.startswith(".") for one in path.iterdir()):
             raise InputError(f"{path}: is not empty, and no sweep's: choose another --out")
         made_folder(path)
-        about = Saved(
-            schema="adaptctl/sweep/1",
-            version=__version__,
-            sha256=study.sha256,
-            experiment=study.experiment,
-            question=study.question,
-            command=list(command),
-            swept=list(study.swept),
-            runs=study.count,
-            shard=shard,
-        )
-        write_json(place, about)
+        asked = study.sha256, study.experiment, study.question, list(command), list(study.swept), study.count
+        write_json(path / STUDY, Saved(SCHEMA, __version__, *asked, shard))
         return cls(path, study, shard)
 
     def shards(self) -> Iterator[Shard]:
         """Iterator over the shards of the folder's study: its runs, in order, in groups of equal number (the last may
         have fewer), one file each. Raises, unless the study's `sampling` is "grid", `NotFoundError` for an unknown
         experiment and `KeyError` for a setting that the experiment does not have."""
-        runs: list[Mapping[str, Any]] = []
-        for settings in self.study.runs():
-            runs.append(settings)
-            if len(runs) == self.shard:
-                yield self._shard(runs)
-                runs = []
-        if runs:
-            yield self._shard(runs)
+        runs = self.study.runs()
+        while some := tuple(islice(runs, self.shard)):
+            yield self._shard(some)
 
-    def _shard(self, runs: Sequence[Mapping[str, Any]]) -> Shard:
+    def _shard(self, runs: tuple[Mapping[str, Any], ...]) -> Shard:
         plain = [{name: list(x) if isinstance(x, tuple) else x for name, x in run.items()} for run in runs]
         decides = [self.study.experiment, sorted(self.study.controllers), plain, *self.study.unusual]
-        return Shard(hashed(decides)[:32], tuple(runs))
+        return Shard(hashed(decides)[:32], runs)
 
     def place(self, shard: Shard) -> Path:
         """Path of the Parquet file with the rows of a `shard`, a group of the sweep's runs; the file need not exist.
@@ -147,12 +136,11 @@ def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa
     """Table (pyarrow) of `rows`, mappings by column, of `runs` runs of a `study`. Each column's metadata has its
     meaning, with the unit; the table's metadata has experiment, version, precision and number of runs. Raises
     `KeyError` for a row without one of the columns."""
-    kinds = {"int64": pa.int64(), "double": pa.float64(), "bool": pa.bool_(), "string": pa.string()}
-    columns = columns_of(study.kind)
-    fields = [pa.field(name, kinds[kind], metadata={"meaning": meaning}) for name, (kind, meaning) in columns.items()]
+    columns = columns_of(study.kind).items()
+    fields = [pa.field(name, KINDS[kind], metadata={"meaning": meaning}) for name, (kind, meaning) in columns]
     about = {"schema": SCHEMA, "experiment": study.experiment, "version": __version__, "runs": str(runs)}
     about |= {"precision": study.precision}
-    arrays = [pa.array([row[name] for row in rows], field.type) for name, field in zip(columns, fields, strict=True)]
+    arrays = [pa.array([row[field.name] for row in rows], field.type) for field in fields]
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
 
 

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
+from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
+from adaptctl.experiments import find
 from adaptctl.files import write_text
 from adaptctl.recording.fact import Fact
-from adaptctl.recording.page import rendered
+from adaptctl.recording.page import Figure, rendered
 from adaptctl.sweeps.folder import Saved, read_table, saved_study
-from adaptctl.sweeps.maps import SettingsMap, map_figure
-from adaptctl.sweeps.measurement import MEASUREMENTS, kind_of
 
 WORST = 5
 """Runs that the report lists, of each controller."""
@@ -26,6 +28,24 @@ SAME = 1e-9
 """Relative difference of errors that is round-off."""
 BINS = 8
 """Values of a setting in a map, at most: more are put together."""
+
+
+class SettingsMap(NamedTuple):
+    """Map of the outcomes of a sweep's runs over two of its settings, named `x` and `y`. `across` (c,) and `down` (d,)
+    have c values of x and d of y, in ascending order, or the lower ends of bins of them. `error` (d, c) has root mean
+    square errors of joint positions, rad or m, over the last two seconds (over all of a shorter run), as their mean
+    over the runs of status "done"; `stable` (d, c) has the fraction of runs of status "done", 0 to 1; NaN where there
+    are none. Nothing is checked."""
+
+    x: str
+    y: str
+    across: list[Any]
+    """values of x, or the lower ends of its bins"""
+    down: list[Any]
+    error: Array
+    """at the end of the runs"""
+    stable: Array
+    """fraction of runs that were done"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +71,7 @@ class SweepReport:
     @cached_property
     def controllers(self) -> list[str]:
         """Names of the controllers that the sweep compares, in the order in which they first occur in the rows; one
-        empty name where no row has any, as in the sweep of a measurement."""
+        empty name where no row has any, as where all runs failed."""
         return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"])) or [""]
 
     def of_controller(self, name: str) -> list[dict[str, Any]]:
@@ -88,12 +108,10 @@ class SweepReport:
         return sorted((row for row in self.of_controller(name) if row["status"] != "failed"), key=badness)[:WORST]
 
     def replay(self, row: dict[str, Any]) -> str:
-        """Command line, as text for a shell, that runs the settings of a `row` again: an experiment with a recording of
-        it in a folder below results/, a measurement as a sweep of one run. Raises `NotFoundError` where the experiment
-        is not built in."""
-        again = ["sweep"] if self.study.experiment in MEASUREMENTS else ["experiment", "run"]
-        words = ["adaptctl", *again, self.study.experiment]
-        for entry in fields(kind_of(self.study.experiment)):
+        """Command line, as text for a shell, that runs the settings of a `row` again, with a recording in a folder
+        below results/. Raises `NotFoundError` where the experiment is not built in."""
+        words = ["adaptctl", "experiment", "run", self.study.experiment]
+        for entry in fields(find(self.study.experiment)):
             value = row[entry.name]
             default = " ".join(map(str, entry.default)) if isinstance(entry.default, tuple) else entry.default
             if value != default:
@@ -109,27 +127,22 @@ class SweepReport:
         for x, y in combinations(numeric, 2):
             across, down = _binned([row[x] for row in rows]), _binned([row[y] for row in rows])
             error, stable = np.full((2, len(down), len(across)), np.nan)
-            for i in range(len(down)):
-                for j in range(len(across)):
-                    cell = [row for row in rows if _bin(row[y], down) == i and _bin(row[x], across) == j]
-                    kept = [size for row in cell if (size := _error(row)) is not None]
-                    error[i, j] = np.mean(kept) if kept else np.nan
-                    stable[i, j] = np.mean([row["status"] == "done" for row in cell]) if cell else np.nan
+            for i, j in np.ndindex(error.shape):
+                cell = [row for row in rows if _bin(row[y], down) == i and _bin(row[x], across) == j]
+                kept = [size for row in cell if (size := _error(row)) is not None]
+                error[i, j] = np.mean(kept) if kept else np.nan
+                stable[i, j] = np.mean([row["status"] == "done" for row in cell]) if cell else np.nan
             yield SettingsMap(x, y, across, down, error, stable)
 
     def facts(self) -> list[Fact]:
         """List of the facts at the head of the report's page, a `Fact` each, a question with its answer in words: the
         numbers of runs and rows, the percentage of rows of status "done", and the numbers of those that diverged or
         failed. Nothing is raised."""
-        counts = self.counts(self.rows)
-        share = counts["done"] / max(1, len(self.rows))
-        return [
-            Fact("Runs", str(self.study.runs)),
-            Fact("Rows", str(len(self.rows))),
-            Fact("Stable", f"{100 * share:.1f} %"),
-            Fact("Diverged", str(counts["diverged"])),
-            Fact("Failed", str(counts["failed"])),
-        ]
+        counts, rows = self.counts(self.rows), len(self.rows)
+        stable = f"{100 * counts['done'] / max(1, rows):.1f} %"
+        numbers = {"Runs": self.study.runs, "Rows": rows, "Stable": stable}
+        numbers |= {"Diverged": counts["diverged"], "Failed": counts["failed"]}
+        return [Fact(name, str(value)) for name, value in numbers.items()]
 
     def text(self) -> str:
         """The report as text of several lines for a terminal: for each controller the number of rows of each status,
@@ -174,11 +187,29 @@ def write_report(path: Path) -> Path:
     report, place = SweepReport.of(path), path / "report.html"
     figures = {name: [map_figure(name, shown) for shown in report.maps(name)] for name in report.controllers}
     content = {"report": report, "figures": figures, "facts": report.facts()}
-    write_text(
-        place,
-        rendered("sweep.html", "adaptctl.sweeps", title=f"Sweep of {report.study.experiment}", **content),
-    )
+    write_text(place, rendered("sweep.html", "adaptctl.sweeps", title=f"Sweep of {report.study.experiment}", **content))
     return place
+
+
+def map_figure(controller: str, shown: SettingsMap) -> Figure:
+    """Figure for a report, a `Figure` of caption and PNG: the two maps in `shown` side by side, that of root mean
+    square position errors, rad or m, and that of the fraction of stable runs, those of status "done". `controller` is
+    the name of the controller whose runs these are, with which the caption begins. Nothing is checked."""
+    from matplotlib.figure import Figure as Canvas
+
+    canvas = Canvas(figsize=(10.0, 3.8), layout="constrained")
+    titles = ("error at the end, rad or m", "share of stable runs")
+    for axes, values, title in zip(canvas.subplots(1, 2), (shown.error, shown.stable), titles, strict=True):
+        shares = {"vmin": 0.0, "vmax": 1.0} if title.startswith("share") else {}
+        image = axes.imshow(values, origin="lower", aspect="auto", cmap="viridis", **shares)
+        axes.set_xticks(range(len(shown.across)), [f"{value:.3g}" for value in shown.across], rotation=45)
+        axes.set_yticks(range(len(shown.down)), [f"{value:.3g}" for value in shown.down])
+        axes.set(xlabel=shown.x, ylabel=shown.y, title=title)
+        canvas.colorbar(image, ax=axes)
+    data = io.BytesIO()
+    canvas.savefig(data, format="png", dpi=110)
+    caption = f"{controller}: {shown.x} and {shown.y}"
+    return Figure(caption, base64.b64encode(data.getvalue()).decode("ascii"))
 
 
 def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,8 @@ import numpy as np
 
 from adaptctl.errors import InputError, MissingExtraError
 from adaptctl.files import toml_string, write_text
-from adaptctl.sweeps.outcome import OUTCOME
-from adaptctl.sweeps.rows import rows_of
-from adaptctl.sweeps.study import SweepStudy
-from adaptctl.sweeps.values import Span
+from adaptctl.sweeps.rows import OUTCOME, rows_of
+from adaptctl.sweeps.study import Span, SweepStudy, Values
 
 TOGETHER = 16
 """Trials that are asked for, and run, at once."""
@@ -84,10 +82,9 @@ def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
         f"experiment = {toml_string(study.experiment)}",
         f"controllers = [{toml_string(found.controller)}]",
         f"precision = {toml_string(study.precision)}",
+        "\n[settings]",
+        *(f"{name} = [{_toml(value)}]" for name, value in found.settings.items()),
     ]
-    lines += ["", "[settings]"]
-    for name, value in found.settings.items():
-        lines.append(f"{name} = [{_toml(value)}]")
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -109,18 +106,13 @@ def _first_controller(study: SweepStudy, settings: Sequence[Mapping[str, Any]]) 
 
 
 def _suggested(study: SweepStudy, trial: Any) -> dict[str, Any]:
-    kinds = {entry.name: entry for entry in fields(study.kind)}
-    chosen: dict[str, Any] = {}
-    for name, values in study.settings.items():
-        if isinstance(values, Span):
-            chosen[name] = trial.suggest_float(name, values.low, values.high)
-        elif len(values) == 1:
-            chosen[name] = values[0]
-        else:
-            chosen[name] = values[trial.suggest_int(name, 0, len(values) - 1)]
-        if type(kinds[name].default) is int:
-            chosen[name] = int(chosen[name])
-    return chosen
+    return {name: _one_of(name, values, trial) for name, values in study.settings.items()}
+
+
+def _one_of(name: str, values: Values, trial: Any) -> Any:
+    if isinstance(values, Span):
+        return trial.suggest_float(name, values.low, values.high)
+    return values[0] if len(values) == 1 else values[trial.suggest_int(name, 0, len(values) - 1)]
 
 
 def _optuna() -> Any:
