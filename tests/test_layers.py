@@ -52,7 +52,7 @@ ABOUT = {
     "rerun": {"recording", "experiments.replication", "experiments.serial_versus_graph"},
     "pyarrow": {"recording", "sweeps.folder", "sweeps.report"},
     "gymnasium": {"envs"},
-    "rich": {"cli.basis_report", "cli.design_report", "cli.tune_report"},
+    "rich": {"cli.basis_report", "cli.tune_report"},
     "control": set(),
 }
 """Heavy packages, and the modules or folders that are about them; elsewhere they are imported when used."""

@@ -1,5 +1,7 @@
 from adaptctl.design.added_mass import AddedMass as AddedMass
+from adaptctl.design.added_mass import CostMap as CostMap
 from adaptctl.design.added_mass import added_mass as added_mass
+from adaptctl.design.added_mass import cost_map as cost_map
 from adaptctl.design.bodies import box as box
 from adaptctl.design.bodies import camera as camera
 from adaptctl.design.bodies import cylinder as cylinder
@@ -7,8 +9,6 @@ from adaptctl.design.bodies import gripper as gripper
 from adaptctl.design.bodies import motor as motor
 from adaptctl.design.bodies import point as point
 from adaptctl.design.bodies import sphere as sphere
-from adaptctl.design.cost_map import CostMap as CostMap
-from adaptctl.design.cost_map import cost_map as cost_map
 from adaptctl.design.counterweights import Counterweight as Counterweight
 from adaptctl.design.counterweights import Counterweights as Counterweights
 from adaptctl.design.counterweights import optimal_counterweights as optimal_counterweights

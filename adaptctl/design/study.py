@@ -10,9 +10,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.description import GROUND, Link
-from adaptctl.design.added_mass import PERCENT, AddedMass, added_mass
+from adaptctl.design.added_mass import PERCENT, AddedMass, CostMap, LinkCost, added_mass, cost_map
 from adaptctl.design.bodies import CATALOGUE, point
-from adaptctl.design.cost_map import CostMap, LinkCost, cost_map
 from adaptctl.design.counterweights import Counterweights, optimal_counterweights
 from adaptctl.design.places import BEYOND, SHARE, PlaceBounds, bounds
 from adaptctl.design.removals import Removal, operations_saved, removals
@@ -75,6 +74,17 @@ class DesignStudy:
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
+
+    @cached_property
+    def bodies(self) -> dict[str, dict[str, float]]:
+        """Relative changes (no unit, 0.1 for 10 % more) of the energy by a gripper, a camera and a motor, each added to
+        one link, its centre of mass at the link's: a dict by the body's name of dicts by the link's. Raises as the
+        property `added` does."""
+        task, links = self.task, [places.link for places in self.within]
+        return {
+            name: {link: added_mass(task, link, body(), task.center_of_mass(link)).energy_change for link in links}
+            for name, body in CATALOGUE.items()
+        }
 
     @cached_property
     def worthwhile(self) -> tuple[tuple[Removal, int], ...]:

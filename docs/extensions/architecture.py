@@ -12,8 +12,8 @@ BELOW = {"errors", "packages", "version", "lazily", "caching", "files", "folders
 """Single files that all others may use, drawn as one row."""
 GROUPS = (
     ("what users run", ("cli", "sweeps", "experiments", "envs")),
-    ("results", ("recording", "tuning", "codegen")),
-    ("closed loops", ("identification", "simulation", "design")),
+    ("results", ("recording", "codegen", "design")),
+    ("closed loops", ("identification", "simulation", "tuning")),
     ("laws", ("control",)),
     ("offline", ("identifiability",)),
     ("equations", ("dynamics",)),

@@ -1,0 +1,130 @@
+"""An arm in closed loop, as described and with its counterweights: what its motors and its controllers have of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adaptctl.arrays import Array, positive_number, whole_number
+from adaptctl.control import SlotineLi, Subspace
+from adaptctl.design.study import DesignStudy
+from adaptctl.design.task import DesignTask
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel, reduce
+from adaptctl.simulation import Plant, Rollouts, simulate_many
+from adaptctl.tuning import Tuning, tune
+
+COMPONENTS, DURATION = 10, 20.0
+"""that the small controllers carry, and s of a run"""
+ASTRAY = 1.0
+"""rad or m at which a run ends"""
+
+
+class Demand(NamedTuple):
+    """Named tuple of what one closed-loop run asked of an arm and its motors. Tracking errors are positions less the
+    reference's, rad (m if prismatic), as root mean squares over all joints and samples: `rms_error` of the whole run
+    and `final_rms_error` of its last two seconds (None where it was shorter). `rms_torque` (no unit) is the root of the
+    mean over time of the sum over joints of (torque / its limit)^2; `work`, J, the motors', the integral over time of
+    |torque times velocity| summed over joints; `duration`, s; and `stopped`, True where an error passed 1 rad (m)."""
+
+    rms_error: float
+    final_rms_error: float | None
+    rms_torque: float
+    work: float
+    duration: float
+    stopped: bool
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenArm:
+    """A closed-loop run of an arm of r joints, as described or with counterweights. `name` is that of the controller,
+    "all", "few" or "held", with "-before" or "-after"; `label` says both in words; `demand` what it asked. Every
+    control period is a sample: `time` (T,), s, positions `p` (T, r), rad (m if prismatic), their `error` (T, r) and the
+    torques `applied` (T, r), N m (N). Nothing is checked."""
+
+    name: str
+    label: str
+    demand: Demand
+    time: Array
+    p: Array
+    error: Array
+    applied: Array
+
+
+def driven(
+    study: DesignStudy,
+    *,
+    period: float = 1e-3,
+    duration: float = DURATION,
+    components: int | None = None,
+    seed: int = 0,
+    progress: Callable[[float], object] = lambda share: None,
+) -> tuple[DrivenArm, ...]:
+    """Closed-loop runs, six `DrivenArm`, on the reference and with the gains that `tune` finds by `seed` for the arm of
+    a design `study`: first as it is described, then with the study's counterweights. Each time Slotine and Li's law
+    runs for `duration` (s), its torques held over a `period` (s), 1 ms by default, from knowing nothing while it adapts
+    all parameters ("all"), so while it adapts the essential components of most energy alone, `components` in number, by
+    default 10 or all if they are fewer ("few"), and with the true values of these and adaptation off ("held").
+    Essential components are the parts of the inertial parameters along the right singular vectors of the arm's energies
+    over the study's states.
+
+    `progress(share)` is called with the fraction of the runs that is done, 0 to 1. Raises `InputError` for an arm with
+    friction, which carries no energy, for more components than it has essential parameters or less than 1, a duration
+    that is not positive, and where `tune` does; `GainError` for gains too large with the counterweights.
+    """
+    mechanism, whole = study.task.mechanism, study.task.space.rank
+    if len(mechanism.parameter_names) != mechanism.energetic:
+        raise InputError(f"{mechanism.name} has friction, which carries no energy: drive an arm without")
+    few = min(COMPONENTS, whole) if components is None else components
+    count = whole_number(few, f"components of {mechanism.name}", 1, whole)
+    positive_number(duration, "duration: expected a positive number of s")
+    tuning = tune(mechanism, period=period, seed=seed)
+    arms, runs = (("before", study.task), ("after", study.counterweights.balanced)), list[DrivenArm]()
+    for when, task in arms:
+        plant = Plant(task.mechanism, tuning.period, tuning.substeps, tuning.integrator, tuning.torque_limits)
+        for kind, label, law in _laws(task, tuning, count):
+            progress(len(runs) / 6.0)
+            with_them = "with counterweights" if when == "after" else "as described"
+            found = _run(plant, law, tuning, duration)
+            runs.append(_judged(found, tuning.torque_limits, f"{kind}-{when}", f"{label}, {with_them}"))
+    progress(1.0)
+    return tuple(runs)
+
+
+def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, str, SlotineLi]]:
+    """Controllers with the same gains: adapting all, adapting few components, holding the true few."""
+    model, reduction = ReducedModel(task.mechanism, task.basis), reduce(task.space, task.parameters, components=count)
+    directions = task.space.basis[:, list(reduction.order)[:count]]
+    gains, given = tuning.gains, (tuning.period, tuning.workspace, tuning.torque_limits)
+
+    def slotine_li(law: Any, first: Array | None = None) -> SlotineLi:
+        return SlotineLi(model, gains.bandwidth, gains.damping, law, first, *given)
+
+    few = Subspace(directions.T**2 @ tuning.adaptation, model.regrouping @ directions)
+    yield "all", "All adapted", slotine_li(tuning.gain_on(model))
+    yield "few", f"{count} adapted", slotine_li(few)
+    yield "held", f"True {count}", slotine_li(None, model.regrouping @ reduction.parameters(count))
+
+
+def _run(plant: Plant, law: SlotineLi, tuning: Tuning, duration: float) -> Rollouts:
+    start = tuning.reference(np.zeros(1)).p + tuning.initial_error
+    return simulate_many(plant, law, tuning.reference, duration=duration, p=start, v=0.0 * start, beyond=ASTRAY)
+
+
+def _judged(runs: Rollouts, limits: Array, name: str, label: str) -> DrivenArm:
+    gone = float(runs.diverged_at[0])
+    kept = runs.time < gone if np.isfinite(gone) else np.ones(len(runs.time), dtype=np.bool_)
+    time, p, v, error, applied = (x[kept] for x in (runs.time, runs.p, runs.v, runs.error, runs.applied))
+    final = float(np.sqrt(np.mean(runs.final_rms_error[0] ** 2)))
+    demand = Demand(
+        float(np.sqrt(np.mean(runs.rms_error[0] ** 2))),
+        final if np.isfinite(final) else None,
+        float(np.sqrt(np.mean(np.sum((applied[:, 0] / limits) ** 2, axis=-1)))),
+        float(np.abs(applied[:, 0] * v[:, 0]).sum() * runs.control_period),
+        len(time) * runs.control_period,
+        bool(np.isfinite(gone)),
+    )
+    return DrivenArm(name, label, demand, time, p[:, 0], error[:, 0], applied[:, 0])

@@ -1,0 +1,99 @@
+"""Arms in closed loop, as described and with counterweights: what one run by itself has, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from adaptctl.cli.main import main
+from adaptctl.design import DesignStudy, DesignTask, design_study
+from adaptctl.design.driving import DrivenArm, driven
+from adaptctl.dynamics import load
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.simulation import rollout
+from adaptctl.tuning import tune
+
+ARM = "docs/examples/two_link.toml"
+SECONDS = 2.5
+
+
+@pytest.fixture(scope="module")
+def study() -> DesignStudy:
+    return design_study(DesignTask.within_limits(load(ARM), 100), links=("upper", "lower"), share=1.0)
+
+
+@pytest.fixture(scope="module")
+def runs(study: DesignStudy) -> dict[str, DrivenArm]:
+    return {run.name: run for run in driven(study, duration=SECONDS, components=3)}
+
+
+def test_each_arm_is_driven_by_three_controllers(runs: dict[str, DrivenArm]) -> None:
+    assert list(runs) == [f"{kind}-{when}" for when in ("before", "after") for kind in ("all", "few", "held")]
+    assert [run.demand.duration for run in runs.values()] == pytest.approx([SECONDS] * 6)
+    assert not any(run.demand.stopped for run in runs.values())
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_run_is_that_of_the_environment(study: DesignStudy, runs: dict[str, DrivenArm], when: str) -> None:
+    task, tuning = study.task if when == "before" else study.counterweights.balanced, tune(study.task.mechanism)
+    env = TrackingEnv(
+        task.mechanism,
+        tuning.reference,
+        duration=SECONDS,
+        initial_error=tuning.initial_error,
+        torque_limits=tuning.torque_limits,
+        substeps=tuning.substeps,
+        integrator=tuning.integrator,
+    )
+    alone = rollout(env, tuning.controller(ReducedModel(task.mechanism, task.basis)), seed=0)
+    found = runs[f"all-{when}"].demand
+    assert found.rms_error == pytest.approx(float(np.sqrt(np.mean(alone.error**2))), rel=1e-6)
+    late = alone.error[alone.time >= SECONDS - 2.0 - 1e-9]
+    assert found.final_rms_error == pytest.approx(float(np.sqrt(np.mean(late**2))), rel=2e-3)
+    power = np.abs(alone.applied * alone.v).sum(axis=1)
+    assert found.work == pytest.approx(float(power.sum()) * 1e-3, rel=1e-6)
+    share = (alone.applied / tuning.torque_limits) ** 2
+    assert found.rms_torque == pytest.approx(float(np.sqrt(share.sum(axis=1).mean())), rel=1e-6)
+
+
+def test_counterweights_spare_the_motors(runs: dict[str, DrivenArm]) -> None:
+    assert runs["all-after"].demand.rms_torque < 0.9 * runs["all-before"].demand.rms_torque
+
+
+def test_what_cannot_be_driven_is_refused() -> None:
+    rubbing = DesignTask.within_limits(load("puma560_friction"), 50)
+    with pytest.raises(InputError, match="puma560_friction has friction, which carries no energy: drive an arm"):
+        driven(design_study(rubbing, links=("link2",)))
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (("--duration", "5"), "--duration is of runs in closed loop: give --drive too"),
+        (("--components", "3"), "--components is of runs in closed loop"),
+        (("--drive", "--components", "7"), "components of two_link: expected a whole number from 1 to 6, got 7"),
+        (("--drive", "--duration", "-1"), "duration: expected a positive number of s"),
+        (("--drive", "--period", "1"), "period: expected a number above 0 and at most 0.1"),
+    ],
+)
+def test_wrong_flags_are_one_line(more: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["design", ARM, "--samples", "50", *more]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
+
+
+def test_the_command_tells_of_runs_and_bodies(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["design", ARM, "--samples", "100", "--drive", "--duration", "1", "--components", "3"]
+    assert main([*line, "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert set(said["runs"]["few-after"]) >= {"rms_error", "work", "rms_torque", "stopped"}
+    assert said["runs"]["all-before"]["final_rms_error"] is None
+    assert said["bodies"]["motor"]["lower"] > said["bodies"]["gripper"]["lower"] > said["bodies"]["camera"]["lower"]
+    assert main(line) == 0
+    words = " ".join(capsys.readouterr().out.split())
+    for told in ("In closed loop", "All adapted, with counterweights", "camera", "torque, of limit"):
+        assert told in words
