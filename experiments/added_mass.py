@@ -54,7 +54,7 @@ class AddedMassStudy(Experiment):
         Raises `NotFoundError` for an unknown robot, `FileError` for a file that cannot be used, `InputError` for an arm
         whose energy does not vary, or that has linear constraints between its inertial parameters, `RankError` where
         its number of base parameters cannot be certified."""
-        from adaptctl.recording.designed.wording import facts, outcome_words
+        from adaptctl.design.report import facts, outcome_words
 
         study = self.study(progress)
         return Result(True, outcome_words(study), tuple(facts(study)), Verdict(), partial(self._write, study))
@@ -73,8 +73,7 @@ class AddedMassStudy(Experiment):
         return found
 
     def _write(self, study: DesignStudy, folder: Any, progress: Progress) -> None:
-        from adaptctl.recording.designed.artifacts import Named, write_study
-        from adaptctl.recording.designed.summary import as_builtins
+        from adaptctl.design.files import Named, as_builtins, write_study
 
         title, shown = self.title.format(robot=study.task.mechanism.name), tuple(self._drawings(study))
         named = Named(self.name, title, seed=self.seed, drawings=shown)

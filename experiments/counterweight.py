@@ -190,8 +190,7 @@ class CounterweightedTracking(ClosedLoopExperiment):
         folder: Any,
         progress: Progress,
     ) -> None:
-        from adaptctl.recording.designed.artifacts import Named, write_study
-        from adaptctl.recording.designed.summary import as_builtins
+        from adaptctl.design.files import Named, as_builtins, write_study
 
         title = self.title.format(robot=study.task.mechanism.name)
         shown = tuple(self._drawings(study.task.mechanism, runs))

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.experiment import Experiment, setting
+from adaptctl.identification.amplification import Amplification, Curves, TorqueCase
 from adaptctl.identification.energy_differences import by_energy
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.recording import Progress, Result
-from adaptctl.recording.identified.amplification import Amplification, Curves, TorqueCase
 from adaptctl.recording.verdict import Verdict
 
 STAGE = "Estimators"

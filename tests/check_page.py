@@ -23,8 +23,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.codegen.live_arm import LiveArm, live_arm
-from adaptctl.recording.page import rendered
-from adaptctl.recording.report import live_content
+from adaptctl.recording.page import Fragment, Report, Section
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.sampled_references import REFERENCE
@@ -84,7 +83,7 @@ def in_python(task: Task) -> Array:
 
 def page_of(live: LiveArm, label: str, script: str) -> str:
     """A page with a live arm as reports have it, and what is done to it."""
-    body = rendered("live_page.html", live=live_content(live, label), title=label)
+    body = Report("check", label, "", sections=(Section("", (Fragment(live.html(label)),)),)).html({})
     return body.replace("</body>", f"<script>{script}</script></body>")
 
 

@@ -40,7 +40,7 @@ def test_adaptation_off_is_orange_wherever_it_stands(two: Comparison) -> None:
 def test_a_report_shows_each_run_in_its_own_colour(two: Comparison) -> None:
     learning, off = two.runs
     other = replace(learning, name="other", label="Another law")
-    page = report(replace(two, runs=(learning, other, off)), {})
+    page = report(replace(two, runs=(learning, other, off))).html({})
     for place, label in enumerate(("Slotine-Li, &lt;learning&gt;", "Slotine-Li, adaptation off", "Another law")):
         assert f'style="background: {run_color(place).hex}"></i>{label}' in page
 

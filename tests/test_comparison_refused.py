@@ -17,8 +17,8 @@ from adaptctl.recording import Comparison, Finding, Leading, write_artifacts
 from adaptctl.recording.drawing import Drawing
 from adaptctl.recording.fact import answers
 from adaptctl.recording.figures import lyapunov
+from adaptctl.recording.judgement import facts
 from adaptctl.recording.summary import summary
-from adaptctl.recording.wording import facts
 from tests.comparisons import comparison
 
 SAMPLES = 1200

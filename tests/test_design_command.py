@@ -14,11 +14,11 @@ from robot_files import urdf
 
 from adaptctl.cli.main import main
 from adaptctl.design import DesignTask, added_mass, gripper
+from adaptctl.design.picture import colors, norm, spots
 from adaptctl.dynamics import load
 from adaptctl.experiments.added_mass import AddedMassStudy, bodies
 from adaptctl.experiments.counterweight import CounterweightedTracking, burden
 from adaptctl.recording import ControllerRun
-from adaptctl.recording.designed.picture import colors, norm, spots
 from adaptctl.recording.result import silent
 from adaptctl.recording.skeleton import skeleton
 from adaptctl.simulation import Rollout

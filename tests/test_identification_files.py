@@ -30,8 +30,8 @@ from adaptctl.identification.examples import example
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
 from adaptctl.identification.log_files import read_log
+from adaptctl.identification.report import facts, report, verdict
 from adaptctl.recording import Comparison
-from adaptctl.recording.identified.report import facts, report, verdict
 from adaptctl.simulation import Rollout
 
 
@@ -127,7 +127,7 @@ def test_the_words_on_an_identification_have_its_joints_units(kinds: tuple[Joint
     size = f"{found.validation.rms_error:.3g} {unit}"
     assert f"to {size} over all joints, " in verdict(found)
     assert next(facts(found)).answer == size
-    page = report(found, {})
+    page = report(found).html({})
     assert not re.search("kg m|N m|N s/m", page)
     for typeset in ("kg·m²", "N·m·s"):
         assert (typeset in page) is (JointKind.REVOLUTE in kinds)

@@ -93,13 +93,13 @@ def test_a_report_holds_the_live_arm_and_fetches_nothing() -> None:
     arm = adaptctl.load(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
     made = comparison(arm, samples=20)
     live = shown(slotine_li(GAIN), ARM)
-    page = report(replace(made, live=live), {})
+    page = report(replace(made, live=live)).html({})
     assert isinstance(live, LiveArm)
     assert json.loads(page.split("const facts = ", 1)[1].split(";\n", 1)[0]) == live.facts
     assert not re.findall(r"(?:src|href)=\"(?!data:)[^\"]*//|fetch\(|XMLHttpRequest|import\(", page)
     for what in ('role="status"', 'aria-live="polite"', "aria-pressed", "aria-label", "<noscript>"):
         assert what in page
-    without = report(replace(made, live="its reference is drawn by hand"), {})
+    without = report(replace(made, live="its reference is drawn by hand")).html({})
     assert "There is no live arm on this page: its reference is drawn by hand." in without
     assert "live-play" not in without
 

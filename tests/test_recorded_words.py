@@ -10,7 +10,8 @@ from comparisons import comparison
 
 from adaptctl.dynamics import load
 from adaptctl.recording import Comparison
-from adaptctl.recording.wording import error, number, outcome, scientific
+from adaptctl.recording.judgement import outcome
+from adaptctl.recording.wording import error, number, scientific
 
 
 @pytest.fixture(scope="module")

@@ -28,19 +28,16 @@ from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.blueprint import _room
 from adaptctl.recording.fact import answers
+from adaptctl.recording.judgement import facts, final_error, outcome_words
 from adaptctl.recording.report import report
 from adaptctl.recording.rerun_recording import _contents
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import Solid, skeleton
-from adaptctl.recording.trace import parameter_unit, quantities
+from adaptctl.recording.trace import quantities
+from adaptctl.recording.units import parameter_unit
 from adaptctl.recording.viewpoint import SEEN, Viewpoint
 from adaptctl.recording.views import LONG, SHORT
-from adaptctl.recording.wording import (
-    INCOMPLETE,
-    facts,
-    final_error,
-    outcome_words,
-)
+from adaptctl.recording.wording import INCOMPLETE
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
 TWO_LINK = "docs/examples/two_link.toml"
@@ -254,7 +251,7 @@ def test_drives_of_joints_that_slide_have_units_of_their_own(tmp_path: Path) -> 
     assert parameter_unit("j0.rotor_inertia", shown.mechanism) == "kg"
     assert parameter_unit("j1.rotor_inertia", shown.mechanism) == "kg m^2"
     (tmp_path / "parameters.png").write_bytes(b"not looked at")
-    page = report(shown, {"parameters": tmp_path / "parameters.png"})
+    page = report(shown).html({"parameters": tmp_path / "parameters.png"})
     assert '<code>j0.viscous</code></td><td class="note">N·s/m</td>' in page
 
 

@@ -14,8 +14,8 @@ from comparisons import comparison
 from adaptctl.dynamics import load
 from adaptctl.experiments import EXPERIMENTS
 from adaptctl.recording import Comparison, Fact, Whose, write_artifacts
+from adaptctl.recording.judgement import outcome_words
 from adaptctl.recording.report import report
-from adaptctl.recording.wording import outcome_words
 from docs.making.gallery import PAGE, PICTURES, outcome_of
 
 
@@ -116,7 +116,7 @@ def test_only_what_learns_and_what_does_not_are_coloured(folder: Path, shown: Co
     tiles = dict(re.findall(r'<div class="tile([^"]*)"><span>([^<]*)', html))
     assert tiles[" subject"] == "RMS error, last 2 s"
     assert tiles[" off"] == "… with adaptation off"
-    bare = report(replace(shown, runs=shown.runs[:1]), {})
+    bare = report(replace(shown, runs=shown.runs[:1])).html({})
     assert {kind for kind, _ in re.findall(r'<div class="tile([^"]*)"><span>([^<]*)', bare)} == {""}
 
 
@@ -125,7 +125,7 @@ def test_colours_of_tiles_are_those_of_the_facts_whatever_their_words(
 ) -> None:
     told = [Fact("before", "1"), Fact("ours", "2", Whose.SUBJECT), Fact("theirs", "3", Whose.BASELINE)]
     monkeypatch.setattr("adaptctl.recording.report.facts", lambda _comparison: told)
-    html = report(shown, {})
+    html = report(shown).html({})
     assert re.findall(r'<div class="(tile[ a-z]*)"><span>(.*?)</span><b>(.*?)</b>', html) == [
         ("tile", "before", "1"), ("tile subject", "ours", "2"), ("tile off", "theirs", "3"),
     ]  # fmt: skip

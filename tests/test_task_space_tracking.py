@@ -8,8 +8,8 @@ import pytest
 
 from adaptctl.errors import InputError
 from adaptctl.experiments.task_space import TaskSpaceTracking
-from adaptctl.recording.overview import summary_markdown
-from adaptctl.recording.wording import facts
+from adaptctl.recording.judgement import facts
+from adaptctl.recording.rerun_recording import summary_markdown
 
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 

@@ -12,6 +12,7 @@ from synthetic_logs import known
 
 from adaptctl.description import JointKind, Limits
 from adaptctl.design import DesignTask
+from adaptctl.design.report import quantities
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.joint_units import error_unit, position_unit, position_units
 from adaptctl.errors import InputError
@@ -19,7 +20,6 @@ from adaptctl.experiments.counterweight import CounterweightedTracking
 from adaptctl.experiments.friction_curves import Curve, friction_curves
 from adaptctl.experiments.two_plants import TwoPlants
 from adaptctl.identification.preparation import prepare
-from adaptctl.recording.designed.wording import quantities
 from adaptctl.recording.result import silent
 from adaptctl.recording.units import coupling_unit
 from adaptctl.tuning import tune

@@ -19,11 +19,11 @@ from adaptctl.recording.artifacts import write_artifacts
 from adaptctl.recording.comparison import Leading
 from adaptctl.recording.fact import answers
 from adaptctl.recording.finite_part import finite_part
-from adaptctl.recording.overview import summary_markdown
+from adaptctl.recording.judgement import facts, outcome_words
 from adaptctl.recording.report import report
+from adaptctl.recording.rerun_recording import summary_markdown
 from adaptctl.recording.summary import summary
 from adaptctl.recording.verdict import Fault, Verdict
-from adaptctl.recording.wording import facts, outcome_words
 from tests.comparisons import PERIOD, comparison
 
 SHOWN = comparison(load("puma560_measured"))
@@ -101,7 +101,7 @@ def test_a_run_that_diverged_out_of_numbers_is_told_in_words(run: int, hole: flo
     assert ("times as much" in outcome_words(lost)) is False
     assert f" {words} in the last two." in outcome_words(lost) or f"stays at {words}." in outcome_words(lost)
     assert f"| {words} |" in summary_markdown(lost)
-    assert words in report(lost, {})
+    assert words in report(lost).html({})
 
 
 @pytest.mark.parametrize("run", [0, 1])

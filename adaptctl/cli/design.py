@@ -79,9 +79,9 @@ def design(
     `InputError` for a robot with friction, and what `adaptctl tune` raises.
     """
     from adaptctl.design import DesignTask, design_study
+    from adaptctl.design.files import as_builtins
     from adaptctl.dynamics import load
     from adaptctl.errors import InputError
-    from adaptctl.recording.designed.summary import as_builtins
 
     if at is not None and link is None:
         raise InputError("--at says where on a link: give --link too")
@@ -109,8 +109,8 @@ def design(
     content = as_builtins(study, detail) | {"bodies": study.bodies}
     content |= {"runs": {run.name: run.demand._asdict() for run in runs}} if runs else {}
     if out is not None:
+        from adaptctl.design.files import write_study
         from adaptctl.folders import replacing_folder
-        from adaptctl.recording.designed.artifacts import write_study
 
         with replacing_folder(out, overwrite) as folder:
             write_study(folder, study, content)
@@ -155,7 +155,7 @@ def report(
     the closed-loop `runs`, if there are any, and changes of links (such as symmetry) by which parameters are no longer
     needed. `detail`, the effect of the body at one position, stands second unless None. Raises `RankError` where the
     mechanism's rank, its number of base parameters, cannot be certified."""
-    from adaptctl.recording.designed.wording import header, place
+    from adaptctl.design.report import header, place
 
     yield words(header(study))
     if detail is not None:
@@ -170,7 +170,7 @@ def report(
 
 
 def _links(study: DesignStudy) -> Table:
-    from adaptctl.recording.designed.wording import change, place
+    from adaptctl.design.report import change, place
 
     heads = ("link", "cheapest at", "", "centre of mass", "dearest at", "", "essential too")
     return headed(
@@ -183,14 +183,14 @@ def _links(study: DesignStudy) -> Table:
 
 
 def _bodies(study: DesignStudy) -> Table:
-    from adaptctl.recording.designed.wording import change
+    from adaptctl.design.report import change
 
     names, links = list(study.bodies), [places.link for places in study.within]
     return headed(("link", *names), ((link, *(change(study.bodies[name][link]) for name in names)) for link in links))
 
 
 def _detail_table(added: AddedMass) -> Table:
-    from adaptctl.recording.designed.wording import quantities
+    from adaptctl.design.report import quantities
 
     task = added.task
     after = quantities(task.with_parameters(added.parameters), added.percent)
@@ -203,7 +203,7 @@ def _detail_table(added: AddedMass) -> Table:
 
 
 def _weights(study: DesignStudy) -> RenderableType:
-    from adaptctl.recording.designed.wording import place
+    from adaptctl.design.report import place
 
     found = study.counterweights
     most = {places.link: f"{places.mass:.3g} kg" for places in found.within}
@@ -212,7 +212,7 @@ def _weights(study: DesignStudy) -> RenderableType:
 
 
 def _before_after(study: DesignStudy) -> Table:
-    from adaptctl.recording.designed.wording import quantities
+    from adaptctl.design.report import quantities
 
     pairs = (quantities(task, study.percent) for task in (study.task, study.counterweights.balanced))
     rows = ((what, old, new) for (what, old), (_, new) in zip(*pairs, strict=True))

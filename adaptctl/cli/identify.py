@@ -105,8 +105,8 @@ def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
     """JSON object, as a dict of Python's built-in types, of an identification: the `verdict` in a sentence, `facts`
     (questions and answers) and `remarks` in words, and the `folder` of its files; numbers are in summary.json there.
     Nothing is raised."""
+    from adaptctl.identification.report import facts, verdict
     from adaptctl.recording.fact import answers
-    from adaptctl.recording.identified.report import facts, verdict
 
     words = {"verdict": verdict(found), "facts": answers(facts(found)), "remarks": list(found.remarks)}
     return {"schema": SCHEMA, "folder": str(folder), **words}
@@ -132,7 +132,7 @@ def _files(
 
 def _write(folder: Path, found: Identification, robot: str) -> None:
     from adaptctl.dynamics import load
-    from adaptctl.recording.identified.artifacts import write_identification
+    from adaptctl.identification.files import write_identification
 
     write_identification(folder, found, robot, load(robot, snap=True))
 
@@ -148,7 +148,7 @@ def _pairs(option: str, given: Pairs) -> dict[str, str]:
 
 
 def _tell(found: Identification, folder: Path) -> None:
-    from adaptctl.recording.identified.report import facts, verdict
+    from adaptctl.identification.report import facts, verdict
 
     print(verdict(found))
     answers = list(facts(found))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,6 +21,8 @@ from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.control.memory import leaves, like
 from adaptctl.control.references import SinusoidNumbers, sinusoids_at
 from adaptctl.dynamics.recursion.kinematics import frames, link_poses
+from adaptctl.recording.page import rendered
+from adaptctl.recording.palette import joint_color
 from adaptctl.scalars import Column, clip
 from adaptctl.simulation import Plant
 from adaptctl.simulation.effects import Payload
@@ -52,6 +55,14 @@ class LiveArm:
 
     binary: bytes
     facts: dict[str, Any]
+
+    def html(self, label: str) -> str:
+        """HTML, as text, of a section that draws the arm, runs it and needs nothing else; `label` is the name of the
+        run that it repeats. Raises `MissingExtraError` where a package for it is missing."""
+        colors = [joint_color(j).hex for j in range(len(self.facts["joints"]))]
+        binary = base64.b64encode(self.binary).decode("ascii")
+        content = {"binary": binary, "facts": self.facts, "label": label, "colors": colors}
+        return rendered("templates/live.html.jinja", "adaptctl.codegen", **content)
 
 
 @dataclass(frozen=True, eq=False)

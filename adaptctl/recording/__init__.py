@@ -1,12 +1,12 @@
 """A finished comparison made visible: recording, figures, report, table and summary."""
 
-from adaptctl.recording.artifacts import shown, write_artifacts
 from adaptctl.recording.compared_runs import compared_runs
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Leading, Setting, TickCost
 from adaptctl.recording.fact import Fact, Whose
 from adaptctl.recording.folder import Progress
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.live import Live
+from adaptctl.recording.report import shown, write_artifacts
 from adaptctl.recording.result import Result
 from adaptctl.recording.verdict import Failure, Fault, Verdict
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 
 from adaptctl.arrays import Array, checked, positive_number
 from adaptctl.caching import cached_property
-from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit, position_units
 from adaptctl.errors import InputError
@@ -140,6 +139,12 @@ class ControllerRun:
             return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
 
     @property
+    def realtime_factor(self) -> float | None:
+        """Ratio of simulated time to computing time, no unit: above 1 for a run faster than real time; None where the
+        run's wall time is not above 0, as where it was not measured."""
+        return self.duration / self.rollout.wall_time if self.rollout.wall_time > 0.0 else None
+
+    @property
     def lyapunov_max_increase(self) -> float | None:
         """Largest rise of the Lyapunov function from one sample of the run to the next, J; 0 where it never rises; None
         where the control law has no such function, or where its values hold NaN or infinity."""
@@ -221,6 +226,13 @@ def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTA
     return {first: 0} | {name: i + 1 + shift for i, name in enumerate(others)}
 
 
+class InPage(Protocol):
+    """Protocol of what a report's page runs by itself, such as a live arm: it makes its own piece of HTML."""
+
+    def html(self, label: str) -> str:
+        """HTML of the piece, escaped; `label` is the name of the run that it repeats."""
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """Comparison of closed-loop runs on one arm, one reference and one seed; the first run is the subject, that of the
@@ -239,8 +251,8 @@ class Comparison:
     sentence or two, None for one made from the errors with and without adaptation; `truth_known` is False where the
     mechanism's parameters are not the arm's true ones; `leading` are errors that recording and report show before the
     joints' errors, None where there are none; `expected` maps the subject's failures that the experiment expects to the
-    reasons why; `live` is the subject's closed loop compiled to run in the report's page, a `LiveArm`, or a text that
-    says why there is none (empty by default).
+    reasons why; `live` is the subject's closed loop to run in the report's page, or a text that says why there is none
+    (empty by default).
 
     Raises `InputError` for empty `runs`, where the first has no samples, where two have one name, for torque limits of
     another shape, not above 0 or not numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without an
@@ -275,7 +287,7 @@ class Comparison:
     """what a recording shows before the joints' errors"""
     expected: Mapping[Failure, str] = field(default_factory=dict)
     """the failures that the experiment expects of its subject, and why: they are its question"""
-    live: LiveArm | str = ""
+    live: InPage | str = ""
     """the subject's closed loop for the report to run, or why there is none"""
 
     def __post_init__(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from adaptctl.files import replacing
 from adaptctl.recording.palette import INK, PAPER
@@ -62,12 +62,13 @@ class Drawing:
     kind: ClassVar[str] = "drawing"
 
 
-def sheet(height: float) -> Figure:
-    """An empty Matplotlib figure for a report, 9.2 inches wide and `height` inches tall, with 160 dots an inch and
-    Matplotlib's constrained layout. Raises `ValueError` for a height that is negative or not finite."""
+def sheet(height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
+    """An empty Matplotlib figure for a report, 9.2 inches wide and `height` inches tall, with 160 dots an inch and the
+    `layout` of that name of Matplotlib, None for none. Raises `ValueError` for a height that is negative or not
+    finite."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
+    return Figure(figsize=(WIDTH, height), dpi=DOTS, layout=layout)
 
 
 def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str, Path]:
@@ -84,3 +85,10 @@ def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str,
             figure.savefig(beside, format="png", metadata={"Software": "adaptctl"})
             figure.clear()  # what is drawn holds the figure, and its pixels would stay beside those of the next
     return written
+
+
+def thinned(samples: int, most: int) -> slice:
+    """Slice that takes evenly spaced samples, at most `most` of them, from so many `samples`, beginning with the first;
+    all where there are no more than `most`. It is for drawings, which need no more. Raises `ZeroDivisionError` for a
+    `most` of 0."""
+    return slice(0, samples, max(1, -(-samples // most)))

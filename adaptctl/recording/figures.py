@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from functools import partial
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.drawing import DOTS, WIDTH, Drawing, sheet, write_drawings
+from adaptctl.recording.drawing import WIDTH, Drawing, sheet, thinned
 from adaptctl.recording.palette import INK, LIMIT, MUTED, PAPER, TRUTH, joint_color, run_color
-from adaptctl.recording.series import thinned
 from adaptctl.recording.spectrum import shares, threshold
 from adaptctl.recording.wording import number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SAMPLES = 3000
 """At most as many samples are drawn."""
@@ -25,51 +25,40 @@ AVERAGE = 0.25
 """s over which errors are averaged where they are compared on a logarithmic scale"""
 
 
-def write_figures(folder: str | Path, comparison: Comparison) -> dict[str, Path]:
-    """Write the figures of a comparison of runs as PNG files into an existing folder, each whole or not at all; returns
-    the files' paths by the figures' names, such as "torque" for torque.png. Raises `FileError` where a file cannot be
-    written, `InputError` for parameter estimates with the basis of another mechanism."""
-    return write_drawings(folder, drawings(comparison))
-
-
-def drawings(comparison: Comparison) -> Iterator[Drawing]:
-    """Figures of a `comparison` of runs, each a `Drawing` with name, caption and drawing function, in the order of the
-    report. They are tracking errors, the comparison's own figures, joint errors, the Lyapunov function where the first
-    run has one, torques, parameter estimates where it has any, and singular values. Nothing is drawn, nor raised,
-    before a drawing's function is called."""
-    unit = comparison.error_unit
-    yield Drawing(
-        "tracking-error",
-        f"Root mean square of all joints' tracking errors, averaged over {AVERAGE:g} s, one line a controller "
-        "(logarithmic scale).",
-        partial(tracking_error, comparison),
-    )
-    yield from comparison.more_drawings
-    yield Drawing(
-        "joint-errors",
-        f"Every joint's tracking error in {unit}: learning above, the same controller with adaptation off below.",
-        partial(joint_errors, comparison),
-    )
-    if comparison.subject.lyapunov is not None:
-        yield Drawing(
-            "lyapunov",
+def drawings(comparison: Comparison) -> dict[str, Drawing]:
+    """Figures of a `comparison` of runs by their names, each a `Drawing` with caption and drawing function, in the
+    order of the report: tracking errors, joint errors, the Lyapunov function where the first run has one, torques,
+    parameter estimates where it has any, and singular values. Nothing is drawn, nor raised, before a drawing's function
+    is called."""
+    captions: dict[str, tuple[str, Callable[[Comparison], Figure]]] = {
+        "tracking-error": (
+            f"Root mean square of all joints' tracking errors, averaged over {AVERAGE:g} s, one line a controller "
+            "(logarithmic scale).",
+            tracking_error,
+        ),
+        "joint-errors": (
+            f"Every joint's tracking error in {comparison.error_unit}: learning above, the same controller with "
+            "adaptation off below.",
+            joint_errors,
+        ),
+        "lyapunov": (
             "The Lyapunov function along the adaptive run, and how much it falls in every control period. In "
             "theory it never rises.",
-            partial(lyapunov, comparison),
-        )
-    yield Drawing("torque", "Torque of the adaptive run. Shaded: beyond the limits.", partial(torque, comparison))
-    if comparison.subject.rollout.estimate.shape[1]:
-        yield Drawing(
-            "parameters",
+            lyapunov,
+        ),
+        "torque": ("Torque of the adaptive run. Shaded: beyond the limits.", torque),
+        "parameters": (
             "Estimates of the fundamental parameters (lines), and their true values (dashed). "
             "Each has its own scale; units are kg, kg·m and kg·m².",
-            partial(parameters, comparison),
-        )
-    yield Drawing(
-        "spectrum",
-        "Singular values of the energy matrix. The gap tells how many parameters matter.",
-        partial(spectrum, comparison),
-    )
+            parameters,
+        ),
+        "spectrum": ("Singular values of the energy matrix. The gap tells how many parameters matter.", spectrum),
+    }
+    subject = comparison.subject
+    missing = {"lyapunov"} if subject.lyapunov is None else set()
+    missing |= set() if subject.rollout.estimate.shape[1] else {"parameters"}
+    shown = {name: one for name, one in captions.items() if name not in missing}
+    return {name: Drawing(name, caption, partial(draw, comparison)) for name, (caption, draw) in shown.items()}
 
 
 def tracking_error(comparison: Comparison) -> Figure:
@@ -225,7 +214,7 @@ def _small_multiples(count: int, columns: int, height: float, bottom: float) -> 
     """
     rows = -(-count // columns)
     tall = height * rows + 0.3
-    figure = Figure(figsize=(WIDTH, tall), dpi=DOTS)
+    figure = sheet(tall, layout=None)
     margins = {"left": 0.45 / WIDTH, "right": 1.0 - 0.08 / WIDTH, "bottom": bottom / tall, "top": 1.0 - 0.25 / tall}
     gaps = {"wspace": 0.42, "hspace": 0.42}
     axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw=margins | gaps).ravel()

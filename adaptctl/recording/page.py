@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     import jinja2
 
 HOME = "adaptctl.recording"
+SHEU_WALKER = (
+    "S.-Y. Sheu and M. W. Walker, Identifying the Independent Inertial Parameter Space of Robot Manipulators, "
+    "International Journal of Robotics Research 10(6), 1991"
+)
+"""the paper that the method is from"""
 INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole experiment."
 
 
@@ -71,8 +76,9 @@ class Table:
     """Table of a report. `header` has the n columns' headings and `rows` as many cells each: texts, `Cell` where more
     than a text, or True and False, which are shown as marks with the words `marks`. `title` is a heading above the
     table and `note` a text below it, empty by default. `align` has a letter for each column: "l" for texts, "r" for
-    numbers, "c" for names in code; what is missing is "l". `marked` are the zero-based indices of rows that stand out,
-    none by default. Nothing is checked at construction."""
+    numbers, "c" for names in code, "s" for small texts such as units; what is missing
+    is "l". `marked` are the zero-based indices of rows that stand out, none by default. Nothing is checked at
+    construction."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str | bool | Cell]]
@@ -130,16 +136,19 @@ class Note:
 @dataclass(frozen=True)
 class Lines:
     """Lines of a report, such as equations, in letters of one width; `beside`, none by default, are others, on wide
-    screens beside them. With `bullets` they are a list of sentences. Nothing is checked at construction."""
+    screens beside them. With `bullets` they are a list of sentences; `title` is a heading above them, empty by
+    default. Nothing is checked at construction."""
 
     lines: Sequence[str]
     beside: Sequence[str] = ()
     bullets: bool = False
+    title: str = ""
     kind: ClassVar[str] = "lines"
 
     def markdown(self) -> str:
         """The lines in Markdown: a list with `bullets`, else a block of code."""
-        return "\n".join(("- " if self.bullets else "    ") + line for line in (*self.lines, *self.beside))
+        head = f"### {self.title}\n\n" if self.title else ""
+        return head + "\n".join(("- " if self.bullets else "    ") + line for line in (*self.lines, *self.beside))
 
 
 @dataclass(frozen=True)

@@ -1,84 +1,216 @@
-"""Report of a comparison: one HTML page with text, tables and the figures inside."""
+"""Report of a comparison: what its page, its recording's text and its folder hold."""
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from adaptctl.codegen.live_arm import LiveArm
 from adaptctl.description.inertia import PARAMETERS
-from adaptctl.files import write_text
-from adaptctl.recording.comparison import Comparison, ControllerRun, Finding
+from adaptctl.recording.comparison import Comparison, Finding
 from adaptctl.recording.figures import drawings
-from adaptctl.recording.page import embedded, rendered
-from adaptctl.recording.palette import joint_color, run_color
-from adaptctl.recording.trace import parameter_unit
-from adaptctl.recording.units import typeset
-from adaptctl.recording.wording import (
-    CONVERGENCE,
-    INCOMPLETE,
-    TRUTH_UNKNOWN,
-    facts,
-    final_error,
-    first_error,
-    number,
-    outcome,
-    outcome_words,
+from adaptctl.recording.folder import TRACE, Progress, silent
+from adaptctl.recording.judgement import facts, final_error, first_error, judged, on_truth, outcome, outcome_words
+from adaptctl.recording.page import (
+    SHEU_WALKER,
+    Cell,
+    Fragment,
+    Lines,
+    Note,
+    Part,
+    Report,
+    Section,
+    Table,
+    TableLayout,
+    files_section,
+    settings_section,
+)
+from adaptctl.recording.palette import run_color
+from adaptctl.recording.result import Result
+from adaptctl.recording.summary import summary
+from adaptctl.recording.units import parameter_unit, typeset
+from adaptctl.recording.wording import headline, number
+
+SOURCE = (
+    f"Method: {SHEU_WALKER}; J.-J. E. Slotine and W. Li, On the Adaptive Control of Robot Manipulators, International "
+    "Journal of Robotics Research 6(3), 1987."
+)
+COSTS = (
+    "Floating-point operations are counted in the compiled law. Times are of this machine: native within a loop over "
+    "many states, the copying of states included; called as an experiment calls it, one tick at a time from Python."
 )
 
 
-def write_report(path: str | Path, comparison: Comparison, figures: Mapping[str, Path]) -> None:
-    """Write the report of a `comparison` of runs to the file `path`, whole or not at all: one HTML page that needs no
-    other file. `figures` maps names of the comparison's drawings to PNG files, which go into the page; a drawing
-    without a file is left out. Raises `FileError` where the page cannot be written, `OSError` where a PNG file cannot
-    be read, `InputError` for parameter estimates with the basis of another mechanism."""
-    write_text(path, report(comparison, figures))
-
-
-def report(comparison: Comparison, figures: Mapping[str, Path]) -> str:
-    """HTML, as text, of the report of a comparison of runs: outcome, tables of runs and parameters, figures, settings.
-    `figures` maps names of the comparison's drawings to PNG files, which go into the page; a drawing without a file is
-    left out. Raises `OSError` where a PNG file cannot be read, `InputError` for parameter estimates with the basis of
-    another mechanism."""
-    names = [run.name for run in comparison.runs]
-    others = [finding for finding in comparison.findings if _owner(finding) not in names]
-    return rendered(
-        "report.html",
-        comparison=comparison,
-        verdict=outcome_words(comparison),
-        incomplete=INCOMPLETE,
-        convergence=CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN,
-        facts=list(facts(comparison)),
-        runs=[_run_row(run, comparison) for run in comparison.runs],
-        measured=measured(comparison),
-        findings=[(f.meaning, number(f.value), typeset(f.unit)) for f in others],
-        parameters=list(_parameter_rows(comparison)),
-        friction=len(comparison.mechanism.parameter_names) - len(comparison.space.parameter_names),
-        kinds=PARAMETERS,
-        grid=_grid(comparison),
-        equations=[str(equation) for equation in comparison.basis.equations()],
-        robot_source=comparison.mechanism.description.source,
-        inconsistent=comparison.mechanism.description.inconsistent_links,
-        figures=embedded(drawings(comparison), figures),
-        live=live_content(comparison.live, comparison.runs[0].label),
-        no_live=comparison.live if isinstance(comparison.live, str) else "",
+def shown(comparison: Comparison) -> Result:
+    """The `Result` of an experiment, as the command line shows it, made from the `comparison` of its runs: whether it
+    is complete, and headline, facts and verdict in words. Its `write(folder, progress)` writes its files (recording,
+    summary, trace, figures, report) by `write_artifacts`. Its `failed` is False: whether the adaptive controller did
+    what was asked is in its `verdict.passed`. Raises `ValueError` for a first run of another number of joints than
+    there are torque limits."""
+    return Result(
+        complete=comparison.complete,
+        headline=headline(outcome_words(comparison), comparison.complete),
+        facts=tuple(facts(comparison)),
+        verdict=judged(comparison),
+        write=lambda folder, progress: write_artifacts(folder, comparison, progress),
     )
 
 
-def live_content(live: LiveArm | str, label: str) -> dict[str, Any] | None:
-    """Content, a dict in JSON's types, of a report's live arm, a simulated arm that runs in the page as WebAssembly;
-    None where `live` is a text, the reason why there is none. It has `binary`, the module in base64; `facts`, those of
-    `live`: indices of numbers in the module's memory, names of joints, initial values and geometry; `label`, the name
-    of the run that it repeats; and `colors`, one a joint, such as "#2d7deb". Nothing is raised."""
-    if isinstance(live, str):
-        return None
-    binary = base64.b64encode(live.binary).decode("ascii")
-    colors = [joint_color(j).hex for j in range(len(live.facts["joints"]))]
-    return {"binary": binary, "facts": live.facts, "label": label, "colors": colors}
+def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
+    """Write the files of a `comparison` of runs into a `folder`, which is made where it is missing, and return its
+    path. The files are recording.rrd (for the rerun viewer), summary.json, trace.parquet (all samples of the
+    comparison's first run), report.html, and PNG files of figures in the subfolder `figures`.
+
+    Either all are written, each over an existing file of its name, or none, where one cannot be written or `progress`
+    raises. `progress(what, share)` is called with the name of the file being written and the fraction of the work that
+    is done, 0 to 1; the default does nothing. Of a run whose numbers overflowed to NaN or infinity, the report and the
+    summary say so: its numbers in the summary are null, findings too, and its recording ends before them.
+
+    Raises `FileError` where a file cannot be written or the folder cannot be made; `InputError` for a basis of another
+    mechanism, and `NonFiniteError`, a subclass of it, for a run whose first positions are NaN or infinite.
+    """
+    from adaptctl.recording.rerun_recording import write_recording
+    from adaptctl.recording.trace import write_trace
+
+    def record(path: Path, figures: Mapping[str, Path]) -> None:
+        write_recording(path, comparison)
+
+    tables = {TRACE: partial(write_trace, comparison=comparison)}
+    return report(comparison).write(folder, summary(comparison), tables=tables, record=record, progress=progress)
+
+
+def report(comparison: Comparison) -> Report:
+    """The report of a comparison of runs: outcome, facts, tables of runs and parameters, figures, settings. Raises
+    `InputError` for parameter estimates with the basis of another mechanism, `ValueError` for a first run of another
+    number of joints than there are torque limits."""
+    return Report(
+        experiment=comparison.experiment,
+        title=comparison.title,
+        outcome=outcome_words(comparison),
+        facts=tuple(facts(comparison)),
+        sections=tuple(_sections(comparison)),
+        about=f"seed {comparison.seed}",
+        seed=comparison.seed,
+        complete=comparison.complete,
+        source=SOURCE,
+    )
+
+
+def _sections(comparison: Comparison) -> Iterator[Section]:
+    figure = drawings(comparison)
+    label = comparison.subject.label
+    yield Section("What was run", tuple(_run_parts(comparison)))
+    if not isinstance(comparison.live, str):
+        yield Section("", (Fragment(comparison.live.html(label)),))
+    elif comparison.live:
+        yield Section("", (Note(f"There is no live arm on this page: {comparison.live}."),))
+    yield Section("What a control tick costs", (COSTS, _costs(comparison)))
+    yield Section("Stability and effort", [figure[name] for name in ("lyapunov", "torque") if name in figure])
+    if "parameters" in figure:
+        yield Section("What it learnt", (on_truth(comparison), figure["parameters"], _parameters(comparison)))
+    yield Section("Which parameters matter", tuple(_matter(comparison)))
+    yield settings_section(comparison.settings, *_robot_notes(comparison))
+    yield files_section(
+        "The arm in motion with all curves.",
+        "The figures of this page, for programs.",
+        {TRACE: "Every control period of the adaptive run, with units."},
+    )
+
+
+def _run_parts(comparison: Comparison) -> Iterator[Part]:
+    figure = drawings(comparison)
+    yield comparison.purpose
+    yield from comparison.more_drawings
+    rows = [
+        (
+            run.knows or "–",
+            first_error(comparison, run),
+            final_error(comparison, run),
+            f"{comparison.limited_steps(run)}",
+            outcome(run),
+        )
+        for run in comparison.runs
+    ]
+    heads = "knew of the arm", "RMS error, first second", "RMS error, last 2 s", "steps at a torque limit", "outcome"
+    yield _of_runs(comparison, heads, rows, "llrrrl")
+    if columns := measured(comparison):
+        told = " ".join(f"{column.heading}: {column.meaning}." for column in columns)
+        values = list(zip(*(column.values for column in columns), strict=True))
+        yield _of_runs(comparison, [column.heading for column in columns], values, "l" + "r" * len(columns), told)
+    names = [run.name for run in comparison.runs]
+    if others := [finding for finding in comparison.findings if _owner(finding) not in names]:
+        found = [(f.meaning, number(f.value), typeset(f.unit)) for f in others]
+        yield Table(("also measured", "value", "unit"), found, align="lr")
+    yield figure["tracking-error"]
+    yield figure["joint-errors"]
+
+
+def _of_runs(
+    comparison: Comparison, heads: Sequence[str], rows: Sequence[Sequence[str]], align: str, note: str = ""
+) -> Table:
+    """Table with a row for each run, the first marked."""
+    colors = (run_color(comparison.color_places[run.name]).hex for run in comparison.runs)
+    labels = [Cell(run.label, swatch=color) for run, color in zip(comparison.runs, colors, strict=True)]
+    cells: list[tuple[str | Cell, ...]] = [(label, *row) for label, row in zip(labels, rows, strict=True)]
+    return Table(("controller", *heads), cells, align=align, layout=TableLayout.ROWS, marked=(0,), note=note)
+
+
+def _costs(comparison: Comparison) -> Table:
+    rows = []
+    for cost in (run.cost for run in comparison.runs):
+        flops = f"{cost.flops:,}" if cost and cost.flops is not None else "–"
+        native = f"{1e9 * cost.native:,.0f} ns" if cost and cost.native else "–"
+        rows.append((flops, native, f"{1e6 * cost.called:.1f} µs" if cost else "–"))
+    return _of_runs(comparison, ("operations", "native", "called"), rows, "lrrr")
+
+
+def _parameters(comparison: Comparison) -> Table:
+    columns = comparison.model.names, comparison.true_parameters, comparison.subject.rollout.estimate[-1]
+    rows = [
+        (name, typeset(parameter_unit(name, comparison.mechanism)), _fixed(true), _fixed(est), _fixed(est - true))
+        for name, true, est in zip(*columns, strict=True)
+    ]
+    heads = ("parameter", "unit", "true", "estimate", "difference")
+    return Table(heads, rows, align="csrrr", layout=TableLayout.HALVES)
+
+
+def _fixed(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value + 0.0:+.4f}".replace("-", "−")
+
+
+def _matter(comparison: Comparison) -> Iterator[Part]:
+    mechanism, space, kept = comparison.mechanism, comparison.space, set(comparison.basis.names)
+    friction = len(mechanism.parameter_names) - len(space.parameter_names)
+    more = f" Energies say nothing of its {friction} friction parameters, which are kept besides." if friction else ""
+    yield (
+        f"The energy of {mechanism.name} depends on {space.rank} combinations of its {len(space.parameter_names)} "
+        "inertial parameters; found from energies alone, without accelerations. So many parameters are kept, and the "
+        f"others regrouped into them.{more}"
+    )
+    yield drawings(comparison)["spectrum"]
+    rows: list[tuple[str | bool, ...]] = [
+        (link.name, *(f"{link.name}.{kind}" in kept for kind in PARAMETERS)) for link in mechanism.links
+    ]
+    yield Table(("kept", *PARAMETERS), rows, layout=TableLayout.GRID, marks=("kept", "left out or regrouped"))
+    yield Note(
+        "Regrouping equations; a star marks the fundamental parameter, the right-hand side the link parameters it is "
+        "made of (SI units)."
+    )
+    yield Lines([str(equation) for equation in comparison.basis.equations()])
+
+
+def _robot_notes(comparison: Comparison) -> Iterator[Note]:
+    description = comparison.mechanism.description
+    if description.source:
+        yield Note(description.source, head=f"{comparison.mechanism.name}.")
+    if wrong := description.inconsistent_links:
+        yield Note(
+            f"No rigid body can have the inertial parameters of {', '.join(wrong)}: the robot's description assigns "
+            "them so."
+        )
 
 
 class Measured(NamedTuple):
@@ -89,7 +221,6 @@ class Measured(NamedTuple):
     heading: str
     meaning: str
     values: list[str]
-    """one a run, a dash where it was not measured"""
 
 
 def measured(comparison: Comparison) -> list[Measured]:
@@ -114,41 +245,3 @@ def _column(what: str, found: Mapping[str, Finding], names: list[str]) -> Measur
 
 def _owner(finding: Finding) -> str:
     return finding.name.partition(".")[2]
-
-
-def _run_row(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
-    cost = run.cost
-    return {
-        "color": run_color(comparison.color_places[run.name]).hex,
-        "label": run.label,
-        "knows": run.knows,
-        "first": first_error(comparison, run),
-        "final": final_error(comparison, run),
-        "clipped": comparison.limited_steps(run),
-        "called": f"{1e6 * cost.called:.1f} µs" if cost else "–",
-        "native": f"{1e9 * cost.native:,.0f} ns" if cost and cost.native else "–",
-        "flops": f"{cost.flops:,}" if cost and cost.flops is not None else "–",
-        "outcome": outcome(run),
-    }
-
-
-def _parameter_rows(comparison: Comparison) -> list[tuple[str, str, str, str, str]]:
-    final = comparison.subject.rollout.estimate[-1]
-    if not len(final):
-        return []
-    rows = zip(comparison.model.names, comparison.true_parameters, final, strict=True)
-    return [
-        (name, typeset(parameter_unit(name, comparison.mechanism)), _fixed(true), _fixed(est), _fixed(est - true))
-        for name, true, est in rows
-    ]
-
-
-def _fixed(value: float) -> str:
-    return "–" if np.isnan(value) else f"{value + 0.0:+.4f}".replace("-", "−")
-
-
-def _grid(comparison: Comparison) -> list[tuple[str, list[bool]]]:
-    """Name of each link, and which of its ten parameters are kept."""
-    kept = set(comparison.basis.names)
-    names = [link.name for link in comparison.mechanism.links]
-    return [(name, [f"{name}.{kind}" in kept for kind in PARAMETERS]) for name in names]

@@ -10,7 +10,16 @@ import rerun as rr
 from adaptctl.recording.blueprint import ScreenContents, blueprint
 from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.recording.finite_part import finite_part
-from adaptctl.recording.overview import equations_markdown, summary_markdown
+from adaptctl.recording.judgement import (
+    facts,
+    final_error,
+    first_error,
+    lyapunov_words,
+    on_truth,
+    outcome,
+    outcome_words,
+)
+from adaptctl.recording.page import Lines, Report, Table, answers_table
 from adaptctl.recording.palette import DARK, GOAL, joint_color, run_color
 from adaptctl.recording.scene import entity
 from adaptctl.recording.series import Style, log_levels, log_series, thinned
@@ -29,7 +38,7 @@ from adaptctl.recording.tracking import (
 )
 from adaptctl.recording.units import typeset
 from adaptctl.recording.viewpoint import Viewpoint, floor_height
-from adaptctl.recording.wording import lyapunov_words
+from adaptctl.recording.wording import error
 
 MOST = 4
 """Parameters shown at a glance."""
@@ -57,7 +66,7 @@ def write_recording(path: str | Path, comparison: Comparison) -> None:
         if comparison.subject.rollout.estimate.shape[1]:
             _log_estimates(recording, comparison)
         log_spectrum(recording, "basis/spectrum", comparison.space)
-        log_markdown(recording, "basis/equations", equations_markdown(comparison))
+        log_markdown(recording, "basis/equations", _equations(comparison))
 
 
 def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None:
@@ -159,3 +168,33 @@ def _shown(comparison: Comparison) -> list[ControllerRun]:
     """Runs whose errors get a view each: the subject, adaptation off, then the rest."""
     first = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     return first + [run for run in comparison.runs if run not in first]
+
+
+def _equations(comparison: Comparison) -> str:
+    """Regrouping equations of the fundamental parameters in Markdown."""
+    equations = Lines([str(equation) for equation in comparison.basis.equations()]).markdown()
+    return f"""# Independent parameters: rank {comparison.space.rank} of {len(comparison.space.parameter_names)}
+
+Found from energies alone. A star marks a parameter into which others are regrouped; what is not named here
+changes no torque by itself.
+
+{equations}
+"""
+
+
+def summary_markdown(comparison: Comparison) -> str:
+    """Summary of a `comparison` of runs as Markdown text, for its recording: its outcome in words, a table of facts,
+    and a table with a row for each run, with its tracking errors and how it ended. Raises `ValueError` for a first run
+    of another number of joints than there are torque limits."""
+    leading = comparison.leading
+    heads = ["first second", "last 2 s"]
+    if leading is not None:
+        heads = [f"{leading.meaning}, last 2 s", "joints, first second", "joints, last 2 s"]
+    rows = []
+    for run in comparison.runs:
+        first = [] if leading is None else [error(leading.final_rms(run), leading.unit)]
+        errors = [*first, first_error(comparison, run), final_error(comparison, run)]
+        rows.append([run.label, run.knows or "–", *errors, outcome(run)])
+    runs = Table(["controller", "knows", *heads, "outcome"], rows)
+    head = Report(comparison.experiment, comparison.title, outcome_words(comparison), complete=comparison.complete)
+    return head.markdown(answers_table(tuple(facts(comparison))), runs, on_truth(comparison))

@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 
 from adaptctl.arrays import Array
+from adaptctl.recording.drawing import thinned as thinned
 from adaptctl.recording.palette import Color
 from adaptctl.recording.scene import TIMELINE
 
@@ -46,10 +47,3 @@ def log_levels(recording: rr.RecordingStream, path: str, time: Array, levels: Ar
     with the names and colours of `style`, n each. Raises `IndexError` without times."""
     ends = np.array([time[0], time[-1]])
     log_series(recording, path, ends, np.stack([levels, levels]), style)
-
-
-def thinned(samples: int, most: int) -> slice:
-    """Slice that takes evenly spaced samples, at most `most` of them, from so many `samples`, beginning with the first;
-    all where there are no more than `most`. It is for drawings, which need no more. Raises `ZeroDivisionError` for a
-    `most` of 0."""
-    return slice(0, samples, max(1, -(-samples // most)))

@@ -65,14 +65,8 @@ def summary(comparison: Comparison) -> dict[str, Any]:
         "findings": {one.name: {"value": finite_or_none(one.value), "unit": one.unit} for one in comparison.findings},
         "settings": {setting.name: setting.value for setting in comparison.settings},
         "wall_time": subject.rollout.wall_time,
-        "realtime_factor": realtime_factor(subject),
+        "realtime_factor": subject.realtime_factor,
     }
-
-
-def realtime_factor(run: ControllerRun) -> float | None:
-    """Ratio of simulated time to computing time of a `run`, no unit: above 1 for a run faster than real time; None
-    where the run's wall time is not above 0, as where it was not measured. Nothing is raised."""
-    return run.duration / run.rollout.wall_time if run.rollout.wall_time > 0.0 else None
 
 
 def _parameters(comparison: Comparison) -> dict[str, dict[str, float | None]]:

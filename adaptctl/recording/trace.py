@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
 from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.units import parameter_unit as parameter_unit
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SCHEMA = "adaptctl/trace/1"
 MARKS = {
@@ -27,11 +29,6 @@ MARKS = {
     "stopped": ("1", "1 from where the arm is braked"),
 }
 """Units and meanings of the marks of plants and guards."""
-TURNING = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2"}
-TURNING |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N m")
-SLIDING = {"m": "kg", "viscous": "N s/m", "square_root": "N s^1/2 m^-1/2", "rotor_inertia": "kg"}
-SLIDING |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N")
-"""Units of masses, and of the drives of joints that turn and of those that slide."""
 
 
 class Quantity(NamedTuple):
@@ -68,6 +65,9 @@ def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str
     """Write a table to the Parquet file `path`, whole or not at all: `columns` of one length, of numbers (float64) or
     of texts, each with its unit and meaning as metadata, and `about`, the metadata of the table. Raises `FileError`
     where the file cannot be written, pyarrow's `ArrowInvalid`, a `ValueError`, for columns of different lengths."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     table = _table(columns, about)
     with replacing(path) as beside:
         pq.write_table(
@@ -129,18 +129,9 @@ def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
             yield Quantity(f"{name}.{joint.name}", unit, meaning, column)
 
 
-def parameter_unit(name: str, mechanism: Mechanism) -> str:
-    """Unit, as text, of an inertial or friction parameter of a mechanism by its name: "kg m" for "link2.mc_x". What
-    follows the last dot decides: "m" has kg; "mc_x", "mc_y", "mc_z" kg m; "viscous" N m s; "square_root" N m s^1/2;
-    "coulomb", "stribeck" and "offset" N m; all others, moments and rotor inertias, kg m^2. Drives of prismatic joints
-    have N s/m, N s^1/2 m^-1/2, N, and kg for a rotor's inertia. No name raises an error."""
-    owner, _, kind = name.rpartition(".")
-    slides = any(link.joint.name == owner and not link.joint.kind.turns for link in mechanism.links)
-    units = SLIDING if slides else TURNING
-    return units.get(kind, "kg m" if kind.startswith("mc_") else "kg m^2")
-
-
 def _table(columns: Sequence[Quantity], about: dict[str, str]) -> pa.Table:
+    import pyarrow as pa
+
     kinds = [pa.string() if c.values.dtype.kind == "U" else pa.float64() for c in columns]
     fields = [
         pa.field(c.name, kind, nullable=False, metadata={"unit": c.unit, "meaning": c.meaning})

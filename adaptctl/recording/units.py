@@ -5,6 +5,12 @@ from __future__ import annotations
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import either
 
+TURNING = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2"}
+TURNING |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N m")
+SLIDING = {"m": "kg", "viscous": "N s/m", "square_root": "N s^1/2 m^-1/2", "rotor_inertia": "kg"}
+SLIDING |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N")
+"""Units of masses, and of the drives of joints that turn and of those that slide."""
+
 
 def torque_units(mechanism: Mechanism) -> tuple[str, ...]:
     """Units of torque of a mechanism's r primary (independent) joints, r texts in their order: "N·m", or "N" for a
@@ -33,3 +39,14 @@ def typeset(unit: str) -> str:
     if unit == "us":
         return "µs"
     return unit.replace(" ", "·").replace("^2", "²").replace("^1/2", "^½")
+
+
+def parameter_unit(name: str, mechanism: Mechanism) -> str:
+    """Unit, as text, of an inertial or friction parameter of a mechanism by its name: "kg m" for "link2.mc_x". What
+    follows the last dot decides: "m" has kg; "mc_x", "mc_y", "mc_z" kg m; "viscous" N m s; "square_root" N m s^1/2;
+    "coulomb", "stribeck" and "offset" N m; all others, moments and rotor inertias, kg m^2. Drives of prismatic joints
+    have N s/m, N s^1/2 m^-1/2, N, and kg for a rotor's inertia. No name raises an error."""
+    owner, _, kind = name.rpartition(".")
+    slides = any(link.joint.name == owner and not link.joint.kind.turns for link in mechanism.links)
+    units = SLIDING if slides else TURNING
+    return units.get(kind, "kg m" if kind.startswith("mc_") else "kg m^2")

@@ -12,8 +12,9 @@ BELOW = {"errors", "packages", "version", "lazily", "caching", "files", "folders
 """Single files that all others may use, drawn as one row."""
 GROUPS = (
     ("what users run", ("cli", "sweeps", "experiments", "envs")),
-    ("results", ("recording", "codegen", "design")),
-    ("closed loops", ("identification", "simulation", "tuning")),
+    ("results", ("codegen", "design", "identification")),
+    ("runs shown, tuned", ("recording", "tuning")),
+    ("closed loops", ("simulation",)),
     ("laws", ("control",)),
     ("offline", ("identifiability",)),
     ("equations", ("dynamics",)),

@@ -13,8 +13,6 @@ def live_section() -> str:
     from adaptctl.experiments.contest import live_subject
     from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
     from adaptctl.identifiability import essential_space, fundamental_basis
-    from adaptctl.recording.page import rendered
-    from adaptctl.recording.report import live_content
 
     experiment = Puma560Adaptive()
     with warnings.catch_warnings():
@@ -25,7 +23,7 @@ def live_section() -> str:
     live = live_subject(env, learner.controller, experiment.seed, experiment.options)
     if not isinstance(live, LiveArm):
         raise RuntimeError(f"the home page has no live arm: {live}")
-    return rendered("live_section.html", live=live_content(live, f"The PUMA 560 with {learner.label}"))
+    return live.html(f"The PUMA 560 with {learner.label}")
 
 
 class LiveArmDirective(SphinxDirective):

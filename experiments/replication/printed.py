@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import msgspec
 import numpy as np
@@ -19,7 +19,7 @@ from adaptctl.files import read_toml
 BLANK, MARK = ".", "x"
 
 
-class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class PrintedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """Table as Sheu and Walker (1991) print it: `title`; `columns`, their labels; and `rows`, which maps labels to
     texts with an entry for each column, separated by spaces, and a dot for a blank. Raises `ValueError` at construction
     for a row with another number of entries."""
@@ -46,6 +46,9 @@ class Table(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         that is no number."""
         rows = [self.rows[label].split() for label in labels or self.rows]
         return np.array([[float(text) for text in row] for row in rows])
+
+
+Table: TypeAlias = PrintedTable
 
 
 class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import rerun.blueprint as rrb
-from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
-from adaptctl.files import write_json, write_text
-from adaptctl.recording import views
-from adaptctl.recording.drawing import WIDTH, Drawing, write_drawings
+from adaptctl.recording.drawing import Drawing, sheet
 from adaptctl.recording.fact import Fact
-from adaptctl.recording.page import embedded, rendered
+from adaptctl.recording.folder import Progress
+from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table
 from adaptctl.recording.palette import MUTED, run_color
-from adaptctl.recording.scene import entity
-from adaptctl.recording.series import Style, log_series
-from adaptctl.recording.stream import log_markdown, saved_stream
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class TorqueCase(NamedTuple):
@@ -91,36 +88,45 @@ class Amplification:
         for entry in self.measured:
             yield Fact(entry.torques, f"filtered dynamics {entry.momentum:.2%}, energy differences {entry.energy:.2%}")
 
-    def write(self, folder: Path, progress: Callable[[str, float], object]) -> None:
-        """Write the result into an existing `folder`: summary.json, report.html, recording.rrd and the PNG file of a
-        figure in the subfolder `figures`, each whole or not at all. `progress(what, share)` is called with what is
-        being written and the fraction done, 0 to 1. Raises `FileError` where a file cannot be written, and for errors
-        that are NaN or infinite."""
-        progress("summary", 0.0)
+    def write(self, folder: Path, progress: Progress) -> None:
+        """Write the result into a `folder`: summary.json, report.html, recording.rrd and the PNG file of a figure in
+        the subfolder `figures`, all or none. `progress(what, share)` is called with what is being written and the
+        fraction done, 0 to 1. Raises `FileError` where a file cannot be written, and for errors that are NaN or
+        infinite."""
         content = {
             "schema": "adaptctl/energy-differences/1",
             "experiment": self.experiment,
             "window": self.window,
             "torques": [entry._asdict() for entry in self.measured],
         }
-        (folder / "figures").mkdir(exist_ok=True)
-        figures = write_drawings(folder / "figures", self._drawings())
-        page = rendered(
-            "findings.html",
-            "adaptctl.recording.identified",
-            title=self.title,
-            lead=self.headline(),
-            facts=list(self.facts()),
-            rows=[(e.torques, f"{e.off:.2%}", f"{e.momentum:.2%}", f"{e.energy:.2%}") for e in self.measured],
-            figures=embedded(self._drawings(), figures),
-        )
-        write_text(folder / "report.html", page)
-        write_json(folder / "summary.json", content)
-        self._record(folder / "recording.rrd")
-        progress("report", 1.0)
+        self.report().write(folder, content, record=self._record, progress=progress)
 
-    def _record(self, path: Path) -> None:
+    def report(self) -> Report:
+        """The report of both estimators' errors: a table and a figure."""
+        told = (
+            "Both estimators learn from the first part of one motion and predict its last part. The torques are those "
+            "of a fitted model, with more and more added to them, up to what the log measured."
+        )
+        rows = [(e.torques, f"{e.off:.2%}", f"{e.momentum:.2%}", f"{e.energy:.2%}") for e in self.measured]
+        table = Table(("torques", "off by", "filtered dynamics", "energy differences"), rows, align="lrrr")
+        caption = "Error of predicted torques on the log's last part, of both estimators."
+        drawing = Drawing("amplification", caption, self._draw)
+        section = Section("What torques that are off make of either estimate", (told, table, drawing))
+        outcome, facts = self.headline(), tuple(self.facts())
+        source = f"Method: {SHEU_WALKER}."
+        return Report(
+            self.experiment, self.title, outcome, facts, (section,), "", self.seed, self.complete, source=source
+        )
+
+    def _record(self, path: Path, figures: Mapping[str, Path]) -> None:
         """Torques over time, a joint a view."""
+        import rerun.blueprint as rrb
+
+        from adaptctl.recording import views
+        from adaptctl.recording.scene import entity
+        from adaptctl.recording.series import Style, log_series
+        from adaptctl.recording.stream import log_markdown, saved_stream
+
         curves = self.curves
         start, end = float(curves.time[0]), float(curves.time[-1])
         torques = [
@@ -139,21 +145,18 @@ class Amplification:
                 style = Style(labels, [MUTED, run_color(0), run_color(1)])
                 log_series(recording, entity(name), curves.time, values, style)
 
-    def _drawings(self) -> Iterator[Drawing]:
-        yield Drawing(
-            "amplification", "Error of predicted torques on the log's last part, of both estimators.", self._draw
-        )
-
     def _draw(self) -> Figure:
-        figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
+        figure = sheet(3.0)
         ax: Any = figure.subplots()
         place = np.arange(len(self.measured))
-        for i, (label, values) in enumerate(
+        both = (
+            ("filtered dynamics", [e.momentum for e in self.measured]),
             (
-                ("filtered dynamics", [e.momentum for e in self.measured]),
-                ("energy differences", [e.energy for e in self.measured]),
-            )
-        ):
+                "energy differences",
+                [e.energy for e in self.measured],
+            ),
+        )
+        for i, (label, values) in enumerate(both):
             ax.barh(place + 0.38 * i, np.maximum(values, 1e-5), 0.36, color=run_color(i).hex, label=label)
         ax.set_yticks(place + 0.19, [e.torques for e in self.measured])
         ax.set_xscale("log")

@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import rerun as rr
-from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.design import CostMap, DesignStudy
+from adaptctl.design.added_mass import CostMap
+from adaptctl.design.study import DesignStudy
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.recording.drawing import sheet
 from adaptctl.recording.palette import BODY, INK, MUTED, Color, run_color
-from adaptctl.recording.scene import TIMELINE, WORLD, entity, quaternions
 from adaptctl.recording.skeleton import Skeleton, Solid
+
+if TYPE_CHECKING:
+    import rerun as rr
+    from matplotlib.colors import Colormap, TwoSlopeNorm
+    from matplotlib.figure import Figure
 
 SPOTS = 24
 """Balls that a shape is drawn by."""
 CLOUD = 5
 """Places along each edge of a link's box."""
-SCALE = LinearSegmentedColormap.from_list(
-    "cost", [(0.0, run_color(0).hex), (0.5, BODY.hex), (0.75, run_color(1).hex), (1.0, Color(160, 24, 24).hex)]
-)
 BALL = Color(240, 200, 40)
+
+
+def scale_of_costs() -> Colormap:
+    """Colour map (Matplotlib) of relative changes of cost: blue, light grey in its middle, orange to red."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    steps = [(0.0, run_color(0)), (0.5, BODY), (0.75, run_color(1)), (1.0, Color(160, 24, 24))]
+    return LinearSegmentedColormap.from_list("cost", [(place, color.hex) for place, color in steps])
 
 
 class Spots(NamedTuple):
@@ -64,6 +71,8 @@ def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
     end is the least of `change` (n,) and of the changes at the cheapest position on each link of the study, its upper
     end the greatest of `change`; each end is moved, where need be, at least a thousandth of the other's size below or
     above 0. Raises `ValueError` for n = 0."""
+    from matplotlib.colors import TwoSlopeNorm
+
     low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
     high = max(float(change.max()), 0.0)
     least = 1e-3 * max(high, -low, 1e-9)
@@ -74,7 +83,7 @@ def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
     """Colours (n, 4), red, green, blue and opacity from 0 to 255, of n relative changes of cost `change` (n,), no unit,
     by a colour `scale` such as `norm` makes. They are blue where the cost falls, light grey for 0, orange to red where
     it rises; changes beyond the scale have the colours of its ends. Nothing is checked."""
-    return np.asarray(SCALE(scale(change), bytes=True), dtype=np.uint8)
+    return np.asarray(scale_of_costs()(scale(change), bytes=True), dtype=np.uint8)
 
 
 def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
@@ -87,6 +96,10 @@ def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton
     Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
     where kinematic loops cannot be closed, `SingularityError` near a singularity of these.
     """
+    import rerun as rr
+
+    from adaptctl.recording.scene import TIMELINE, WORLD, entity, quaternions
+
     mechanism, found = study.task.mechanism, spots(study.map, parts)
     scale, poses = norm(study, found.change), link_poses(mechanism, p)
     for i, link in enumerate(mechanism.links):
@@ -110,6 +123,10 @@ def log_counterweights(recording: rr.RecordingStream, study: DesignStudy, name: 
     """Draw a design study's counterweights in a rerun recording, the same at all times: yellow balls of their true
     radius, labelled with their mass in kg. They are the entities "world"/`name`/LINK/counterweight, LINK being a link's
     name, and move with the entity of their link. Nothing is checked."""
+    import rerun as rr
+
+    from adaptctl.recording.scene import WORLD, entity
+
     for weight in study.counterweights.weights:
         radius = (3.0 * weight.mass / (4.0 * np.pi * weight.density)) ** (1.0 / 3.0)
         ball = rr.Points3D([weight.place], radii=[radius], colors=[BALL], labels=[f"{weight.mass:.3g} kg"])
@@ -133,9 +150,8 @@ def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
         figure.subplots(1, 2), ((0, 2), (0, 1)), ("from the side", "from above"), strict=True
     ):
         order = np.argsort(world[:, 3 - i - j])
-        axes.scatter(
-            world[order, i], world[order, j], s=130.0, c=found.change[order], cmap=SCALE, norm=scale, linewidths=0.0
-        )
+        colored = {"c": found.change[order], "cmap": scale_of_costs(), "norm": scale}
+        axes.scatter(world[order, i], world[order, j], s=130.0, linewidths=0.0, **colored)
         axes.scatter(
             balls[:, i], balls[:, j], s=110.0, color=BALL.hex, edgecolors=INK.hex, marker="o", label="counterweight"
         )

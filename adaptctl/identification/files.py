@@ -1,0 +1,199 @@
+"""The folder of an identification: robot, estimates, validation, summary, page and recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.writers.mechanism_file import write_mechanism
+from adaptctl.description.writers.urdf_inertials import write_urdf
+from adaptctl.dynamics import Mechanism
+from adaptctl.files import write_json
+from adaptctl.identification.identification import Identification
+from adaptctl.identification.report import components, consistency, report
+from adaptctl.identification.validation import Validation
+from adaptctl.recording.drawing import thinned
+from adaptctl.recording.page import Report
+from adaptctl.recording.palette import MUTED, joint_color, run_color
+from adaptctl.recording.units import parameter_unit, torque_error_unit, torque_units
+
+ROBOT, URDF, ESTIMATES, VALIDATION = "robot.toml", "robot.urdf", "estimates.json", "validation.parquet"
+SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
+    "adaptctl/identification-summary/1",
+    "adaptctl/estimates/1",
+    "adaptctl/validation/1",
+)
+SAMPLES = 3000
+"""at most as many are in the recording"""
+
+
+def write_identification(
+    folder: str | Path, found: Identification, robot: str | Path | None = None, before: Mechanism | None = None
+) -> Path:
+    """Write the files of an identification into a `folder`, all or none, and return the folder's path. The files are
+    robot.toml, the identified robot, estimates.json, validation.parquet (torques), recording.rrd, report.html, PNG
+    files in the folder `figures`, and summary.json, the last.
+
+    Where `robot`, the file that was identified, is a URDF file and `before` is the mechanism that it describes,
+    robot.urdf is a copy of it with the identified inertias; without them, by default, there is none. Raises `FileError`
+    where a file cannot be written or the URDF file not be read, for numbers that are NaN or infinite, and for an
+    inertia without mass, which URDF does not allow; `KeyError` for a link that the URDF file does not have.
+    """
+    shown, description = report(found), found.mechanism.description
+    files: dict[str, Callable[[Path], object]] = {
+        ROBOT: partial(write_mechanism, description=description),
+        ESTIMATES: lambda path: write_json(path, estimates(found)),
+        VALIDATION: partial(write_validation, found=found),
+    }
+    if robot is not None and before is not None and Path(robot).suffix.lower() == ".urdf":
+        files[URDF] = lambda path: write_urdf(path, robot, before.description, description)
+    return shown.write(folder, summary(found), tables=files, record=partial(_record, found, shown))
+
+
+def summary(found: Identification) -> dict[str, Any]:
+    """Summary, a mapping of JSON's types, of the identification of a robot's inertial and friction parameters from
+    logs. `validation` is a mapping with the torque errors, predicted less measured, of the identified robot: `of`, in
+    words the rows it is on, `rms_error` in N m (N if prismatic) over all joints and rows, `relative_error`, that
+    divided by the root mean square of the measured torques (no unit), `cutoff` of the low-pass filter in Hz, `rows`,
+    their number, and `joints`, a mapping from a joint's name to both its errors. `alternatives` maps the names of
+    simpler models to such mappings, for the same rows.
+
+    Besides these it has texts: `schema`, `robot`, its name, `robot_sha256`, and `friction`, the friction model's terms;
+    numbers: `prior_weight` (no unit), the filter's `cutoff` (Hz), `training_misfit_over_least_squares`, the ratio of
+    the fit's residual to that of least squares, and `deviations_over_nominal`, the ratio of the estimates' standard
+    deviations to those for white residuals; the truth value `consistent`, True where rigid bodies can have all links'
+    parameters; the mapping `essential_components`, of the `rank` and the number `for_energy_to_1_percent`; lists of
+    texts: `logs`, `unexcited`, combinations of parameters that the logs hardly excite, and `remarks`; the list `trials`
+    of the settings tried, each a mapping of `what`, `candidate`, `rms` (N m; N if all joints are prismatic) and
+    `taken`; and the mapping `steps` from the names of the steps of the logs' preparation to their outcomes in words.
+    Nothing is raised.
+    """
+    settings = found.choice.settings
+    return {
+        "schema": SUMMARY_SCHEMA,
+        "robot": found.mechanism.name,
+        "robot_sha256": found.mechanism.description.sha256,
+        "logs": list(dict.fromkeys(motion.log.source for motion in found.motions)),
+        "validation": {"of": found.validation.origin, **_errors(found, found.validation)},
+        "alternatives": {name: _errors(found, other) for name, other in found.alternatives.items()},
+        "friction": settings.friction.words,
+        "prior_weight": settings.weight,
+        "cutoff": settings.cutoff,
+        "consistent": not found.mechanism.description.inconsistent_links,
+        "training_misfit_over_least_squares": found.misfit_ratio,
+        "deviations_over_nominal": found.inflation,
+        "essential_components": {"rank": found.space.rank, "for_energy_to_1_percent": found.components},
+        "unexcited": [combination.words for combination in found.unexcited],
+        "trials": [trial._asdict() for trial in found.choice.trials],
+        "steps": {step.name: step.outcome for step in found.steps},
+        "remarks": list(found.remarks),
+    }
+
+
+def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
+    names = [joint.name for joint in found.mechanism.primary_joints]
+    each = zip(names, validation.joint_rms_errors.tolist(), validation.joint_relative_errors.tolist(), strict=True)
+    return {
+        "rms_error": validation.rms_error,
+        "relative_error": validation.relative_error,
+        "cutoff": validation.cutoff,
+        "rows": len(validation.time),
+        "joints": {name: {"rms_error": rms, "relative_error": relative} for name, rms, relative in each},
+    }
+
+
+def estimates(found: Identification) -> dict[str, Any]:
+    """Initial estimates for an adaptive controller, those of an identification, in JSON's types. `fundamental` has, by
+    name of each fundamental (base) parameter, in its `unit`, `value`, standard `deviation` and `prior_range`, the
+    greatest distance of the true value that is expected, and `gain`, in that unit squared per J, the diagonal of the
+    adaptation gain. `parameters` has all inertial and friction parameters, SI units; `load_dependent_friction`, by
+    joint, the coefficient of friction proportional to the joint's torque, no unit. The `robot`'s name is there too.
+    Nothing is raised."""
+    joints = [joint.name for joint in found.mechanism.primary_joints]
+    columns = zip(found.estimate, found.deviations, found.prior_ranges, found.adaptation_gain(), strict=True)
+    fundamental = {
+        name: {
+            **dict(zip(("value", "deviation", "prior_range", "gain"), map(float, row), strict=True)),
+            "unit": parameter_unit(name, found.mechanism),
+        }
+        for name, row in zip(found.names, columns, strict=True)
+    }
+    return {
+        "schema": ESTIMATES_SCHEMA,
+        "robot": found.mechanism.name,
+        "robot_sha256": found.mechanism.description.sha256,
+        "fundamental": fundamental,
+        "parameters": dict(zip(found.mechanism.parameter_names, found.mechanism.inertial_parameters, strict=True)),
+        "load_dependent_friction": dict(zip(joints, found.load.tolist(), strict=True)),
+    }
+
+
+def write_validation(path: str | Path, found: Identification) -> None:
+    """Write the torques of an identification's validation to the Parquet file `path`, whole or not at all. It has a row
+    for each instant, with `time`, s, as in the log, and for each joint, by its name, `measured_NAME` and
+    `predicted_NAME`, N m (N if prismatic), both through the same low-pass filter. Raises `FileError` where it cannot be
+    written."""
+    from adaptctl.recording.trace import Quantity, write_columns
+
+    def columns() -> Iterator[Quantity]:
+        validation = found.validation
+        yield Quantity("time", "s", "time as in the log", validation.time)
+        filtered = f"at the joint, below {validation.cutoff:g} Hz"
+        for j, joint in enumerate(found.mechanism.primary_joints):
+            unit, measured = joint.kind.effort_unit, np.ascontiguousarray(validation.measured[:, j])
+            yield Quantity(f"measured_{joint.name}", unit, f"measured torque {filtered}", measured)
+            predicted = validation.predicted[:, j]
+            yield Quantity(f"predicted_{joint.name}", unit, f"torque predicted from the motion {filtered}", predicted)
+
+    about = {"schema": VALIDATION_SCHEMA, "of": found.validation.origin, "cutoff": repr(found.validation.cutoff)}
+    write_columns(path, list(columns()), about)
+
+
+def _record(found: Identification, shown: Report, path: Path, figures: Mapping[str, Path]) -> None:
+    """The arm in the logs' motion, torques of every joint over the validation, their errors, and the outcome."""
+    import rerun.blueprint as rrb
+
+    from adaptctl.recording import views
+    from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_trail, solid_look
+    from adaptctl.recording.series import Style, log_series
+    from adaptctl.recording.skeleton import skeleton
+    from adaptctl.recording.stream import log_markdown, saved_stream
+    from adaptctl.recording.viewpoint import Viewpoint, floor_height
+
+    mechanism, validation, parts = found.mechanism, found.validation, skeleton(found.mechanism)
+    (time, p), kept = _motion(found), thinned(len(validation.time), SAMPLES)
+    start, end = float(validation.time[0]), float(validation.time[-1])
+    curves = [
+        views.curves(f"torque/{entity(joint.name)}", f"{joint.name}: torque [{unit}]", end, start=start)
+        for joint, unit in zip(mechanism.primary_joints, torque_units(mechanism), strict=True)
+    ]
+    error = f"All joints: predicted minus measured [{torque_error_unit(mechanism)}]"
+    arm = views.arm(WORLD, "The log's motion", Viewpoint.of(mechanism, parts, p))
+    left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[3, 2])
+    right = rrb.Grid(*curves, views.curves("error", error, end, start=start), grid_columns=2)
+    layout = views.tabs(rrb.Horizontal(left, right, column_shares=[2, 3], name="Torques on the validation"))
+    with saved_stream(path, shown, np.ascontiguousarray(validation.measured).tobytes(), layout) as recording:
+        log_markdown(recording, "summary", shown.markdown(consistency(found), components(found)))
+        log_base(recording, mechanism, parts, floor_height(mechanism, parts, p))
+        some = thinned(len(time), SAMPLES)
+        tip = log_arm(recording, "logged", mechanism, parts, time[some], p[some], solid_look(run_color(0)))
+        log_trail(recording, "logged", time[some], tip, run_color(0))
+        for j, joint in enumerate(mechanism.primary_joints):
+            both = np.stack([validation.measured[kept, j], validation.predicted[kept, j]], axis=-1)
+            style = Style(("measured", "predicted"), (MUTED, joint_color(j)))
+            log_series(recording, f"torque/{entity(joint.name)}", validation.time[kept], both, style)
+        names = [joint.name for joint in mechanism.primary_joints]
+        style = Style(names, [joint_color(j) for j in range(len(names))])
+        log_series(recording, "error", validation.time[kept], validation.error[kept], style)
+
+
+def _motion(found: Identification) -> tuple[Array, Array]:
+    """Times (T,) and positions (T, r) of the logs that were learnt from, in order of time."""
+    time = np.concatenate([m.log.time[m.first :: m.every][: len(m.position)] for m in found.motions])
+    order = np.argsort(time, kind="stable")
+    return time[order], np.concatenate([motion.position for motion in found.motions])[order]
