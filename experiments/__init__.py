@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from adaptctl.experiments.experiment import Experiment
 
-__all__ = ["EXPERIMENTS", "GROUP", "Entry", "find", "offered"]
+__all__ = ["EXPERIMENTS", "GROUP", "RENAMED", "Entry", "find", "offered"]
 
 
 class Entry(NamedTuple):
@@ -40,12 +40,6 @@ EXPERIMENTS = (
         "The semi-direct-drive arm does so through its closed loop, on 26 parameters",
         "adaptctl.experiments.semi_direct_drive_adaptive",
         "SemiDirectDriveAdaptive",
-    ),
-    Entry(
-        "serial-versus-graph",
-        "The three-joint PUMA and the five-bar on one path in space: what a closed loop costs",
-        "adaptctl.experiments.serial_versus_graph.experiment",
-        "SerialVersusGraph",
     ),
     Entry(
         "two-arms",
@@ -145,13 +139,17 @@ EXPERIMENTS = (
     ),
     Entry(
         "sheu-walker-1991",
-        "Every table and figure of the paper behind all this, computed again, with a verdict",
+        "Every table and figure of the paper behind all this, with a verdict; and its two arms in closed loop",
         "adaptctl.experiments.sheu_walker_1991",
         "SheuWalker1991",
     ),
 )
 
 
+RENAMED = {
+    "serial-versus-graph": "experiment run sheu-walker-1991 --only serial-versus-graph",
+}
+"""Commands that answer what experiments of these names answered."""
 GROUP = "adaptctl.experiments"
 """Entry points of this group name classes of experiments."""
 
@@ -168,6 +166,8 @@ def find(name: str) -> type[Experiment]:
     """Class of the built-in experiment called `name`, such as "two-arms", a subclass of `Experiment`; its module is
     imported here. Raises `NotFoundError`, with the names that exist, for an unknown name."""
     names = [entry.name for entry in EXPERIMENTS]
+    if name in RENAMED:
+        raise NotFoundError(f"experiment {name} is now: adaptctl {RENAMED[name]}")
     if name not in names:
         close = get_close_matches(name, names, n=1, cutoff=0.4)
         guess = f" (did you mean {close[0]!r}?)" if close else ""

@@ -47,8 +47,8 @@ ORDER = (
 LONGEST = 400
 ABOUT = {
     "pinocchio": {"description.readers.pinocchio_model", "description.readers.pinocchio_constraints"},
-    "matplotlib": {"envs.rendering", "experiments.replication", "experiments.serial_versus_graph"},
-    "rerun": {"recording", "experiments.replication", "experiments.serial_versus_graph"},
+    "matplotlib": {"envs.rendering", "experiments.replication"},
+    "rerun": {"recording", "experiments.replication"},
     "pyarrow": {"sweeps.folder", "sweeps.report"},
     "gymnasium": {"envs"},
     "rich": {"cli.basis_report", "cli.tune_report"},

@@ -15,11 +15,13 @@ from adaptctl.control import Spline
 from adaptctl.dynamics import load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.errors import InputError
-from adaptctl.experiments.serial_versus_graph.experiment import SerialVersusGraph
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments import find
+from adaptctl.experiments.sheu_walker_1991 import SheuWalker1991, chosen
 from adaptctl.experiments.tip_path import ARMS
 
 FIVE_BAR = ARMS[1]
+COMMAND = ("experiment", "run", "sheu-walker-1991", "--only", "serial-versus-graph")
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,7 @@ def tip() -> Tip:
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "pair"
-    assert main(["experiment", "run", "serial-versus-graph", "--duration", "5", "--out", str(folder)]) == 0
+    assert main([*COMMAND, "--duration", "5", "--out", str(folder)]) == 0
     return folder
 
 
@@ -48,7 +50,7 @@ def test_inverse_kinematics_finds_joints_that_put_the_tip_there(tip: Tip, goal: 
 
 
 def test_inverse_kinematics_of_many_goals_is_that_of_each(tip: Tip) -> None:
-    goals = SerialVersusGraph().path(np.linspace(0.0, 10.0, 6)).p
+    goals = SheuWalker1991().path(np.linspace(0.0, 10.0, 6)).p
     each = [tip.joints(goal, FIVE_BAR.start) for goal in goals]
     np.testing.assert_allclose(tip.joints(goals, FIVE_BAR.start), each, atol=1e-10)
 
@@ -64,7 +66,7 @@ def test_what_is_out_of_reach_is_told(tip: Tip) -> None:
 
 @pytest.mark.parametrize("duration", [4.0])
 def test_the_reference_keeps_the_tip_on_its_path(tip: Tip, duration: float) -> None:
-    experiment = SerialVersusGraph(duration=duration)
+    experiment = SheuWalker1991(duration=duration)
     reference = experiment.in_joints(tip, FIVE_BAR)
     times = np.linspace(0.0, duration, 173)
     np.testing.assert_allclose(tip.at(reference(times).p), experiment.path(times).p, atol=1e-6)
@@ -116,14 +118,14 @@ def test_both_learn_to_follow_the_path(arms: dict[str, Any]) -> None:
 
 def test_both_start_equally_far_off_the_path(out: Path) -> None:
     """0.05 m in each direction; the same path, whatever the joints."""
-    start = np.array(SerialVersusGraph().start_off)
+    start = np.array(SheuWalker1991().start_off)
     for arm in ARMS:
         table = pq.read_table(out / f"trace-{arm.name}.parquet")
         names = [name for name in table.column_names if name.startswith("p.")]
         if arm is FIVE_BAR:
             tip = Tip(load(arm.robot), arm.link, np.array(arm.tip))
             first = np.array([table[name][0].as_py() for name in names])
-            np.testing.assert_allclose(tip.at(first) - SerialVersusGraph().center, start, atol=1e-9)
+            np.testing.assert_allclose(tip.at(first) - SheuWalker1991().path_center, start, atol=1e-9)
         assert table.num_rows == 5000
 
 
@@ -137,5 +139,16 @@ def test_the_report_says_why_not_16_and_the_recording_is_there(out: Path) -> Non
 
 
 def test_paths_have_three_coordinates() -> None:
-    with pytest.raises(InputError, match="amplitude: expected 3 numbers"):
-        SerialVersusGraph(amplitude=(0.1, 0.2))
+    with pytest.raises(InputError, match="path_amplitude: expected 3 numbers"):
+        SheuWalker1991(path_amplitude=(0.1, 0.2))
+
+
+def test_the_old_name_answers_with_the_new_command() -> None:
+    with pytest.raises(NotFoundError, match=f"is now: adaptctl {' '.join(COMMAND)}$"):
+        find("serial-versus-graph")
+
+
+def test_the_arms_in_closed_loop_are_a_run_of_their_own() -> None:
+    assert chosen(("serial-versus-graph",)) == ()
+    with pytest.raises(InputError, match="only: serial-versus-graph is a run of its own"):
+        SheuWalker1991(only=("table7", "serial-versus-graph"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,21 +13,20 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 from rerun.chunk import RrdReader
 
 from adaptctl.cli.main import main
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments import find
-from adaptctl.experiments.replication.arms import near_parallelogram, puma560, semi_direct_drive
-from adaptctl.experiments.replication.decoupling import Decoupling
-from adaptctl.experiments.replication.draws import Draws
-from adaptctl.experiments.replication.items import ITEMS, chosen
-from adaptctl.experiments.replication.null_combinations import combination
-from adaptctl.experiments.replication.printed import Number, Table, printed
-from adaptctl.experiments.replication.result import Replication
-from adaptctl.experiments.replication.verdict import Item, Outturn
-from adaptctl.experiments.replication.wording import headline
-from adaptctl.experiments.sheu_walker_1991 import SheuWalker1991
+from adaptctl.experiments.replication.arms import Draws, near_parallelogram, puma560, semi_direct_drive
+from adaptctl.experiments.replication.cases import Study
+from adaptctl.experiments.replication.judging import Check, Item
+from adaptctl.experiments.replication.judging import item as judged_item
+from adaptctl.experiments.replication.pages import Replication, headline
+from adaptctl.experiments.replication.printed import Number, Outturn, PrintedTable, printed
+from adaptctl.experiments.replication.proofs import Decoupling, combination
+from adaptctl.experiments.sheu_walker_1991 import ITEMS, SheuWalker1991, chosen
 from adaptctl.identifiability import fundamental_basis
 
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
@@ -144,9 +144,10 @@ def test_decoupling_takes_ten_relations_or_six(item: Callable[[str], Item]) -> N
     section = item("section5.3")
     assert values(section, "Generic:") == (4.0, 4.0, 4.0, 10.0)
     assert values(section, "Parallelogram:") == (2.0, 2.0, 2.0, 6.0)
-    assert [len(one.lines) for one in section.relations] == [10, 6]
-    assert "link4.I_zz* = 0.37 link4.mc_x*" in section.relations[0].lines
-    assert "link5.mc_x* = 0.6667 link4.mc_x*" in section.relations[1].lines
+    generic, parallelogram = section.relations.values()
+    assert (len(generic), len(parallelogram)) == (10, 6)
+    assert "link4.I_zz* = 0.37 link4.mc_x*" in generic
+    assert "link5.mc_x* = 0.6667 link4.mc_x*" in parallelogram
     assert values(section, "rigid bodies")[1] > 0.0
     assert max(values(section, "off-diagonal inertia is")) < 1e-12
     assert section.checks[0].computed == "23"
@@ -164,6 +165,113 @@ def test_share_of_the_seeds_on_which_each_claim_holds(replication: Replication) 
     assert said["puma_torque"] > 0.7
     assert said["arm_torque"] > 0.6
     assert said["puma_energy"] == said["arm_energy"] == 0.0
+
+
+def with_moved(study: Study, name: str, moved: Callable[[str, str, str], str]) -> Study:
+    """The study, with all that is computed, of a paper that prints other entries in one table."""
+    paper = study.paper
+    table = paper.of(name)
+    assert table is not None
+    rows = {
+        row: " ".join(moved(row, column, text) for column, text in zip(table.columns, texts.split(), strict=True))
+        for row, texts in table.rows.items()
+    }
+    other = structs.replace(table, rows=rows)
+    where = "tables" if name in paper.tables else "sentences"
+    changed = replace(study, paper=structs.replace(paper, **{where: getattr(paper, where) | {name: other}}))
+    changed.__dict__.update({key: value for key, value in study.__dict__.items() if key not in changed.__dict__})
+    return changed
+
+
+def beyond(check: Check, tolerance: float, direction: int) -> str:
+    """The entry, moved by its tolerance: a cross for a blank, a number out of its bounds, printed as it was."""
+    if check.is_mark:
+        return "." if check.printed == "x" else "x"
+    number = Number.of(check.printed)
+    if check.low is not None and check.high is not None:
+        edge = check.low if direction < 0 else check.high
+        return f"{edge * (1.0 + 0.25 * direction):.1E}"
+    if check.verdict is Outturn.IN_SHAPE:
+        target = max(1e3, 1e3 * abs(number.value))
+    else:
+        target = number.value + direction * max(math.ceil(tolerance / number.unit), 1.0) * number.unit
+    return number.styled(target)
+
+
+FAILING = {Outturn.NOT_REPRODUCED, Outturn.ERRATUM}
+
+
+@pytest.mark.parametrize("direction", [-1, 1])
+@pytest.mark.parametrize("name", [name for name in ITEMS if printed().of(name)])
+def test_every_verdict_fails_where_a_printed_number_is_moved_by_its_tolerance(
+    replication: Replication, item: Callable[[str], Item], name: str, direction: int
+) -> None:
+    """Away from what is computed where that is off the printed number, so that both differ by more than is allowed."""
+    table, checks = printed().of(name), {(check.row, check.column): check for check in item(name).checks}
+    assert table is not None
+
+    def moved(row: str, column: str, text: str) -> str:
+        check = checks.get((row, column))
+        if check is None or check.verdict in FAILING:
+            return text
+        off = 0.0 if check.is_mark else Number.of(text).value - computed(row, column, check)
+        away = direction if abs(off) < 1e-12 or check.low is not None else int(math.copysign(1, off))
+        return beyond(check, table.tolerance, away)
+
+    found = ITEMS[name](replication.study)
+
+    def computed(row: str, column: str, check: Check) -> float:
+        assert found.entry is not None
+        value = found.entry(row, column)
+        return float(value) if isinstance(value, int | float) else Number.of(check.printed).value
+
+    study = with_moved(replication.study, name, moved)
+    now = judged_item(name, study.paper, ITEMS[name](study), study.numbers)
+    for check in now.checks:
+        before = checks[check.row, check.column]
+        if before.verdict not in FAILING:
+            assert check.printed != before.printed
+            assert check.verdict is Outturn.NOT_REPRODUCED, f"{check.row}, {check.column}: {check.printed}"
+    assert now.verdict is Outturn.NOT_REPRODUCED
+
+
+@pytest.mark.parametrize("name", ["table5", "table13", "conclusions"])
+def test_an_erratum_comes_out_where_the_paper_prints_what_is_computed(
+    replication: Replication, item: Callable[[str], Item], name: str
+) -> None:
+    right = {(check.row, check.column): check.computed or "." for check in item(name).checks}
+    study = with_moved(replication.study, name, lambda row, column, text: right[row, column])
+    now = judged_item(name, study.paper, ITEMS[name](study), study.numbers)
+    assert {check.verdict for check in now.checks} == {Outturn.REPRODUCED}
+
+
+@pytest.mark.parametrize(
+    ("claim", "name", "numbers"),
+    [
+        ("puma_rank", "table2", "37"),
+        ("puma_rank", "table2", "35"),
+        ("puma_first_34", "table2", "33"),
+        ("puma_torque", "table3", "36"),
+        ("puma_independent", "table5", "35"),
+        ("arm_torque", "table10", "25"),
+        ("arm_rank", "table12", "25"),
+        ("arm_independent", "table12", "27"),
+        ("torque_34_20", "conclusions", "36 20"),
+        ("torque_34_20", "conclusions", "34 25"),
+    ],
+)
+def test_a_claim_fails_where_its_number_is_another(
+    replication: Replication, item: Callable[[str], Item], claim: str, name: str, numbers: str
+) -> None:
+    study = replication.study
+    saying = study.paper.claims[claim]
+    paper = structs.replace(study.paper, claims=study.paper.claims | {claim: structs.replace(saying, numbers=numbers)})
+    changed = replace(study, paper=paper)
+    changed.__dict__.update({key: value for key, value in study.__dict__.items() if key not in changed.__dict__})
+    before, now = item(name), judged_item(name, paper, ITEMS[name](changed), study.numbers)
+    place = next(i for i, one in enumerate(before.claims) if one.saying is saying)
+    assert before.claims[place].verdict not in FAILING
+    assert now.claims[place].verdict is Outturn.NOT_REPRODUCED
 
 
 def test_all_that_the_paper_prints_is_looked_at(replication: Replication) -> None:
@@ -197,7 +305,7 @@ def test_digits_are_lost_by_tens(value: float, direction: float) -> None:
 
 def test_a_printed_table_with_a_row_of_another_length_is_refused() -> None:
     with pytest.raises(ValueError, match=r"row 'm' has 2 entries, expected 3"):
-        Table("a table", ["1", "2", "3"], {"m": "1 2"})
+        PrintedTable("a table", ["1", "2", "3"], {"m": "1 2"})
 
 
 @pytest.mark.parametrize("text", ["x", "", "1.2.3", "1E+E"])
@@ -207,7 +315,7 @@ def test_what_is_no_number_is_refused(text: str) -> None:
 
 
 def test_energies_over_the_grid_are_those_of_the_mechanism() -> None:
-    arm = semi_direct_drive()
+    arm = semi_direct_drive(printed())
     p, v = arm.states(np.random.default_rng(0), 20, 1.0)
     expected = arm.mechanism.energy_regressor(p, v)
     np.testing.assert_allclose(arm.energies(p, v), expected, atol=1e-11 * np.abs(expected).max())
@@ -219,7 +327,7 @@ def test_energies_over_the_grid_are_those_of_the_mechanism() -> None:
 
 
 def test_torque_errors_are_means_of_squares() -> None:
-    arm = puma560()
+    arm = puma560(printed())
     draws, motion = Draws.of(arm, (5, 6), 101, 1.0), arm.sinusoid(0.5, 50)
     errors = draws.torque_errors(motion)
     for seed, s in ((0, 10), (1, 30)):
@@ -229,7 +337,7 @@ def test_torque_errors_are_means_of_squares() -> None:
 
 
 def test_parameters_under_the_relations_decouple_the_arm() -> None:
-    arm = semi_direct_drive(near_parallelogram(0.1))
+    arm = semi_direct_drive(printed(), near_parallelogram(0.1))
     needs = Decoupling.of(arm, fundamental_basis(arm.space))
     F = needs.of_parameters()
     D = arm.parameters - np.linalg.pinv(F) @ (F @ arm.parameters)
@@ -287,8 +395,7 @@ def test_a_run_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert 'href="http' not in page
     assert (tmp_path / "figures" / "figure-4.png").stat().st_size > 10_000
     entities = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "recording.rrd").store().stream()}
-    assert {"/verdicts", "/figure/figure-4"} <= entities
-    assert any(entity.startswith("/torque/PUMA_560/joint1") for entity in entities)
+    assert {"/summary", "/figures/figure-4"} <= entities
 
 
 def test_without_draws_or_figures_everything_is_written(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ TRIES = 3
 """of a viewer, which on a busy machine may not answer in time"""
 LOOKS = 6
 """Of a viewer, a second apart: what it says of itself when it opens goes away while it is looked at."""
-FIRST = {"task-space": "tool-error", "serial-versus-graph": "tip-error", "sheu-walker-1991": "figure-3"}
+FIRST = {"task-space": "tool-error", "sheu-walker-1991": "figure-3"}
 """Figures that show what the experiment is about, where it is not the tracking error."""
 HEAD = """# Gallery
 

@@ -1,1 +1,1 @@
-"""Sheu and Walker (1991) beside what is computed here: what they print, what comes out, and a verdict on each."""
+"""Replication of Sheu and Walker (1991): what is printed, what is computed, what is judged, and how it is shown."""

@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.arms import StatedMotion
-from adaptctl.experiments.replication.draws import Draws
-from adaptctl.experiments.replication.printed import Table
+from adaptctl.experiments.replication.arms import Draws, StatedMotion
+from adaptctl.experiments.replication.printed import PrintedTable
 from adaptctl.recording.drawing import Drawing, sheet
 from adaptctl.recording.palette import INK, MUTED, PAPER, Color, joint_color, run_color
 
@@ -21,50 +20,44 @@ BAND = (5.0, 95.0)
 """percentiles of the inner band; the outer one is all seeds"""
 LEAST = 1e-10
 """percent, or (N m)^2: what lies below is drawn at the lower edge"""
+BANDS = "Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed"
 
 
 def singular_values(draws: Draws, numbers: Array) -> Drawing:
-    """Drawing of Table 2 of Sheu and Walker (1991) for the report, a `Drawing` (name, caption and function that makes
-    the figure): the singular values of energy differences over all random draws of states, J per SI unit, and the
-    printed ones, `numbers` (k,), k the rank. `draws` are the random draws. Nothing is checked."""
-    caption = (
-        f"Table 2: the {draws.rank} singular values that are not round-off. Line: median of {len(draws.reductions)} "
-        "seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
-    )
-    return Drawing("table-2", caption, partial(_singular_values, draws.singular_values[:, : draws.rank], numbers))
+    """Drawing of Table 2: singular values (J per SI unit) of all draws, and the k printed `numbers`."""
+    caption = f"Table 2: the {draws.rank} singular values that are not round-off. {BANDS}."
+
+    def draw() -> Figure:
+        figure = sheet(3.4)
+        axes = figure.subplots()
+        place = np.arange(1.0, len(numbers) + 1.0)
+        _bands(axes, place, draws.singular_values[:, : draws.rank], run_color(0))
+        _printed(axes, place, numbers)
+        axes.set(yscale="log", xlim=(0.5, len(numbers) + 0.5), xlabel="number", ylabel="singular value")
+        axes.legend(loc="lower left")
+        return figure
+
+    return Drawing("table-2", caption, draw)
 
 
 def percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Drawing:
-    """Drawing of Figure 3 of Sheu and Walker (1991) for the report, a `Drawing` (name, caption and function that makes
-    the figure): the energy error, %, over the number of essential components (the parameters' parts along the right
-    singular vectors of energy differences) that are kept. It has a panel for each arm's random draws in `panels` (two
-    or three), by title, with the printed errors in `points`, %, by title and number of components; a negative one is an
-    upper bound, drawn as an arrow. Nothing is checked."""
-    caption = (
-        "Figure 3: error of the energy over the number of components kept. Line: median of the seeds; bands: from the "
-        "5th to the 95th percentile, and all; crosses: printed in Tables 3 and 10; arrows: the text's upper bounds."
-    )
-    return Drawing("figure-3", caption, partial(_percent_errors, panels, points))
+    """Drawing of Figure 3: energy errors (%) over the number of components, a panel for each of two or three arms'
+    draws, with the printed `points` by title and number; a negative one is an upper bound, drawn as an arrow."""
+    caption = f"Figure 3: error of the energy over the number of components kept. {BANDS} in Tables 3 and 10; arrows: "
+    return Drawing("figure-3", caption + "the text's upper bounds.", partial(_percent_errors, panels, points))
 
 
-def torque_errors(name: str, table: Table, errors: Array) -> Drawing:
-    """Drawing of Table 3 or 10 of Sheu and Walker (1991) for the report, a `Drawing` (name, caption and function that
-    makes the figure): mean square torque errors, (N m)^2, over the number of essential components (the parameters'
-    parts along the right singular vectors of energy differences) that are kept. `name` is the drawing's ("table-3"),
-    `table` the printed one, `errors` (seeds, k + 1, r) those computed for each random draw with 0 to k components at r
-    joints, (N m)^2. Nothing is checked."""
-    caption = (
-        f"{name.replace('-', ' ').title()}: mean square torque errors over the number of components kept, a joint "
-        "each. Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed."
-    )
+def torque_errors(name: str, table: PrintedTable, errors: Array) -> Drawing:
+    """Drawing of Table 3 or 10, called `name` ("table-3"): mean square torque `errors` (seeds, k + 1, r), (N m)^2, over
+    the number of components, and those printed in the `table`."""
+    title = name.replace("-", " ").title()
+    caption = f"{title}: mean square torque errors over the number of components kept, a joint each. {BANDS}."
     return Drawing(name, caption, partial(_torque_errors, table, errors))
 
 
 def torques(name: str, joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> Drawing:
-    """Drawing of Figure 4 or 6 of Sheu and Walker (1991) for the report, a `Drawing` (name, caption and function that
-    makes the figure): torque of one joint along a sinusoid, `motion`. `name` is the drawing's ("figure-4"), `joint`
-    counts from 1, `curves` maps labels to four torques (T,), N m, the actual one first, at the T times of `motion`. The
-    drawing's function raises `ValueError` for another number of curves."""
+    """Drawing of Figure 4 or 6, called `name` ("figure-4"): four torques (T,), N m, of a `joint`, counted from 1, along
+    a `motion`, by label in `curves`, the actual one first."""
     caption = (
         f"{name.replace('-', ' ').title()}: torque of joint {joint} along the stated sinusoid, with all parameters and "
         "with the largest components of the first seed's draw; mean square errors in the legend."
@@ -73,29 +66,13 @@ def torques(name: str, joint: int, motion: StatedMotion, curves: Mapping[str, Ar
 
 
 def two_parameters(c: float, real: Array, essential: Array, independent: Array) -> Drawing:
-    """Drawing of Figure 1 of Sheu and Walker (1991) for the report, a `Drawing` (name, caption and function that makes
-    the figure): the plane of two parameters m1 and m2 of which only m1 + c m2 matters, with the points (2,) of the
-    `real`, the `essential` (projected) and the `independent` (m2 = 0) parameters; `c` and the points have no unit.
-    Nothing is checked."""
+    """Drawing of Figure 1: the plane of two parameters of which only m1 + `c` m2 matters, with the points (2,) of the
+    `real`, the `essential` and the `independent` parameters."""
     caption = (
         f"Figure 1: two parameters of which only m1 + c m2 matters, c = {c:g}. The real parameters, projected onto the "
         "essential space; a null vector leads from there to the independent parameters, where m2 is zero."
     )
     return Drawing("figure-1", caption, partial(_two_parameters, c, real, essential, independent))
-
-
-def _singular_values(values: Array, numbers: Array) -> Figure:
-    figure = sheet(3.4)
-    axes = figure.subplots()
-    place = np.arange(1.0, len(numbers) + 1.0)
-    _bands(axes, place, values, run_color(0))
-    _printed(axes, place, numbers)
-    axes.set_yscale("log")
-    axes.set_xlim(0.5, len(numbers) + 0.5)
-    axes.set_xlabel("number")
-    axes.set_ylabel("singular value")
-    axes.legend(loc="lower left")
-    return figure
 
 
 def _percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[int, float]]) -> Figure:
@@ -106,32 +83,23 @@ def _percent_errors(panels: Mapping[str, Draws], points: Mapping[str, Mapping[in
         _bands(axes, np.arange(float(errors.shape[1])), np.maximum(errors, LEAST), run_color((0, 2, 3)[i]))
         exact = {s: value for s, value in points[title].items() if value > 0.0}
         _printed(axes, np.array(list(exact)), np.array(list(exact.values())))
-        for s, value in points[title].items():
-            if value < 0.0:
-                axes.annotate(
-                    "", (s, -value / 6.0), (s, -value), arrowprops={"arrowstyle": "->", "color": PRINTED.hex, "lw": 1.6}
-                )
-        axes.set_title(title)
-        axes.set_yscale("log")
-        axes.set_ylim(1e-5, 200.0)
-        axes.set_xlim(0.0, errors.shape[1] - 0.5)
+        for s, bound in ((s, -value) for s, value in points[title].items() if value < 0.0):
+            style = {"arrowstyle": "->", "color": PRINTED.hex, "lw": 1.6}
+            axes.annotate("", (s, bound / 6.0), (s, bound), arrowprops=style)
+        axes.set(title=title, yscale="log", ylim=(1e-5, 200.0), xlim=(0.0, errors.shape[1] - 0.5))
         axes.set_xlabel("components kept")
     row[0].set_ylabel("energy error [%]")
     row[0].legend(loc="lower left")
     return figure
 
 
-def _torque_errors(table: Table, errors: Array) -> Figure:
-    joints, columns = errors.shape[-1], [int(column) for column in table.columns]
-    rows = -(-joints // 3)
+def _torque_errors(table: PrintedTable, errors: Array) -> Figure:
+    rows, columns = -(-errors.shape[-1] // 3), np.array([int(column) for column in table.columns])
     figure = sheet(2.3 * rows + 0.3)
     for j, axes in enumerate(np.ravel(figure.subplots(rows, 3, sharex=True, sharey=True))):
-        numbers = np.array([float(text) for text in table.rows[f"joint{j + 1}"].split()])
         _bands(axes, np.arange(float(errors.shape[1])), np.maximum(errors[..., j], LEAST), joint_color(j))
-        _printed(axes, np.array(columns), np.maximum(numbers, LEAST))
-        axes.set_yscale("log")
-        axes.set_ylim(0.5 * LEAST, 3.0 * errors.max())
-        axes.set_xlim(0.0, errors.shape[1] - 0.5)
+        _printed(axes, columns, np.maximum(table.values(f"joint{j + 1}")[0], LEAST))
+        axes.set(yscale="log", ylim=(0.5 * LEAST, 3.0 * errors.max()), xlim=(0.0, errors.shape[1] - 0.5))
         axes.set_title(f"joint {j + 1}")
     figure.supxlabel("components kept", size=9)
     figure.supylabel("mean square torque error [(N·m)²]", size=9)
@@ -149,9 +117,7 @@ def _torques(joint: int, motion: StatedMotion, curves: Mapping[str, Array]) -> F
     )
     for (label, values), (color, width, dashes) in zip(curves.items(), styles, strict=True):
         axes.plot(motion.time, values, color=color.hex, linewidth=width, linestyle=dashes, label=label)
-    axes.set_xlim(0.0, motion.time[-1])
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(f"torque of joint {joint} [N·m]")
+    axes.set(xlim=(0.0, motion.time[-1]), xlabel="time [s]", ylabel=f"torque of joint {joint} [N·m]")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
@@ -180,9 +146,8 @@ def _two_parameters(c: float, real: Array, essential: Array, independent: Array)
 
 
 def _arrow(axes: Axes, start: Array, end: Array, color: Color, width: float) -> None:
-    axes.annotate(
-        "", tuple(end), tuple(start), arrowprops={"arrowstyle": "-|>", "color": color.hex, "lw": width, "shrinkA": 0}
-    )
+    style = {"arrowstyle": "-|>", "color": color.hex, "lw": width, "shrinkA": 0}
+    axes.annotate("", tuple(end), tuple(start), arrowprops=style)
 
 
 def _label(axes: Axes, point: Array, text: str, color: Color) -> None:

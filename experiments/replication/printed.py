@@ -1,13 +1,14 @@
-"""Contents of the paper: its tables and sayings, from ``printed.toml``, digits and all."""
+"""Contents of the paper as data, printed.toml, digits and all; and the words of the replication, words.toml."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import Enum
 from functools import cache
 from importlib.resources import as_file, files
-from typing import Literal, TypeAlias
+from typing import Literal, TypeVar
 
 import msgspec
 import numpy as np
@@ -17,16 +18,36 @@ from adaptctl.errors import InputError
 from adaptctl.files import read_toml
 
 BLANK, MARK = ".", "x"
+HALF = 0.5 + 1e-9
+"""units of the last digit that a rounded number may be off, halves being rounded themselves"""
+Read = TypeVar("Read")
+
+
+class Outturn(Enum):
+    """Enumeration of verdicts on what the paper prints: GIVEN, an input used as printed; REPRODUCED, computed again;
+    IN_SHAPE, which depends on what is not printed and lies among the values computed for what was chosen here; ERRATUM,
+    shown to be wrong; NOT_REPRODUCED, outside of all that was computed, and not shown to be wrong."""
+
+    GIVEN = "given"
+    REPRODUCED = "reproduced"
+    IN_SHAPE = "reproduced in shape"
+    ERRATUM = "erratum"
+    NOT_REPRODUCED = "not reproduced"
 
 
 class PrintedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Table as Sheu and Walker (1991) print it: `title`; `columns`, their labels; and `rows`, which maps labels to
-    texts with an entry for each column, separated by spaces, and a dot for a blank. Raises `ValueError` at construction
-    for a row with another number of entries."""
+    """Table as the paper prints it: `title`; `columns`, their labels; `rows`, texts by label with an entry for each
+    column, a dot for a blank. `tolerance`, in the numbers' unit, is how far a computed value may be off, half a unit of
+    the last printed digit where it is less; `inputs` is True where the numbers are used as printed; `errata` names, by
+    row, columns whose entries are shown to be wrong. Raises `ValueError` at construction for a row of another
+    length."""
 
     title: str
     columns: list[str]
     rows: dict[str, str]
+    tolerance: float = 0.0
+    inputs: bool = False
+    errata: dict[str, list[str]] = {}
 
     def __post_init__(self) -> None:
         for label, row in self.rows.items():
@@ -34,27 +55,19 @@ class PrintedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
                 raise ValueError(f"row {label!r} has {len(row.split())} entries, expected {len(self.columns)}")
 
     def entries(self) -> Iterator[tuple[str, str, str]]:
-        """Iterator over the entries of the printed table, row by row: for each a tuple of its row's label, its column's
-        label and its text, "." for a blank. Nothing is checked."""
+        """Iterator over entries, row by row: the row's label, the column's label and the text, "." for a blank."""
         for label, row in self.rows.items():
             for column, text in zip(self.columns, row.split(), strict=True):
                 yield label, column, text
 
     def values(self, *labels: str) -> Array:
-        """Numbers (rows, columns) in the rows of the printed table with these `labels`, in the order given, or without
-        any in all rows, as printed. Raises `KeyError` for an unknown label, `ValueError` for a blank or other entry
-        that is no number."""
-        rows = [self.rows[label].split() for label in labels or self.rows]
-        return np.array([[float(text) for text in row] for row in rows])
-
-
-Table: TypeAlias = PrintedTable
+        """Numbers (rows, columns) of the rows with these `labels`, without any of all rows. Raises `KeyError` for an
+        unknown label, `ValueError` for an entry that is no number."""
+        return np.array([[float(text) for text in self.rows[label].split()] for label in labels or self.rows])
 
 
 class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Quotation from Sheu and Walker (1991) that is to be judged: `where`, the number of its section; `quote`, the
-    sentence; and `numbers`, the numbers in it that are in question, as text separated by spaces. Types are checked
-    where a file is read, not at construction."""
+    """Quotation that is judged: `where`, its section; `quote`, the sentence; `numbers` in question, as text."""
 
     where: str
     quote: str
@@ -62,32 +75,74 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Contents of Sheu and Walker (1991) that can be computed again: `tables`, a `Table` each, and `claims`,
-    quotations, a `Saying` each, by short names, such as "table7" or "puma_rank"; `schema` is the file format's name.
-    Types are checked where a file is read, not at construction."""
+    """Contents of the paper that can be computed again: `tables`; numbers in its text that stand in `sentences`, laid
+    out as tables; and `claims`, quotations; all by short names."""
 
     schema: Literal["adaptctl/printed/1"]
-    tables: dict[str, Table]
+    tables: dict[str, PrintedTable]
+    sentences: dict[str, PrintedTable]
     claims: dict[str, Saying]
+
+    def of(self, item: str) -> PrintedTable | None:
+        """Table of the printed entries of an `item`, None where it has none."""
+        return self.tables.get(item) or self.sentences.get(item)
+
+
+class Said(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Words of an item, with computed values in braces: `title`, `summary`, what was `chosen`, and `evidence`. `claims`
+    are those judged with it; `holds` is its verdict where nothing printed is compared, and the computation agrees."""
+
+    summary: str
+    title: str = ""
+    chosen: list[str] = []
+    evidence: dict[str, str] = {}
+    claims: list[str] = []
+    holds: Outturn | None = None
+
+
+class ClaimWords(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Words on a claim: what was `measured` and `found`, with computed values in braces; its verdict where it `holds`,
+    which is where the computation agrees, on a share of the draws of `at_least` so much, and where it `fails`. `saying`
+    is the quotation's name where that is not the claim's."""
+
+    measured: str
+    found: str
+    saying: str = ""
+    holds: Outturn = Outturn.REPRODUCED
+    fails: Outturn = Outturn.NOT_REPRODUCED
+    at_least: float = 0.5
+
+
+class Words(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Words of the whole replication: of its `items`, of its `claims`, and of each verdict, its `meanings`."""
+
+    schema: Literal["adaptctl/words/1"]
+    items: dict[str, Said]
+    claims: dict[str, ClaimWords]
+    meanings: dict[Outturn, str]
+
+
+def _read(name: str, kind: type[Read]) -> Read:
+    with as_file(files("adaptctl.experiments.replication") / name) as path:
+        return read_toml(path, kind)
 
 
 @cache
 def printed() -> Printed:
-    """Contents of Sheu and Walker (1991), a `Printed` of tables and quotations, from the file printed.toml in this
-    package, read once and then cached. Nothing is raised."""
-    with as_file(files("adaptctl.experiments.replication") / "printed.toml") as path:
-        return read_toml(path, Printed)
+    """Contents of the paper, from printed.toml, read once."""
+    return _read("printed.toml", Printed)
+
+
+@cache
+def words() -> Words:
+    """Words of the replication, from words.toml, read once."""
+    return _read("words.toml", Words)
 
 
 @dataclass(frozen=True)
 class Number:
-    """Number as a table of Sheu and Walker (1991) prints it: `text`, its characters; `value`, what they stand for;
-    `unit`, the value of one unit in the last printed digit, such as 0.0001 for "-0.0805"; and `digits`, the count of
-    printed digits by which agreement is measured.
-
-    For a number with decimals and without an exponent, `digits` is the count of its decimals, since the numbers in a
-    column share it; otherwise it is the count of significant digits. Nothing is checked at construction.
-    """
+    """Number as printed: `text`; `value`; `unit`, that of its last digit; and `digits`, by which agreement is measured:
+    its decimals where it has some and no exponent, since a column shares them, else its significant digits."""
 
     text: str
     value: float
@@ -96,8 +151,7 @@ class Number:
 
     @classmethod
     def of(cls, text: str) -> Number:
-        """The `Number` that a printed `text` such as "-0.0805" or "4.4E+04" stands for. Raises `InputError` for a text
-        that is no number."""
+        """Number for a printed `text`, such as "4.4E+04". Raises `InputError` for a text that is no number."""
         mantissa, _, exponent = text.upper().partition("E")
         decimals = len(mantissa.partition(".")[2])
         significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1
@@ -108,17 +162,14 @@ class Number:
             raise InputError(f"{text!r} is not a printed number") from error
 
     def digits_met(self, computed: float) -> int:
-        """Count of the printed number's digits, from 0 to all, with which a `computed` value in the same physical unit
-        agrees: all where it is within half a unit of the last digit, one less for each tenfold of that. Raises
-        `ValueError` for NaN, `OverflowError` for infinity."""
+        """Count of printed digits with which a `computed` value agrees: all within half a unit of the last, one less
+        for each tenfold of that. Raises `ValueError` for NaN, `OverflowError` for infinity."""
         off = abs(computed - self.value) / self.unit
-        lost = 0 if off <= 0.5 + 1e-9 else math.ceil(math.log10(2.0 * off) - 1e-12)
+        lost = 0 if off <= HALF else math.ceil(math.log10(2.0 * off) - 1e-12)
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
-        """Number `computed`, formatted as text in the style of this printed number: with as many decimals, and with an
-        exponent where the printed number has one; a value without exponent that rounds to zero has no minus sign.
-        Nothing is checked."""
+        """Text of a `computed` number with this one's decimals and exponent; no minus sign where it rounds to zero."""
         decimals = len(self.text.upper().partition("E")[0].partition(".")[2])
         if "E" in self.text.upper():
             return f"{computed:.{decimals}E}"
