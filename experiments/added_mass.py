@@ -14,7 +14,7 @@ from adaptctl.design.bodies import CATALOGUE
 from adaptctl.dynamics import load
 from adaptctl.experiments.experiment import Experiment, setting
 from adaptctl.recording import Progress, Result
-from adaptctl.recording.verdict import Verdict
+from adaptctl.recording.result import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,8 +108,7 @@ def bodies_figure(study: DesignStudy) -> Figure:
     """Matplotlib figure, of bars, of the changes, %, of an arm's root mean square energy by a gripper, a camera and a
     motor on each of its links. `study`, a `DesignStudy`, has the arm and its states. Arguments are not checked; raises
     what `added_mass` raises, such as `RankError`."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import run_color
+    from adaptctl.recording.drawing import run_color, sheet
 
     figure, found = sheet(2.8), bodies(study)
     axes = figure.subplots()

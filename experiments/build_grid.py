@@ -16,8 +16,7 @@ def build_grid(builds: Sequence[Build]) -> Figure:
     compiler and kind of number (double or float). A blue square marks a build that reproduces the torques recorded from
     Python, an orange one a build that does not, with the largest difference of torques, N m (N if prismatic), written
     beside it. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import run_color
+    from adaptctl.recording.drawing import run_color, sheet
 
     laws = list(dict.fromkeys(build.law for build in builds))
     kinds = list(dict.fromkeys((build.compiler, build.scalar) for build in builds))

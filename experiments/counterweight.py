@@ -20,7 +20,7 @@ from adaptctl.experiments.contest import Contender, contest
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting
 from adaptctl.identifiability import ReducedModel, Reduction, reduce
 from adaptctl.recording import ControllerRun, Fact, Progress, Result
-from adaptctl.recording.verdict import Verdict
+from adaptctl.recording.result import Verdict
 from adaptctl.tuning import Tuning, tune
 
 if TYPE_CHECKING:
@@ -239,9 +239,7 @@ def tracking_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Fi
     """Matplotlib figure of the root mean square tracking error of all joints, in mrad (mm), over the 0.25 s before each
     time (s): a line for each of the `runs`, on a logarithmic scale, solid with counterweights (runs whose names end in
     "after") and dashed without. `mechanism` gives the unit by the kinds of its joints. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import run_color
-    from adaptctl.recording.series import thinned
+    from adaptctl.recording.drawing import run_color, sheet, thinned
 
     figure = sheet(3.6)
     axes = figure.subplots()
@@ -260,10 +258,8 @@ def applied_figure(mechanism: Mechanism, runs: tuple[ControllerRun, ...]) -> Fig
     """Matplotlib figure of the applied torque, N m (N if prismatic), of every primary (independently moving) joint of a
     mechanism over time, s, a panel for each: those of the `runs` that adapt all parameters, by their names
     "all-before", without counterweights, and "all-after", with them. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import run_color
-    from adaptctl.recording.series import thinned
-    from adaptctl.recording.units import torque_units
+    from adaptctl.recording.drawing import run_color, sheet, thinned
+    from adaptctl.recording.wording import torque_units
 
     shown = [run for run in runs if run.name.startswith(EVERY)]
     dof, units = mechanism.dof, torque_units(mechanism)

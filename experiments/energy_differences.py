@@ -18,7 +18,7 @@ from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.recording import Progress, Result
-from adaptctl.recording.verdict import Verdict
+from adaptctl.recording.result import Verdict
 
 STAGE = "Estimators"
 FRICTION = "viscous,coulomb,square_root"

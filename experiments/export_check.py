@@ -170,7 +170,7 @@ class Checked:
         each file whole or not at all; nothing is returned. `progress(what, share)` is called when all is done. Raises
         `FileError` where a file cannot be written."""
         from adaptctl.recording.drawing import write_drawings
-        from adaptctl.recording.illustrated import write_illustrated
+        from adaptctl.recording.stream import write_illustrated
 
         write_json(folder / "summary.json", self.summary())
         (folder / "figures").mkdir(exist_ok=True)

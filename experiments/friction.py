@@ -22,7 +22,7 @@ from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, Found
 from adaptctl.experiments.on_real_plant import OnRealPlant
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Finding, wording
-from adaptctl.recording.units import typeset
+from adaptctl.recording.wording import typeset
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
@@ -145,7 +145,7 @@ class FrictionInJoints(OnRealPlant):
         missing or shorter), and each friction parameter as learned at the end, in its SI unit, its meaning telling the
         true one. `outcome`, an `Outcome`, has the runs, `basis` the mechanism's fundamental (base) parameters. Raises
         `KeyError` where the run with friction parameters is missing."""
-        from adaptctl.recording.trace import parameter_unit
+        from adaptctl.recording.wording import parameter_unit
 
         runs = {run.name: run for run in outcome.runs}
         if {ADAPTIVE, NO_COLUMNS} <= set(runs):

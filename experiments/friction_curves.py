@@ -42,8 +42,7 @@ def friction_curves(curves: Sequence[Curve]) -> Figure:
     """Matplotlib figure of friction (N m, N if prismatic) over speed (rad/s, m/s), a panel for each of the `curves`, at
     least one, of a joint: the true friction with Stribeck's excess, the learned one of viscous and Coulomb friction,
     and a shaded histogram of the speeds at which the joint moved. Units are those of the curves. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import MUTED, TRUTH, run_color
+    from adaptctl.recording.drawing import MUTED, TRUTH, run_color, sheet
 
     rows = -(-len(curves) // COLUMNS)
     figure = sheet(2.0 * rows + 0.4)

@@ -31,9 +31,7 @@ def marked_errors(curves: Sequence[Marked], meaning: str) -> Figure:
     """Matplotlib figure of the parameter errors (no unit, logarithmic) of the runs in `curves`, at least one, over
     time, s, and below them a bar for each run, filled while an event held, such as a torque at its limit. `meaning`,
     the title of the bars, says what the event is. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import run_color
-    from adaptctl.recording.series import thinned
+    from adaptctl.recording.drawing import run_color, sheet, thinned
 
     figure = sheet(3.6 + 0.22 * len(curves))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 0.25 * len(curves) + 0.2))

@@ -70,9 +70,7 @@ def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figu
     """Matplotlib figure of parameter errors (no unit, logarithmic) over time, s, a line for each of `curves`, at least
     one: triples of the colour's index from 0 in the palette, the run, and its errors (T,) at T samples. Each line's
     label and last value are written at its end. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import run_color
-    from adaptctl.recording.series import thinned
+    from adaptctl.recording.drawing import run_color, sheet, thinned
 
     figure = sheet(4.2)
     axes = figure.subplots()
@@ -89,7 +87,7 @@ def parameter_errors(curves: Sequence[tuple[int, ControllerRun, Array]]) -> Figu
 
 def _name_ends(axes: Axes, curves: Sequence[tuple[int, ControllerRun, Array]]) -> None:
     """Names to the right of where curves end, moved apart where they would overlap."""
-    from adaptctl.recording.palette import run_color
+    from adaptctl.recording.drawing import run_color
 
     low, high = np.log(axes.get_ylim())
     ends = sorted(((np.log(values[-1]) - low) / (high - low), i, run) for i, run, values in curves)

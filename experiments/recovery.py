@@ -81,7 +81,7 @@ def recovery_times(found: Sequence[Recovery]) -> Figure:
 
 
 def _bars(axes: Axes, found: Sequence[Recovery], runs: Sequence[str]) -> None:
-    from adaptctl.recording.palette import MUTED, run_color
+    from adaptctl.recording.drawing import MUTED, run_color
 
     longest = max((one.time for one in found if one.time is not None), default=1.0) or 1.0
     for one in found:

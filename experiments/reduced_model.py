@@ -170,8 +170,7 @@ def error_by_count(
     says; and the energy errors `percent_errors` (k + 1,), %, with 0 to k components; `counts` are the numbers of
     components that were run, and runs are taken by name, "adaptive-10" or "fixed-10" for 10 of them; runs that are
     missing or shorter have no point. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import MUTED, run_color
+    from adaptctl.recording.drawing import MUTED, run_color, sheet
 
     figure = sheet(3.6)
     axes = figure.subplots()

@@ -221,8 +221,7 @@ def bandwidths_over_stiffness(
     each of `laws` (pairs of a name and a label), the rigid arm at the right end. `found` maps names of findings, such
     as "stable_bandwidth.gradient.1000" and "stable_bandwidth.gradient.rigid", to bandwidths, 1/s. A bandwidth of 0,
     where none is stable, is drawn at 0.25, a missing one is not drawn. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import run_color
+    from adaptctl.recording.drawing import run_color, sheet
 
     figure = sheet(3.6)
     axes = figure.subplots()

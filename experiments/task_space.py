@@ -205,9 +205,7 @@ def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
     """Matplotlib figure of a tool's distances from its path (mm, logarithmic) over time, s, a line for each of
     `curves`: triples of the colour's index from 0 in the palette, the run, and its distances (T,), m, at its T
     samples. Nothing is checked."""
-    from adaptctl.recording.drawing import sheet
-    from adaptctl.recording.palette import run_color
-    from adaptctl.recording.series import thinned
+    from adaptctl.recording.drawing import run_color, sheet, thinned
 
     figure = sheet(3.8)
     axes = figure.subplots()

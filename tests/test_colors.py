@@ -12,7 +12,7 @@ from adaptctl.dynamics import load
 from adaptctl.experiments.adaptation_laws import LAWS
 from adaptctl.recording import Comparison
 from adaptctl.recording.comparison import color_places
-from adaptctl.recording.palette import GOAL, JOINTS, LIMIT, RUNS, Color, run_color
+from adaptctl.recording.drawing import GOAL, JOINTS, LIMIT, RUNS, Color, run_color
 from adaptctl.recording.report import report
 
 

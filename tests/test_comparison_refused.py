@@ -15,9 +15,9 @@ from adaptctl.dynamics import load
 from adaptctl.errors import FileError, InputError, NonFiniteError
 from adaptctl.recording import Comparison, Finding, Leading, write_artifacts
 from adaptctl.recording.drawing import Drawing
-from adaptctl.recording.fact import answers
 from adaptctl.recording.figures import lyapunov
 from adaptctl.recording.judgement import facts
+from adaptctl.recording.result import answers
 from adaptctl.recording.summary import summary
 from tests.comparisons import comparison
 

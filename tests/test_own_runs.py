@@ -16,7 +16,7 @@ import adaptctl
 from adaptctl.control import ReferencePoint
 from adaptctl.errors import FileError, InputError, LostSamplesWarning, NonFiniteError, NotFoundError
 from adaptctl.recording import compared_runs, judged, shown, write_artifacts
-from adaptctl.recording.fact import answers
+from adaptctl.recording.result import answers
 from adaptctl.recording.summary import summary
 
 PERIOD, COUNT = 1e-3, 3000

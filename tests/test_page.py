@@ -14,7 +14,6 @@ from rerun.chunk import RrdReader
 
 from adaptctl.errors import FileError
 from adaptctl.recording.drawing import Drawing
-from adaptctl.recording.fact import Fact
 from adaptctl.recording.page import (
     Cell,
     Fragment,
@@ -28,6 +27,7 @@ from adaptctl.recording.page import (
     answers_table,
     files_section,
 )
+from adaptctl.recording.result import Fact
 
 
 class Read(HTMLParser):
@@ -123,7 +123,7 @@ def test_every_cell_is_in_the_page_and_nothing_is_taken_for_markup() -> None:
 def test_styles_are_those_of_the_data() -> None:
     html = report().html({})
     assert "<td><code>two</code></td>" in html
-    assert '<td class="n" data-of="value">2.5</td>' in html
+    assert '<td class="n">2.5</td>' in html
     assert re.findall(r'<tr class="subject">\s*<td><code>(\w+)', html) == ["two"]
     assert '<td class="bad" data-of="computed" title="0.1 to 0.3">' in html
     assert '<td data-of="computed"><i class="badge good">fine</i></td>' in html

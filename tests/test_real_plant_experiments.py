@@ -25,7 +25,7 @@ from adaptctl.experiments.noise_and_delay import NoiseAndDelay
 from adaptctl.experiments.payload_drop import PayloadDrop
 from adaptctl.experiments.recovery import recovery
 from adaptctl.experiments.saturation import Saturation
-from adaptctl.recording.artifacts import write_artifacts
+from adaptctl.recording.report import write_artifacts
 
 pytestmark = pytest.mark.usefixtures("untimed_lanes")
 

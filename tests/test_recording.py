@@ -26,18 +26,15 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import essential_space
 from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
-from adaptctl.recording.blueprint import _room
-from adaptctl.recording.fact import answers
 from adaptctl.recording.judgement import facts, final_error, outcome_words
 from adaptctl.recording.report import report
-from adaptctl.recording.rerun_recording import _contents
+from adaptctl.recording.rerun_recording import estimated_links, legend_room
+from adaptctl.recording.result import answers
 from adaptctl.recording.scene import log_base
-from adaptctl.recording.skeleton import Solid, skeleton
+from adaptctl.recording.skeleton import SEEN, Solid, Viewpoint, skeleton
 from adaptctl.recording.trace import quantities
-from adaptctl.recording.units import parameter_unit
-from adaptctl.recording.viewpoint import SEEN, Viewpoint
 from adaptctl.recording.views import LONG, SHORT
-from adaptctl.recording.wording import INCOMPLETE
+from adaptctl.recording.wording import INCOMPLETE, parameter_unit
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
 TWO_LINK = "docs/examples/two_link.toml"
@@ -295,8 +292,7 @@ def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None
     _, truth = series(out / "recording.rrd", "/estimate/shoulder/truth")
     assert list(truth[0]) == [2.0, 0.5]
     assert "estimate.shoulder.viscous" in pq.read_table(out / "trace.parquet").column_names
-    contents = _contents(comparison_with_friction)
-    units = dict(zip(contents.links, contents.link_units, strict=True))
+    units = estimated_links(comparison_with_friction)
     assert units["shoulder"] == "N·m·s, N·m"
     assert units["lower"].startswith("kg·m")
 
@@ -376,7 +372,7 @@ def test_skeleton_leads_from_joint_to_joint(robot: str) -> None:
 
 
 def test_legends_of_long_names_have_more_room() -> None:
-    assert _room(("joint1", "joint2")) == SHORT < _room(("joint1", "right_ankle_roll_joint")) == LONG
+    assert legend_room(("joint1", "joint2")) == SHORT < legend_room(("joint1", "right_ankle_roll_joint")) == LONG
 
 
 def test_all_that_moves_is_seen_from_the_viewpoint() -> None:

@@ -14,7 +14,7 @@ from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import Puma560TrackingEnv
 from adaptctl.envs.rendering.raycast import Camera, ConvexPart, intersect
 from adaptctl.envs.rendering.render import Renderer
-from adaptctl.recording.palette import GOAL
+from adaptctl.recording.drawing import GOAL
 from adaptctl.recording.skeleton import skeleton, tip_path
 
 CENTER = np.array([0.0, -0.6, 0.8, 0.0, 0.5, 0.0])

@@ -21,7 +21,7 @@ from adaptctl.experiments.friction_curves import Curve, friction_curves
 from adaptctl.experiments.two_plants import TwoPlants
 from adaptctl.identification.preparation import prepare
 from adaptctl.recording.result import silent
-from adaptctl.recording.units import coupling_unit
+from adaptctl.recording.wording import coupling_unit
 from adaptctl.tuning import tune
 
 CART = """

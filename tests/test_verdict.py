@@ -15,15 +15,13 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import Comparison, Failure, Finding, judged
-from adaptctl.recording.artifacts import write_artifacts
 from adaptctl.recording.comparison import Leading
-from adaptctl.recording.fact import answers
-from adaptctl.recording.finite_part import finite_part
 from adaptctl.recording.judgement import facts, outcome_words
-from adaptctl.recording.report import report
+from adaptctl.recording.report import report, write_artifacts
 from adaptctl.recording.rerun_recording import summary_markdown
+from adaptctl.recording.result import Fault, Verdict, answers
 from adaptctl.recording.summary import summary
-from adaptctl.recording.verdict import Fault, Verdict
+from adaptctl.recording.tracking import finite_part
 from tests.comparisons import PERIOD, comparison
 
 SHOWN = comparison(load("puma560_measured"))

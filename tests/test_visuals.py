@@ -21,7 +21,7 @@ from adaptctl.description.transforms.joined import joined
 from adaptctl.description.visual import Box, Cylinder, Mesh, Sphere, Visual
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
-from adaptctl.recording import visuals as recorded
+from adaptctl.recording import scene as recorded
 from adaptctl.recording.rerun_recording import write_recording
 
 BODY = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'

@@ -138,7 +138,7 @@ def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
     """JSON object, as a dict of Python's built-in types, of an experiment's `result`: its `experiment` name, whether it
     is `complete`, the `verdict` on its controller, the `headline` and `facts` in words, and the `folder` of its files;
     numbers are in summary.json there. Nothing is raised."""
-    from adaptctl.recording.fact import answers
+    from adaptctl.recording.result import answers
 
     return {
         "schema": RUN_SCHEMA,

@@ -106,7 +106,7 @@ def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
     (questions and answers) and `remarks` in words, and the `folder` of its files; numbers are in summary.json there.
     Nothing is raised."""
     from adaptctl.identification.report import facts, verdict
-    from adaptctl.recording.fact import answers
+    from adaptctl.recording.result import answers
 
     words = {"verdict": verdict(found), "facts": answers(facts(found)), "remarks": list(found.remarks)}
     return {"schema": SCHEMA, "folder": str(folder), **words}

@@ -21,8 +21,8 @@ from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.control.memory import leaves, like
 from adaptctl.control.references import SinusoidNumbers, sinusoids_at
 from adaptctl.dynamics.recursion.kinematics import frames, link_poses
+from adaptctl.recording.drawing import joint_color
 from adaptctl.recording.page import rendered
-from adaptctl.recording.palette import joint_color
 from adaptctl.scalars import Column, clip
 from adaptctl.simulation import Plant
 from adaptctl.simulation.effects import Payload

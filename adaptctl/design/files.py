@@ -20,12 +20,10 @@ from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.recording.comparison import ControllerRun
-from adaptctl.recording.drawing import Drawing, thinned
-from adaptctl.recording.fact import Fact
-from adaptctl.recording.folder import Progress, silent
+from adaptctl.recording.drawing import Drawing, run_color, thinned
 from adaptctl.recording.page import Report
-from adaptctl.recording.palette import run_color
-from adaptctl.recording.units import torque_error_unit
+from adaptctl.recording.result import Fact, Progress, silent
+from adaptctl.recording.wording import torque_error_unit
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -113,9 +111,8 @@ def _record(
 
     from adaptctl.recording import views
     from adaptctl.recording.scene import WORLD, log_base
-    from adaptctl.recording.skeleton import skeleton
+    from adaptctl.recording.skeleton import Viewpoint, floor_height, skeleton
     from adaptctl.recording.stream import log_markdown, log_picture, saved_stream
-    from adaptctl.recording.viewpoint import Viewpoint, floor_height
 
     mechanism = study.task.mechanism
     parts, (time, p) = skeleton(mechanism), _moved(study, runs)
@@ -148,7 +145,7 @@ def _beside(study: DesignStudy, runs: Sequence[ControllerRun]) -> list[Any]:
 
 
 def _log_run(recording: rr.RecordingStream, index: int, run: ControllerRun) -> None:
-    from adaptctl.recording.series import Style, log_series
+    from adaptctl.recording.stream import Style, log_series
     from adaptctl.recording.tracking import CURVE_SAMPLES, log_decades
 
     every = thinned(len(run.rollout.time), CURVE_SAMPLES)

@@ -12,8 +12,7 @@ from adaptctl.design.added_mass import CostMap
 from adaptctl.design.study import DesignStudy
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.recording.drawing import sheet
-from adaptctl.recording.palette import BODY, INK, MUTED, Color, run_color
+from adaptctl.recording.drawing import BODY, INK, MUTED, Color, run_color, sheet
 from adaptctl.recording.skeleton import Skeleton, Solid
 
 if TYPE_CHECKING:

@@ -12,12 +12,11 @@ from adaptctl.arrays import Array
 from adaptctl.design.picture import arm_figure
 from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
-from adaptctl.recording.drawing import Drawing, sheet
-from adaptctl.recording.fact import Fact
+from adaptctl.recording.drawing import Drawing, run_color, sheet
 from adaptctl.recording.page import SHEU_WALKER, Lines, Section, Table, TableLayout
-from adaptctl.recording.palette import run_color
+from adaptctl.recording.result import Fact
 from adaptctl.recording.skeleton import skeleton
-from adaptctl.recording.units import coupling_unit
+from adaptctl.recording.wording import coupling_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

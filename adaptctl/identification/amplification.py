@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.recording.drawing import Drawing, sheet
-from adaptctl.recording.fact import Fact
-from adaptctl.recording.folder import Progress
+from adaptctl.recording.drawing import MUTED, Drawing, run_color, sheet
 from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table
-from adaptctl.recording.palette import MUTED, run_color
+from adaptctl.recording.result import Fact, Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -124,8 +122,7 @@ class Amplification:
 
         from adaptctl.recording import views
         from adaptctl.recording.scene import entity
-        from adaptctl.recording.series import Style, log_series
-        from adaptctl.recording.stream import log_markdown, saved_stream
+        from adaptctl.recording.stream import Style, log_markdown, log_series, saved_stream
 
         curves = self.curves
         start, end = float(curves.time[0]), float(curves.time[-1])

@@ -17,10 +17,9 @@ from adaptctl.files import write_json
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.report import components, consistency, report
 from adaptctl.identification.validation import Validation
-from adaptctl.recording.drawing import thinned
+from adaptctl.recording.drawing import MUTED, joint_color, run_color, thinned
 from adaptctl.recording.page import Report
-from adaptctl.recording.palette import MUTED, joint_color, run_color
-from adaptctl.recording.units import parameter_unit, torque_error_unit, torque_units
+from adaptctl.recording.wording import parameter_unit, torque_error_unit, torque_units
 
 ROBOT, URDF, ESTIMATES, VALIDATION = "robot.toml", "robot.urdf", "estimates.json", "validation.parquet"
 SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
@@ -160,10 +159,8 @@ def _record(found: Identification, shown: Report, path: Path, figures: Mapping[s
 
     from adaptctl.recording import views
     from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_trail, solid_look
-    from adaptctl.recording.series import Style, log_series
-    from adaptctl.recording.skeleton import skeleton
-    from adaptctl.recording.stream import log_markdown, saved_stream
-    from adaptctl.recording.viewpoint import Viewpoint, floor_height
+    from adaptctl.recording.skeleton import Viewpoint, floor_height, skeleton
+    from adaptctl.recording.stream import Style, log_markdown, log_series, saved_stream
 
     mechanism, validation, parts = found.mechanism, found.validation, skeleton(found.mechanism)
     (time, p), kept = _motion(found), thinned(len(validation.time), SAMPLES)

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.identification.identification import Identification
-from adaptctl.recording.drawing import Drawing, sheet, thinned
-from adaptctl.recording.fact import Fact
+from adaptctl.recording.drawing import MUTED, Drawing, run_color, sheet, thinned
 from adaptctl.recording.page import SHEU_WALKER, Lines, Note, Report, Section, Table, TableLayout, files_section
-from adaptctl.recording.palette import MUTED, run_color
-from adaptctl.recording.units import parameter_unit, torque_error_unit, typeset
+from adaptctl.recording.result import Fact
+from adaptctl.recording.wording import parameter_unit, torque_error_unit, typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -2,13 +2,10 @@
 
 from adaptctl.recording.compared_runs import compared_runs
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Leading, Setting, TickCost
-from adaptctl.recording.fact import Fact, Whose
-from adaptctl.recording.folder import Progress
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.live import Live
 from adaptctl.recording.report import shown, write_artifacts
-from adaptctl.recording.result import Result
-from adaptctl.recording.verdict import Failure, Fault, Verdict
+from adaptctl.recording.result import Fact, Failure, Fault, Progress, Result, Verdict, Whose
 
 __all__ = [
     "Comparison",

@@ -15,8 +15,8 @@ from adaptctl.dynamics.joint_units import error_unit, position_units
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.markup import table, titled
-from adaptctl.recording.units import torque_units
-from adaptctl.recording.verdict import Failure
+from adaptctl.recording.result import Failure
+from adaptctl.recording.wording import torque_units
 from adaptctl.simulation.run import Rollout
 
 if TYPE_CHECKING:

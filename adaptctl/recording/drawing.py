@@ -5,13 +5,99 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 from adaptctl.files import replacing
-from adaptctl.recording.palette import INK, PAPER
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+class Color(NamedTuple):
+    """An sRGB colour: `red`, `green` and `blue`, whole numbers from 0 to 255, which are not checked."""
+
+    red: int
+    green: int
+    blue: int
+
+    @property
+    def hex(self) -> str:
+        """Hexadecimal text of the colour, as HTML and Matplotlib take it, such as "#1b6cd6"."""
+        return f"#{self.red:02x}{self.green:02x}{self.blue:02x}"
+
+    def faded(self, share: float, towards: Color) -> Color:
+        """Mixture of this colour with the colour `towards`, channel by channel, rounded: a fraction `share` of 0 gives
+        this colour, 1 gives `towards`. Nothing is checked."""
+        return Color(*(round(mine + share * (other - mine)) for mine, other in zip(self, towards, strict=True)))
+
+
+INK = Color(28, 34, 48)
+"""Text and axes on paper."""
+PAPER = Color(255, 255, 255)
+DARK = Color(13, 13, 13)
+"""The background of curves in a recording."""
+MUTED = Color(120, 129, 146)
+"""Colour of what is there for comparison only."""
+
+RUNS = (
+    Color(27, 108, 214),
+    Color(232, 110, 28),
+    Color(24, 146, 112),
+    Color(150, 84, 190),
+    Color(120, 129, 146),
+    Color(200, 62, 110),
+    Color(140, 110, 50),
+    Color(60, 160, 190),
+    Color(122, 176, 42),
+    Color(214, 164, 20),
+    Color(96, 78, 190),
+    Color(236, 130, 180),
+    Color(20, 112, 128),
+    Color(176, 44, 36),
+    Color(130, 170, 232),
+    Color(246, 156, 124),
+    Color(70, 124, 62),
+    Color(196, 110, 222),
+)
+"""One a controller: the adaptive one is blue, the same with adaptation off orange, the others follow in their order."""
+
+JOINTS = (
+    Color(45, 125, 235),
+    Color(240, 130, 40),
+    Color(40, 170, 110),
+    Color(225, 75, 95),
+    Color(155, 105, 225),
+    Color(170, 135, 55),
+    Color(35, 175, 195),
+    Color(215, 95, 175),
+    Color(130, 150, 180),
+    Color(150, 190, 60),
+)
+"""One a joint; bright enough for a dark screen, dark enough for paper."""
+
+GOAL = Color(150, 240, 205)
+"""The desired arm and its positions; paler than any joint's green."""
+LIMIT = Color(205, 208, 214)
+"""Limits of torques."""
+TRUTH = INK
+"""True values, where each has a picture of its own."""
+BODY = Color(226, 230, 238)
+"""The arm's links."""
+BASE = Color(96, 104, 120)
+"""Colour of what stands still."""
+
+
+def run_color(index: int) -> Color:
+    """The colour, in recordings and reports, of the run of zero-based `index`: blue for 0, the run that a comparison is
+    about, orange for 1, that with adaptation off, then others. There are 18, which then repeat. Nothing is checked."""
+    return RUNS[index % len(RUNS)]
+
+
+def joint_color(index: int) -> Color:
+    """The colour, in recordings and reports, of the joint, or curve, of zero-based `index`. There are 10, which then
+    repeat. Nothing is checked."""
+    return JOINTS[index % len(JOINTS)]
+
 
 WIDTH = 9.2
 """inches; the report shows figures at that width"""

@@ -9,15 +9,27 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.identifiability import EssentialSpace
 from adaptctl.recording.comparison import Comparison
-from adaptctl.recording.drawing import WIDTH, Drawing, sheet, thinned
-from adaptctl.recording.palette import INK, LIMIT, MUTED, PAPER, TRUTH, joint_color, run_color
-from adaptctl.recording.spectrum import shares, threshold
+from adaptctl.recording.drawing import (
+    INK,
+    LIMIT,
+    MUTED,
+    PAPER,
+    TRUTH,
+    WIDTH,
+    Drawing,
+    joint_color,
+    run_color,
+    sheet,
+    thinned,
+)
 from adaptctl.recording.wording import number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 SAMPLES = 3000
 """At most as many samples are drawn."""
@@ -232,3 +244,27 @@ def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> None:
     low, high = np.nanmin([values.min(), truth, 0.0]), np.nanmax([values.max(), truth, 0.0])
     margin = 0.12 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + margin)
+
+
+SMALLEST = 1e-18
+"""Values below this share of the largest are drawn as this: they are round-off, or zero."""
+
+
+def shares(space: EssentialSpace) -> Array:
+    """Normalised singular values (P,) of a mechanism's matrix of energy differences between states (rows), by its P
+    inertial parameters (columns): sigma_i/sigma_1, no unit, in descending order. Those below 1e-18, which are round-off
+    or zero, are set to 1e-18. `space` is the mechanism's essential space (directions of the parameters that change
+    energies), which has the singular values. Nothing is raised."""
+    values = np.asarray(space.singular_values)
+    return np.maximum(values / values[0], SMALLEST)
+
+
+def threshold(space: EssentialSpace) -> float:
+    """Threshold, no unit, between the normalised singular values of a mechanism's energy differences that count and
+    those that are zero but for round-off: sqrt(s_k s_(k+1)). Here s_i = sigma_i/sigma_1 are the singular values over
+    the largest, in descending order and at least 1e-18, and k is the number of independent inertial parameters; s_(k+1)
+    is 1e-18 where all count. `space` is the mechanism's essential space (directions of the parameters that change
+    energies), which has the singular values sigma_i. Nothing is raised."""
+    values = shares(space)
+    beyond = values[space.rank] if space.rank < len(values) else SMALLEST
+    return float(np.sqrt(values[space.rank - 1] * beyond))

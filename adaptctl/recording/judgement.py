@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from adaptctl.recording.comparison import SETTLED, Comparison, ControllerRun, Joints
-from adaptctl.recording.fact import Fact, Whose
-from adaptctl.recording.verdict import Failure, Verdict
+from adaptctl.recording.result import Fact, Failure, Verdict, Whose
 from adaptctl.recording.wording import error, number
 
 ASTRAY = 1.0

@@ -15,11 +15,10 @@ import rerun as rr
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.recording import views
-from adaptctl.recording.palette import GOAL, joint_color, run_color
+from adaptctl.recording.drawing import GOAL, joint_color, run_color
 from adaptctl.recording.scene import GOAL_LOOK, WORLD, log_arm, log_base, log_trail, solid_look
-from adaptctl.recording.series import Style, log_series
-from adaptctl.recording.skeleton import Skeleton, skeleton
-from adaptctl.recording.viewpoint import Viewpoint, floor_height
+from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
+from adaptctl.recording.stream import Style, log_series
 
 TOGETHER = 0.05
 """s of samples that are drawn together"""

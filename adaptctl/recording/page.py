@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 from adaptctl.files import write_json, write_text
 from adaptctl.recording.drawing import Drawing, write_drawings
-from adaptctl.recording.fact import Fact
-from adaptctl.recording.folder import FIGURES, RECORDING, REPORT, SUMMARY, Progress, all_or_none, silent
+from adaptctl.recording.result import FIGURES, RECORDING, REPORT, SUMMARY, Fact, Progress, all_or_none, silent
 
 if TYPE_CHECKING:
     import jinja2
@@ -222,7 +221,7 @@ class Report:
         """Write a recording without motion for the rerun viewer to the file `path` (.rrd), whole or not at all: the
         text beside the pictures in the PNG files `figures`, by name. Raises `FileError` where it cannot be written or
         read back, `OSError` where a PNG file cannot be read."""
-        from adaptctl.recording.illustrated import write_illustrated
+        from adaptctl.recording.stream import write_illustrated
 
         write_illustrated(Path(path), self, self.markdown(), figures)
 

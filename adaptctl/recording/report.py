@@ -11,8 +11,8 @@ import numpy as np
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.recording.comparison import Comparison, Finding
+from adaptctl.recording.drawing import run_color
 from adaptctl.recording.figures import drawings
-from adaptctl.recording.folder import TRACE, Progress, silent
 from adaptctl.recording.judgement import facts, final_error, first_error, judged, on_truth, outcome, outcome_words
 from adaptctl.recording.page import (
     SHEU_WALKER,
@@ -28,11 +28,9 @@ from adaptctl.recording.page import (
     files_section,
     settings_section,
 )
-from adaptctl.recording.palette import run_color
-from adaptctl.recording.result import Result
+from adaptctl.recording.result import TRACE, Progress, Result, silent
 from adaptctl.recording.summary import summary
-from adaptctl.recording.units import parameter_unit, typeset
-from adaptctl.recording.wording import headline, number
+from adaptctl.recording.wording import headline, number, parameter_unit, typeset
 
 SOURCE = (
     f"Method: {SHEU_WALKER}; J.-J. E. Slotine and W. Li, On the Adaptive Control of Robot Manipulators, International "

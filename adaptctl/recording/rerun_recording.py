@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
-from adaptctl.recording.blueprint import ScreenContents, blueprint
+from adaptctl.recording import views
 from adaptctl.recording.comparison import Comparison, ControllerRun
-from adaptctl.recording.finite_part import finite_part
+from adaptctl.recording.drawing import DARK, GOAL, joint_color, run_color, thinned
 from adaptctl.recording.judgement import (
     facts,
     final_error,
@@ -20,26 +22,28 @@ from adaptctl.recording.judgement import (
     outcome_words,
 )
 from adaptctl.recording.page import Lines, Report, Table, answers_table
-from adaptctl.recording.palette import DARK, GOAL, joint_color, run_color
-from adaptctl.recording.scene import entity
-from adaptctl.recording.series import Style, log_levels, log_series, thinned
-from adaptctl.recording.skeleton import skeleton
-from adaptctl.recording.spectrum import log_spectrum
-from adaptctl.recording.stream import log_markdown, saved_stream
-from adaptctl.recording.trace import parameter_unit
+from adaptctl.recording.scene import WORLD, entity
+from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
+from adaptctl.recording.stream import Style, log_levels, log_markdown, log_series, saved_stream
 from adaptctl.recording.tracking import (
     CURVE_SAMPLES,
+    finite_part,
     log_curve,
     log_decades,
     log_joint_errors,
     log_limits,
     log_scene,
+    log_spectrum,
     log_torque_shares,
 )
-from adaptctl.recording.units import typeset
-from adaptctl.recording.viewpoint import Viewpoint, floor_height
-from adaptctl.recording.wording import error
+from adaptctl.recording.wording import error, parameter_unit, typeset
 
+MANY = 8
+"""controllers whose small views have no room for a legend of joints, whose colours are those of the overview"""
+TALL = 12
+"""controllers above which a legend of all of them needs more than half of the window's height"""
+LONGEST = 12
+"""characters of a short name in a legend"""
 MOST = 4
 """Parameters shown at a glance."""
 AVERAGE = 0.25
@@ -54,9 +58,9 @@ def write_recording(path: str | Path, comparison: Comparison) -> None:
     `NonFiniteError`, a subclass of it, for a run whose first positions are NaN or infinite."""
     words, comparison = summary_markdown(comparison), finite_part(comparison)
     positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
-    with saved_stream(path, comparison, positions, blueprint(_contents(comparison))) as recording:
+    parts = skeleton(comparison.mechanism)
+    with saved_stream(path, comparison, positions, blueprint(comparison, parts)) as recording:
         log_markdown(recording, "summary", words)
-        parts = skeleton(comparison.mechanism)
         floor = floor_height(comparison.mechanism, parts, comparison.subject.rollout.p)
         log_scene(recording, comparison, parts, floor, run_color(0))
         _log_tracking(recording, comparison)
@@ -111,7 +115,7 @@ def _log_estimates(recording: rr.RecordingStream, comparison: Comparison) -> Non
     estimate = comparison.subject.rollout.estimate
     most = sorted(np.argsort(-np.ptp(estimate, axis=0), kind="stable")[:MOST].tolist())
     _log_group(recording, "most_learnt", comparison, most, [names[i] for i in most])
-    for link in _links(comparison):
+    for link in estimated_links(comparison):
         own = [i for i, name in enumerate(names) if name.rpartition(".")[0] == link]
         _log_group(recording, entity(link), comparison, own, [names[i].rpartition(".")[2] for i in own])
 
@@ -129,45 +133,95 @@ def _log_group(
     log_series(recording, f"estimate/{path}/estimate", time, values, Style(names, colors))
 
 
-def _links(comparison: Comparison) -> list[str]:
-    """Links that own fundamental parameters, in order."""
-    return list(dict.fromkeys(name.rpartition(".")[0] for name in comparison.model.names))
-
-
-def _units(comparison: Comparison, link: str) -> str:
-    """Units of a link's or joint's parameters."""
-    own = (name for name in comparison.model.names if name.rpartition(".")[0] == link)
-    return ", ".join(dict.fromkeys(typeset(parameter_unit(name, comparison.mechanism)) for name in own))
-
-
-def _contents(comparison: Comparison) -> ScreenContents:
-    parts = skeleton(comparison.mechanism)
-    shown, leading, rise = _shown(comparison), comparison.leading, comparison.subject.lyapunov_max_increase
-    errors = np.concatenate([run.rollout.error for run in shown[:2]])
-    margin = 0.06 * float(np.ptp(errors)) + 1e-9
-    links = _links(comparison) if comparison.subject.rollout.estimate.shape[1] else []
-    return ScreenContents(
-        viewpoint=Viewpoint.of(comparison.mechanism, parts, comparison.subject.rollout.reference_p),
-        error_unit=comparison.error_unit,
-        error_range=(1e3 * (float(errors.min()) - margin), 1e3 * (float(errors.max()) + margin)),
-        links=tuple(map(entity, links)),
-        link_units=tuple(_units(comparison, link) for link in links),
-        joints=tuple(entity(name) for name in comparison.joint_names),
-        position_units=comparison.position_units,
-        torque_units=comparison.torque_units,
-        runs=tuple(run.name for run in shown),
-        labels=tuple(run.label for run in shown),
-        lyapunov=None if rise is None else lyapunov_words(rise),
-        leading=f"{leading.meaning}, powers of ten of a {leading.unit}" if leading else None,
-        end=comparison.subject.duration,
-        truth_known=comparison.truth_known,
+def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
+    """Blueprint, the layout of a comparison's rerun recording, in tabs: an overview; errors of all controllers;
+    positions; torques; parameter estimates, where there are any; and the independent parameters with their equations.
+    `parts` are the shapes that the arm is drawn by. Raises what `Viewpoint.of` raises for the desired positions."""
+    end, joints = comparison.subject.duration, comparison.joint_names
+    errors = _error_views(comparison)
+    title = f"All controllers: RMS error of all joints, powers of ten of a {comparison.error_unit}"
+    shares = [3, 2] if len(errors) > TALL else [1, 1]
+    grid = rrb.Grid(*errors, grid_columns=min(len(errors), 4))
+    together = rrb.Vertical(views.curves("/error_decades", title, end), grid, row_shares=shares, name="Controllers")
+    position = [
+        views.curves(f"/position/{entity(name)}", f"{name}: actual and desired position [{unit}]", end)
+        for name, unit in zip(joints, comparison.position_units, strict=True)
+    ]
+    torque = [
+        views.curves(f"/torque/{entity(name)}", f"{name}: torque and limits [{unit}]", end)
+        for name, unit in zip(joints, comparison.torque_units, strict=True)
+    ]
+    found = [
+        views.curves(f"/estimate/{entity(link)}", f"{link}: estimates · {_truth(comparison)} [{units}]", end)
+        for link, units in estimated_links(comparison).items()
+    ]
+    grids = {"Tracking": position, "Torque": torque} | ({"Parameters": found} if found else {})
+    return views.tabs(
+        _overview(comparison, Viewpoint.of(comparison.mechanism, parts, comparison.subject.rollout.reference_p)),
+        together,
+        *(rrb.Grid(*each, grid_columns=3 if len(each) > 2 else 1, name=name) for name, each in grids.items()),
+        rrb.Horizontal(_spectrum(), views.text("basis/equations", "Independent parameters"), name="Offline stage"),
     )
 
 
-def _shown(comparison: Comparison) -> list[ControllerRun]:
-    """Runs whose errors get a view each: the subject, adaptation off, then the rest."""
+def _overview(comparison: Comparison, viewpoint: Viewpoint) -> rrb.Container:
+    end, leading, rise = comparison.subject.duration, comparison.leading, comparison.subject.lyapunov_max_increase
+    arm = views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", viewpoint)
+    left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[11, 9])
+    title = f"{leading.meaning}, powers of ten of a {leading.unit}" if leading else ""
+    curves = [views.curves("/leading", title, end, room=views.LONG)] if leading else []
+    curves += _error_views(comparison, legend=True)[: 2 - len(curves)]
+    if rise is None:
+        curves.append(views.curves("/energy", "Energy [J]", end))
+    else:
+        curves.append(views.curves("/lyapunov", f"Lyapunov function [J] · {lyapunov_words(rise)}", end))
+    most = f"Estimates that moved most · {_truth(comparison)}"
+    curves += [
+        views.curves("/torque_share", "Torque / limit", end, (-1.1, 1.1), legend_room(comparison.joint_names)),
+        views.curves("/estimate/most_learnt", most, end, room=views.LONG),
+    ]
+    right = rrb.Grid(*curves, _spectrum(), grid_columns=2)
+    return rrb.Horizontal(left, right, column_shares=[5, 7], name="Overview")
+
+
+def _error_views(comparison: Comparison, *, legend: bool | None = None) -> list[rrb.View]:
+    """Errors of the joints, a view a run: the subject, adaptation off, then the rest, all in one range."""
     first = [run for run in (comparison.subject, comparison.baseline) if run is not None]
-    return first + [run for run in comparison.runs if run not in first]
+    shown = first + [run for run in comparison.runs if run not in first]
+    errors = 1e3 * np.concatenate([run.rollout.error for run in shown[:2]])
+    margin = 0.06 * float(np.ptp(errors)) + 1e-6
+    bounds = (float(errors.min()) - margin, float(errors.max()) + margin)
+    end, room = comparison.subject.duration, legend_room(comparison.joint_names)
+    shows = len(shown) <= MANY if legend is None else legend
+    told = f"joints' tracking errors [{comparison.error_unit}]"
+    return [
+        views.curves(f"/error/{run.name}", f"{run.label} · {told}", end, bounds, room, legend=shows) for run in shown
+    ]
+
+
+def legend_room(names: Sequence[str]) -> float:
+    """Room, a fraction of the time shown, for a legend of the `names`. Nothing is raised."""
+    return views.LONG if max(map(len, names), default=0) > LONGEST else views.SHORT
+
+
+def estimated_links(comparison: Comparison) -> dict[str, str]:
+    """Units of the fundamental parameters of each link, and of each joint's friction, as one text such as "kg·m,
+    kg·m²", by its name; empty where the first run has no estimates. Raises `InputError` for the basis of another
+    mechanism."""
+    found: dict[str, dict[str, None]] = {}
+    if comparison.subject.rollout.estimate.shape[1]:
+        for name in comparison.model.names:
+            units = found.setdefault(name.rpartition(".")[0], {})
+            units[typeset(parameter_unit(name, comparison.mechanism))] = None
+    return {link: ", ".join(units) for link, units in found.items()}
+
+
+def _truth(comparison: Comparison) -> str:
+    return "level lines: true values" if comparison.truth_known else "true values unknown"
+
+
+def _spectrum() -> rrb.View:
+    return views.bars("/basis/spectrum", "Energy spectrum, powers of ten above the threshold · grey: null space")
 
 
 def _equations(comparison: Comparison) -> str:

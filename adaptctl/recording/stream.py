@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
+from adaptctl.arrays import Array
 from adaptctl.errors import FileError
 from adaptctl.files import replacing
+from adaptctl.recording import views
+from adaptctl.recording.drawing import Color
+from adaptctl.recording.scene import TIMELINE
 
 
 class Recorded(Protocol):
@@ -96,3 +102,52 @@ def _verify(path: Path) -> None:
             RrdReader(path).store().schema()
     except (RuntimeError, Warning) as error:
         raise FileError(f"{path}: the recording cannot be read back ({error})") from error
+
+
+@dataclass(frozen=True)
+class Style:
+    """Style of n curves that are drawn under one entity of a recording: their `names`, for the legend, and `colors`, n
+    of each. The line `width` of all is in points of the screen, 1.5 by default. Nothing is checked at construction."""
+
+    names: Sequence[str]
+    colors: Sequence[Color]
+    width: float = 1.5
+
+
+def log_series(recording: rr.RecordingStream, path: str, time: Array, values: Array, style: Style) -> None:
+    """Log n curves under the entity `path` of a rerun recording: `values` (T, n), in the unit that their view states,
+    at T times `time` (T,), s, with the names and colours of `style`, n each. Without curves (n = 0) nothing is logged.
+    Raises `ValueError` for values that are not two-dimensional; where there are not T times, rerun warns and draws no
+    curve."""
+    samples, curves = values.shape
+    if curves == 0:
+        return
+    lines = rr.SeriesLines(colors=list(style.colors), names=list(style.names), widths=[style.width] * curves)
+    recording.log(path, lines, static=True)
+    recording.send_columns(
+        path,
+        [rr.TimeColumn(TIMELINE, duration=time)],
+        rr.Scalars.columns(scalars=np.ascontiguousarray(values).ravel()).partition(np.full(samples, curves)),
+    )
+
+
+def log_levels(recording: rr.RecordingStream, path: str, time: Array, levels: Array, style: Style) -> None:
+    """Log n horizontal lines, such as limits or true values, under the entity `path` of a rerun recording: at the
+    heights `levels` (n,), in the unit that their view states, from the first to the last of T times `time` (T,), s,
+    with the names and colours of `style`, n each. Raises `IndexError` without times."""
+    ends = np.array([time[0], time[-1]])
+    log_series(recording, path, ends, np.stack([levels, levels]), style)
+
+
+def write_illustrated(path: Path, shown: Recorded, text: str, figures: Mapping[str, Path]) -> None:
+    """Write a rerun recording without motion to the file `path` (.rrd), whole or not at all: a `text` in Markdown
+    beside pictures. `shown` has the recording's title, experiment, seed and completeness. `figures` maps names, such as
+    "tracking-error", to PNG files; they are shown one below the other, in their order, under these names. Raises
+    `FileError` where the recording cannot be written or read back, `OSError` where a PNG file cannot be read."""
+    pictures = [views.picture(f"figures/{name}", name.replace("-", " ").capitalize()) for name in figures]
+    text_view, shown_beside = views.text("summary", "Summary"), rrb.Vertical(*pictures)
+    layout = rrb.Horizontal(text_view, shown_beside, column_shares=[2, 3], name="Overview")
+    with saved_stream(path, shown, text.encode(), views.tabs(layout)) as recording:
+        log_markdown(recording, "summary", text)
+        for name, file in figures.items():
+            log_picture(recording, f"figures/{name}", file)

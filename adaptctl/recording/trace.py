@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
 from adaptctl.recording.comparison import Comparison, ControllerRun
-from adaptctl.recording.units import parameter_unit as parameter_unit
+from adaptctl.recording.wording import parameter_unit
 
 if TYPE_CHECKING:
     import pyarrow as pa

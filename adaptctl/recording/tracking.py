@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import rerun as rr
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
+from adaptctl.identifiability import EssentialSpace
 from adaptctl.recording.comparison import Comparison, ControllerRun
-from adaptctl.recording.palette import GOAL, LIMIT, Color, joint_color, run_color
-from adaptctl.recording.scene import GOAL_LOOK, ghost_look, log_arm, log_base, log_path, log_trail, solid_look
-from adaptctl.recording.series import Style, log_levels, log_series, thinned
+from adaptctl.recording.drawing import GOAL, LIMIT, MUTED, Color, joint_color, run_color, thinned
+from adaptctl.recording.figures import shares, threshold
+from adaptctl.recording.scene import GOAL_LOOK, entity, ghost_look, log_arm, log_base, log_path, log_trail, solid_look
 from adaptctl.recording.skeleton import Skeleton
+from adaptctl.recording.stream import Style, log_levels, log_series
 
 CURVE_SAMPLES, POSE_SAMPLES = 4000, 2000
 """At most as many samples are shown; the table beside the recording has them all."""
@@ -110,3 +115,60 @@ def log_limits(recording: rr.RecordingStream, path: str, time: Array, limit: flo
 
 def _joint_style(names: tuple[str, ...]) -> Style:
     return Style(names, [joint_color(j) for j in range(len(names))])
+
+
+def decades(space: EssentialSpace) -> Array:
+    """Powers of ten (P,), no unit, by which the singular values of a mechanism's matrix of energy differences between
+    states (rows), by its P inertial parameters (columns), lie above a threshold in their gap: log10(s_i / sqrt(s_k
+    s_(k+1))). Here s_i = sigma_i/sigma_1 are the singular values over the largest, in descending order and at least
+    1e-18, and k is the number of independent parameters; s_(k+1) is 1e-18 where k = P. The first k are positive, the
+    others negative. `space` is the mechanism's essential space (directions of the parameters that change energies),
+    which has the singular values. Nothing is raised."""
+    return np.log10(shares(space) / threshold(space))
+
+
+def log_spectrum(recording: rr.RecordingStream, path: str, space: EssentialSpace) -> None:
+    """Draw the singular values of a mechanism's energy differences as bars in a rerun recording, the same at all times.
+    A bar's height, no unit, is the power of ten by which its singular value lies above a threshold: that between the
+    first k, k being the number of independent inertial parameters, and the others, which are round-off. The first k
+    bars, positive, are blue, as the entity `path`/essential; the others, negative, are grey, as `path`/null_space.
+    `space` is the mechanism's essential space (directions of the parameters that change energies), which has the
+    singular values. Nothing is raised."""
+    height, rank = decades(space), space.rank
+    parts = (("essential", slice(0, rank), run_color(0)), ("null space", slice(rank, len(height)), MUTED))
+    for name, part, color in parts:
+        starts = np.arange(len(height))[part] + 0.5
+        if len(starts):
+            bars = rr.BarChart(height[part], abscissa=starts, color=color)
+            recording.log(f"{path}/{entity(name)}", bars, static=True)
+
+
+def finite_part(comparison: Comparison) -> Comparison:
+    """The `comparison` with each of its runs cut off before the first sample at which a position, velocity, torque or
+    parameter estimate is NaN or infinite; a run keeps at least its first sample. It is the comparison itself where all
+    are finite. Nothing is raised."""
+    counts = {run.name: _finite_samples(run) for run in comparison.runs}
+    if all(counts[run.name] == len(run.rollout.time) for run in comparison.runs):
+        return comparison
+    leading = comparison.leading
+    if leading is not None:
+        leading = replace(leading, errors={name: leading.errors[name][:count] for name, count in counts.items()})
+    runs = tuple(_beginning(run, counts[run.name]) for run in comparison.runs)
+    return replace(comparison, runs=runs, leading=leading)
+
+
+def _finite_samples(run: ControllerRun) -> int:
+    """Number of a run's samples before the first that is not finite, at least 1."""
+    rollout = run.rollout
+    arrays = (rollout.p, rollout.v, rollout.torque, rollout.applied, rollout.estimate)
+    holes = np.flatnonzero(~np.isfinite(np.concatenate(arrays, axis=1)).all(axis=1))
+    return max(1, int(holes[0])) if len(holes) else len(rollout.time)
+
+
+def _beginning(run: ControllerRun, count: int) -> ControllerRun:
+    """A run's first samples, so many of them."""
+    rollout = run.rollout
+    arrays: dict[str, Any] = {name: x[:count] for name, x in vars(rollout).items() if isinstance(x, np.ndarray)}
+    marks = {name: values[:count] for name, values in rollout.marks.items()}
+    lyapunov = None if run.lyapunov is None else run.lyapunov[:count]
+    return replace(run, rollout=replace(rollout, **arrays, marks=marks), lyapunov=lyapunov)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
-from adaptctl.recording.palette import Color
+from adaptctl.recording.drawing import Color
 from adaptctl.recording.scene import TIMELINE
-from adaptctl.recording.viewpoint import Viewpoint
+from adaptctl.recording.skeleton import Viewpoint
 
 NIGHT = Color(22, 26, 36)
 SHORT, LONG = 0.3, 0.7

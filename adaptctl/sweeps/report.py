@@ -18,8 +18,8 @@ from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.experiments import find
 from adaptctl.files import write_text
-from adaptctl.recording.fact import Fact
 from adaptctl.recording.page import Figure, rendered
+from adaptctl.recording.result import Fact
 from adaptctl.sweeps.folder import Saved, read_table, saved_study
 
 WORST = 5

@@ -11,7 +11,7 @@ import numpy as np
 import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.files import write_text
-from adaptctl.recording.palette import INK, MUTED, PAPER, run_color
+from adaptctl.recording.drawing import INK, MUTED, PAPER, run_color
 
 ROBOT = Path(__file__).resolve().parents[1] / "examples" / "two_link.toml"
 PERIOD, DURATION, FRAMES, STILL = 1e-3, 6.0, 72, 44

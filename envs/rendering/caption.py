@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from adaptctl.recording.palette import INK, Color
+from adaptctl.recording.drawing import INK, Color
 
 POINT = 100.0 / 72.0
 """Pixels a typographic point."""

@@ -13,7 +13,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs.rendering.caption import Caption
 from adaptctl.envs.rendering.raycast import Camera, ConvexPart, intersect
-from adaptctl.recording.palette import BASE, BODY, GOAL, INK, RUNS, Color
+from adaptctl.recording.drawing import BASE, BODY, GOAL, INK, RUNS, Color
 from adaptctl.recording.skeleton import ROOT_RADIUS, Solid, skeleton
 
 OVERSAMPLING = 2

@@ -17,10 +17,10 @@ from adaptctl.recording import Setting
 from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, ControllerRun
 from adaptctl.recording.drawing import Drawing, sheet
 from adaptctl.recording.judgement import judged
-from adaptctl.recording.palette import GOAL, INK, RUNS
-from adaptctl.recording.series import thinned
+from adaptctl.recording.drawing import GOAL, INK, RUNS
+from adaptctl.recording.stream import thinned
 from adaptctl.recording.skeleton import Skeleton, skeleton, with_tip
-from adaptctl.recording.verdict import Verdict
+from adaptctl.recording.result import Verdict
 
 SAMPLES = 3000
 """At most as many samples are drawn."""
