@@ -78,6 +78,7 @@ def report(complete: bool = True) -> Report:
             ("a", Cell("0.1", "printed 0.2", Tone.BAD, hint="0.1 to 0.3")),
             ("b", Cell("fine", tone=Tone.GOOD, badge=True)),
         ],
+        layout=TableLayout.ROWS,
     )
     parts = ("A paragraph with <names>.", TABLE, marks, cells, Drawing("line", 'A "line".', line))
     lines = (Lines(["m1 + m2"], ["m3"]), Lines(["one", "other"], bullets=True), Note("a hand.", head="By"))
@@ -134,6 +135,9 @@ def test_halves_of_a_table_are_all_of_it() -> None:
     assert [len(rows) for rows in whole.parts] == [3, 2]
     assert [row for rows in whole.parts for row in rows] == whole.cells
     assert Table(("n",), []).parts == [[]]
+    html = Report("by-hand", "Title", "Outcome", sections=(Section("Halves", (whole,)),)).html({})
+    assert [len(rows) for rows in Read(html).tables] == [4, 3]
+    assert html.count('class="halves"') == 1  # of what holds both tables; a table so laid out loses its columns
 
 
 def test_markdown_is_the_same_table() -> None:

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from adaptctl.arrays import Array
 from adaptctl.experiments.replication.arms import Draws, StatedMotion
 from adaptctl.experiments.replication.printed import PrintedTable
-from adaptctl.recording.drawing import Drawing, sheet
-from adaptctl.recording.drawing import INK, MUTED, PAPER, Color, joint_color, run_color
+from adaptctl.recording.drawing import INK, MUTED, PAPER, Color, Drawing, joint_color, run_color, sheet
 
 PRINTED = run_color(1)
 BAND = (5.0, 95.0)

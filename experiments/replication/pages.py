@@ -16,8 +16,6 @@ from adaptctl.experiments.replication.cases import Study
 from adaptctl.experiments.replication.judging import Check, Item
 from adaptctl.experiments.replication.printed import Outturn, words
 from adaptctl.recording import Progress, Result, Setting
-from adaptctl.recording.result import Fact
-from adaptctl.recording.result import TRACE
 from adaptctl.recording.page import (
     Cell,
     Lines,
@@ -31,8 +29,8 @@ from adaptctl.recording.page import (
     files_section,
     settings_section,
 )
+from adaptctl.recording.result import TRACE, Fact, Verdict
 from adaptctl.recording.trace import Quantity, write_columns
-from adaptctl.recording.result import Verdict
 
 INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole paper."
 TONES = dict(zip(Outturn, (Tone.QUIET, Tone.GOOD, Tone.FAIR, Tone.ODD, Tone.BAD), strict=True))

@@ -15,16 +15,15 @@ from adaptctl.experiments.replication.pages import PAPER
 from adaptctl.experiments.replication.sides import COLORS, Side, SideBySide, of_arms
 from adaptctl.recording import Progress, Result, views
 from adaptctl.recording.comparison import ControllerRun
-from adaptctl.recording.result import Fact
-from adaptctl.recording.page import Lines, Note, Part, Report, Section, Table, files_section, settings_section
 from adaptctl.recording.drawing import DARK, Color
+from adaptctl.recording.page import Lines, Note, Part, Report, Section, Table, files_section, settings_section
+from adaptctl.recording.result import Fact
 from adaptctl.recording.scene import WORLD
-from adaptctl.recording.stream import Style
-from adaptctl.recording.stream import log_markdown, saved_stream
+from adaptctl.recording.skeleton import Viewpoint, floor_height
+from adaptctl.recording.stream import Style, log_markdown, saved_stream
 from adaptctl.recording.summary import summary as comparison_summary
 from adaptctl.recording.trace import write_trace
 from adaptctl.recording.tracking import log_curve, log_decades, log_joint_errors, log_scene, log_torque_shares
-from adaptctl.recording.skeleton import Viewpoint, floor_height
 from adaptctl.recording.wording import error, headline, number
 
 APART = 1.35

@@ -15,12 +15,10 @@ from adaptctl.errors import InputError
 from adaptctl.experiments.tip_path import ArmWithTip
 from adaptctl.recording import Setting
 from adaptctl.recording.comparison import BEGINNING, SETTLED, Comparison, ControllerRun
-from adaptctl.recording.drawing import Drawing, sheet
+from adaptctl.recording.drawing import GOAL, INK, RUNS, Drawing, sheet, thinned
 from adaptctl.recording.judgement import judged
-from adaptctl.recording.drawing import GOAL, INK, RUNS
-from adaptctl.recording.stream import thinned
-from adaptctl.recording.skeleton import Skeleton, skeleton, with_tip
 from adaptctl.recording.result import Verdict
+from adaptctl.recording.skeleton import Skeleton, skeleton, with_tip
 
 SAMPLES = 3000
 """At most as many samples are drawn."""
